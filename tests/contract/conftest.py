@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import Command, Ended, RunningService, run_service, save_height_map
+from tests.contract.front_doors import Command, Ended, RunningService, main, run_service, save_height_map
 
 SERVICE_OPTIONS = ("--jobs", "1", "--format", "A9", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 
@@ -27,17 +26,12 @@ def _no_settings_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def command(capsys: pytest.CaptureFixture[str]) -> Command:
     """Run `tactile-marks` in this process: `command("read", "part.npz").status`."""
-    (entry,) = entry_points(group="console_scripts", name="tactile-marks")
-    main = entry.load()
 
     def run(*arguments: str | os.PathLike[str]) -> Ended:
         capsys.readouterr()
-        try:
-            status = main([os.fspath(argument) for argument in arguments])
-        except SystemExit as ended:  # as a shell would see it
-            status = ended.code if isinstance(ended.code, int) else 1
+        status = main([os.fspath(argument) for argument in arguments])
         shown = capsys.readouterr()
-        return Ended(status or 0, shown.out, shown.err)
+        return Ended(status, shown.out, shown.err)
 
     return run
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import os
 import re
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
 
@@ -57,6 +60,56 @@ class RunningService:
         return (self.folder / "service.log").read_text(encoding="utf-8", errors="replace")
 
 
+def main(arguments: Sequence[str]) -> int:
+    """Run `tactile-marks` in this process; its exit status."""
+    (entry,) = entry_points(group="console_scripts", name="tactile-marks")
+    try:
+        status = entry.load()(list(arguments))
+    except SystemExit as ended:  # as a shell would see it
+        status = ended.code if isinstance(ended.code, int) else 1
+    return status or 0
+
+
+def synth(folder: Path, format: str, *options: str, parts: int = 1) -> Path:
+    """Stamp parts `part-000.npz` and so on with `tactile-marks synth`; the folder."""
+    assert main(["synth", str(folder), "--parts", str(parts), "--format", format, *options]) == 0
+    return folder
+
+
+def truth_of(folder: Path) -> dict[str, str]:
+    """The stamped text of each part in a folder that `synth` made."""
+    with (folder / "truth.csv").open(newline="", encoding="utf-8") as stream:
+        return {row["part"]: row["text"] for row in csv.DictReader(stream)}
+
+
+def children(pid: int) -> list[int]:
+    """All processes below a process, from Linux's own list."""
+    found: list[int] = []
+    todo = [pid]
+    while todo:
+        for listed in Path(f"/proc/{todo.pop()}/task").glob("*/children"):
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                below = [int(child) for child in listed.read_text().split()]
+                found += below
+                todo += below
+    return found
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process runs; a zombie does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def free_port() -> int:
+    """A port of the loopback address that is free now."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
 def environment(**changes: str) -> dict[str, str]:
     """The environment of a child: this checkout, no settings of this machine."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("TACTILE_MARKS_")}
@@ -72,6 +125,14 @@ def run_process(
         cwd=cwd, env=dict(env or environment()), capture_output=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     return Ended(done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace"))
+
+
+def start_process(*arguments: str | os.PathLike[str], cwd: Path | None = None) -> subprocess.Popen[str]:
+    """Start `tactile-marks` in a process of its own; `communicate` waits for it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "pipeline", *map(os.fspath, arguments)],
+        cwd=cwd, env=environment(), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -95,7 +156,7 @@ def run_service(
             stdout=stream, stderr=stream, env=dict(env or environment()),
         )  # fmt: skip
     try:
-        running = RunningService(_address(process, log, begin), process, folder)
+        running = RunningService(address_in(log, process, begin), process, folder)
         if ready:
             wait_until(lambda: status_of(f"{running.url}/readyz") == 200, process)
         yield running
@@ -134,7 +195,8 @@ def save_height_map(
     return path
 
 
-def _address(process: subprocess.Popen[bytes], log: Path, begin: int) -> str:
+def address_in(log: Path, process: subprocess.Popen[bytes], begin: int = 0) -> str:
+    """Wait for the address that a starting service logs, from a byte of its log on."""
     found: list[str] = []
 
     def is_named() -> bool:

@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,13 +14,10 @@ import pyarrow.parquet
 import pytest
 import sqlalchemy as sa
 
-from glyphs.surface.maps import HeightMap
-from pipeline.files.npz import read_npz, write_npz
-from pipeline.files.synth import SynthSpec, write_part
+from tests.contract.front_doors import children, is_alive, save_height_map, start_process
 
 PARTS = 18
 WAIT_S = 90.0
-TREE = Path(__file__).parents[2]
 READ = ("read", "parts", "--font", "gothic", "--format", "A9", "--height-mm", "4", "--jobs", "2")
 
 
@@ -30,32 +26,17 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of parts, one of them bad."""
     folder = tmp_path_factory.mktemp("night") / "parts"
     folder.mkdir()
-    spec = SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False)
-    write_part(spec, folder / "part-00", 0, photos=False)
-    surface = read_npz(folder / "part-00.npz")
+    stamped = save_height_map(folder / "part-00.npz", "K7").read_bytes()
     for number in range(1, PARTS):
-        write_npz(folder / f"part-{number:02d}.npz", HeightMap(surface.z_mm, surface.pitch_mm))
+        (folder / f"part-{number:02d}.npz").write_bytes(stamped)
     (folder / "part-07.npz").write_bytes(b"rubbish")
     return folder
-
-
-def command(folder: Path, out: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline", *READ, "--out", out]
 
 
 def started(parts: Path, folder: Path, out: str) -> subprocess.Popen[str]:
     if not (folder / "parts").exists():
         (folder / "parts").symlink_to(parts)
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("TACTILE_MARKS_")}
-    return subprocess.Popen(
-        command(folder, out), cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**environment, "PYTHONPATH": str(TREE)},
-    )  # fmt: skip
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process has started, from Linux's own list."""
-    return [int(p) for f in Path(f"/proc/{pid}/task").glob("*/children") for p in f.read_text().split()]
+    return start_process(*READ, "--out", out, cwd=folder)
 
 
 def lines(path: Path) -> list[bytes]:
@@ -72,16 +53,9 @@ def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None
     workers = children(process.pid)
     process.kill()
     process.communicate()
-    while any(alive(pid) for pid in workers):  # they end with the run, however it ends
+    while any(is_alive(pid) for pid in workers):  # they end with the run, however it ends
         assert time.monotonic() < until
         time.sleep(0.02)
-
-
-def alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 @pytest.mark.parametrize("out", ["rows.csv", "rows.parquet"])

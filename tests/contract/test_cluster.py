@@ -11,9 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.surface.maps import HeightMap
-from pipeline.files.npz import read_npz, write_npz
-from pipeline.files.synth import SynthSpec, write_part
+from tests.contract.front_doors import save_height_map
 
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment
@@ -26,16 +24,13 @@ WAIT_S = 120.0
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A manifest of parts by URL and by name, one of which is not there."""
     folder = tmp_path_factory.mktemp("lot")
-    spec = SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False)
-    write_part(spec, folder / "made", 0, photos=False)
-    surface = read_npz(folder / "made.npz")
-    (folder / "made.npz").unlink()
+    stamped = save_height_map(folder / "stamped.npz", "K7").read_bytes()
     with (folder / "lot.csv").open("w", newline="") as stream:
         table = csv.writer(stream)
         table.writerow(("part", "height_map", "format"))
         for number in range(PARTS):
             path = folder / f"part-{number:02d}.npz"
-            write_npz(path, HeightMap(surface.z_mm, surface.pitch_mm))
+            path.write_bytes(stamped)
             table.writerow((path.stem, path.as_uri() if number % 2 else path.name, "A9"))
         table.writerow(("gone", (folder / "gone.npz").as_uri(), "A9"))
     return folder

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,8 +19,12 @@ from dataclasses import dataclass
 from email.parser import Parser
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from urllib.parse import urljoin
 
+import httpx
 import pytest
+
+from tests.contract.front_doors import address_in
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -170,42 +175,30 @@ def test_a_part_is_made_and_read(installed: Installed) -> None:
 
 def test_a_store_is_made_by_the_migrations_of_the_wheel(installed: Installed) -> None:
     pytest.importorskip("alembic")
-    installed.python(
-        "from pipeline.store.database import open_database; open_database('sqlite:///store.db').close();"
-        "open_database('sqlite:///store.db').close()"
-    )
-    assert (installed.work / "store.db").stat().st_size > 0
+    added = ("tokens", "add", "line-3", "--scope", "read", "--store", "sqlite:///store.db")
+    installed.run("tactile-marks", *added)
+    assert "line-3" in installed.run("tactile-marks", "tokens", "list", "--store", "sqlite:///store.db")
 
 
-def test_pages_and_reports_find_their_templates_and_styles(installed: Installed) -> None:
-    pytest.importorskip("starlette")
-    pytest.importorskip("jinja2")
-    program = """
-import jinja2
-from pathlib import Path
-from pipeline.benchmark.report import writing as report
-from pipeline.benchmark.trials.run import Benchmark
-from recognition.senses.settings import ReaderSettings
-from pipeline.benchmark.exam.design import Design
-from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.service.pages.assets import Assets
-from pipeline.benchmark.trials.journal import Trial
-
-report.rank_worst = lambda trials: []  # its pictures need touch, see above
-trials = [Trial("p", 0, {"severity": 0.0, "font": "gothic", "format": "A9"}, "vision", "A1", "A1", "accept", 0.9)]
-design = Design(parts=1, part={"severity": 0, "font": "gothic", "format": "A9"})
-benchmark = Benchmark(DesignedParts(design), ("vision",), ReaderSettings())
-Path("bench").mkdir()
-print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
-for name in ("page.css", "page.js", "review.js", "page_icon.svg"):
-    print(Assets().address(name))
-loader = jinja2.PackageLoader("pipeline.service.pages", "templates")
-print(len(loader.list_templates()))
-"""
-    said = installed.python(program).split()
-    assert int(said[0]) > 10_000
-    assert int(said[-1]) == len(list((ROOT / "pipeline" / "service" / "pages" / "templates").glob("*.j2")))
-    assert "</html>" in (installed.work / "bench" / "report.html").read_text(encoding="utf-8")
+def test_the_pages_find_their_templates_and_styles(installed: Installed) -> None:
+    pytest.importorskip("fastapi")
+    log = installed.work / "service.log"
+    with log.open("wb") as stream:
+        service = subprocess.Popen(
+            [installed.bin / "tactile-marks", "serve", "--port", "0", "--folder", "service", "--tokens", "off"],
+            cwd=installed.work, stdout=stream, stderr=stream,
+        )  # fmt: skip
+    try:
+        url = address_in(log, service)
+        page = httpx.get(f"{url}/", follow_redirects=True, timeout=30.0)
+        assert page.status_code == 200
+        assets = re.findall(r'(?:href|src)="([^"]*static[^"]*)"', page.text)
+        assert assets
+        for asset in assets:
+            assert httpx.get(urljoin(str(page.url), asset), timeout=30.0).status_code == 200
+    finally:
+        service.kill()
+        service.wait()
 
 
 def test_a_users_mypy_sees_the_types(installed: Installed) -> None:
@@ -213,7 +206,7 @@ def test_a_users_mypy_sees_the_types(installed: Installed) -> None:
         missing("mypy is not installed")
     script = installed.work / "use.py"
     script.write_text(
-        "from recognition.reader import Reader\nreading = Reader().read(3)\nreveal_type(reading.confidence)\n"
+        "from recognition import Reader\nreading = Reader().read(3)\nreveal_type(reading.confidence)\n"
     )
     python, cache = str(installed.bin / "python"), str(installed.work / "mypy")
     done = subprocess.run(

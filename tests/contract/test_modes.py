@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.cli.main import main
+from tests.contract.front_doors import main
 
 FORMAT = "AA99"
 

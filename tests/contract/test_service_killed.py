@@ -15,8 +15,7 @@ import httpx
 import numpy as np
 import pytest
 
-from pipeline.files.synth import SynthSpec, write_part
-from pipeline.service.process import ServiceProcess, service_process
+from tests.contract.front_doors import RunningService, children, is_alive, run_service, synth
 
 ROUNDS = 3
 SENDERS = 3
@@ -26,11 +25,9 @@ OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
-    folder = tmp_path_factory.mktemp("parts")
-    spec = SynthSpec(format="A99", seed=3, height_mm=4.0)
-    for number in range(PARTS):
-        write_part(spec, folder / f"part-{number}", number, photos=False)
-    return [(folder / f"part-{number}.npz").read_bytes() for number in range(PARTS)]
+    made_so = ("--seed", "3", "--height-mm", "4", "--no-photo")
+    folder = synth(tmp_path_factory.mktemp("parts"), "A99", *made_so, parts=PARTS)
+    return [path.read_bytes() for path in sorted(folder.glob("*.npz"))]
 
 
 class Senders:
@@ -73,7 +70,7 @@ def hash_of(key: str) -> int:
     return int(hashlib.sha256(key.encode()).hexdigest()[:8], 16)
 
 
-def kill(service: ServiceProcess) -> None:
+def kill(service: RunningService) -> None:
     os.kill(service.process.pid, signal.SIGKILL)
     service.process.wait()
 
@@ -83,7 +80,7 @@ def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, file
     senders = Senders(files)
     folder = tmp_path / "service"
     for turn in range(ROUNDS):
-        with service_process(folder, *OPTIONS) as service:
+        with run_service(folder, *OPTIONS) as service:
             stop = threading.Event()
             threads = [
                 threading.Thread(
@@ -107,7 +104,7 @@ def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, file
         _whole(folder)
     answered = dict(senders.answered)
     with (
-        service_process(folder, *OPTIONS) as service,
+        run_service(folder, *OPTIONS) as service,
         httpx.Client(base_url=service.url, timeout=60.0) as http,
     ):
         for key, told in answered.items():
@@ -143,10 +140,10 @@ def _whole(folder: Path) -> None:
 
 def test_a_killed_worker_is_replaced_and_the_service_goes_on(tmp_path: Path, files: list[bytes]) -> None:
     with (
-        service_process(tmp_path / "service", *OPTIONS) as service,
+        run_service(tmp_path / "service", *OPTIONS) as service,
         httpx.Client(base_url=service.url, timeout=60.0) as http,
     ):
-        workers = _children(service.process.pid)
+        workers = children(service.process.pid)
         assert workers
         for worker in workers:
             with contextlib.suppress(ProcessLookupError):
@@ -159,21 +156,9 @@ def test_a_killed_worker_is_replaced_and_the_service_goes_on(tmp_path: Path, fil
         assert http.get("/healthz").status_code == 200
 
 
-def _children(pid: int) -> list[int]:
-    """All processes below this one."""
-    found, todo = [], [pid]
-    while todo:
-        at = todo.pop()
-        for listed in Path(f"/proc/{at}/task").glob("*/children"):
-            below = [int(child) for child in listed.read_text().split()]
-            found += below
-            todo += below
-    return found
-
-
 def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, files: list[bytes]) -> None:
     """Four senders of one part; then a service that is asked to end while it reads."""
-    with service_process(tmp_path / "service", *OPTIONS, "--drain-s", "5") as service:
+    with run_service(tmp_path / "service", *OPTIONS, "--drain-s", "5") as service:
         answers: list[httpx.Response] = []
 
         def send(key: str, data: bytes) -> None:
@@ -207,10 +192,10 @@ def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, 
         assert [a.status_code for a in answers] == [201] * 4
         # the signal is passed on once everything is closed
         assert service.process.wait(30.0) in (0, -signal.SIGTERM)
-        assert "Application shutdown complete" in service.log.read_text()
+        assert "Application shutdown complete" in service.log
 
 
-def _refused_ready(service: ServiceProcess) -> httpx.Response:
+def _refused_ready(service: RunningService) -> httpx.Response:
     """The first answer of /readyz that is not ready."""
     until = time.monotonic() + 30.0
     while (answer := httpx.get(f"{service.url}/readyz", timeout=30.0)).status_code == 200:
@@ -219,7 +204,7 @@ def _refused_ready(service: ServiceProcess) -> httpx.Response:
     return answer
 
 
-def _jobs(service: ServiceProcess) -> float:
+def _jobs(service: RunningService) -> float:
     """Parts that wait for a worker or that one is at."""
     page = httpx.get(f"{service.url}/metrics", timeout=30.0).text
     names = ("tactile_marks_jobs_waiting", "tactile_marks_jobs_running")
@@ -228,18 +213,11 @@ def _jobs(service: ServiceProcess) -> float:
 
 
 def test_workers_end_with_a_killed_service(tmp_path: Path) -> None:
-    with service_process(tmp_path / "service", *OPTIONS) as service:
-        workers = _children(service.process.pid)
+    with run_service(tmp_path / "service", *OPTIONS) as service:
+        workers = children(service.process.pid)
         assert workers
         kill(service)
         until = time.monotonic() + 20.0
-        while any(_alive(w) for w in workers) and time.monotonic() < until:
+        while any(is_alive(w) for w in workers) and time.monotonic() < until:
             time.sleep(0.05)
-        assert not [w for w in workers if _alive(w)]
-
-
-def _alive(pid: int) -> bool:
-    try:
-        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+        assert not [w for w in workers if is_alive(w)]

@@ -5,26 +5,10 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
+import httpx
 import pytest
 
-from pipeline.cli import service_demonstration as service_demo
-from pipeline.cli.main import main
-from pipeline.files.synth import SynthSpec, write_part
-from pipeline.service.client import Client
-from pipeline.service.line.result_string import ResultString
-from pipeline.service.process import service_process
-
-
-def test_the_demo_takes_parts_from_the_camera_to_touch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(service_demo, "SEVERITIES", (0.0, 0.5))
-    assert main(["demo", "--service", "--out", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "camera" in told
-    assert "touch needed" in told
-    assert "of stage time" in told
-    assert told.rstrip().endswith("for a person to review")
+from tests.contract.front_doors import free_port, main, run_service, synth, truth_of
 
 
 def test_stay_goes_with_service(capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,22 +17,23 @@ def test_stay_goes_with_service(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_trigger_at_the_tcp_port_photographs_feels_and_reads(tmp_path: Path) -> None:
-    truth = write_part(SynthSpec(format="AA99", seed=2), tmp_path / "P17", 0, photos=True)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    made = synth(tmp_path / "made", "AA99", "--seed", "2")
+    for suffix in (".npz", ".png"):
+        (made / f"part-000{suffix}").rename(tmp_path / f"P17{suffix}")
+    port = free_port()
     options = ("--tcp-port", str(port), "--camera", str(tmp_path), "--stage", str(tmp_path), "--jobs", "1")
     reading = ("--format", "AA99", "--font", "gothic", "--height-mm", "5")
     with (
-        service_process(tmp_path / "service", *options, *reading) as service,
+        run_service(tmp_path / "service", *options, *reading) as service,
         socket.create_connection(("127.0.0.1", port), timeout=60.0) as line,
-        Client(service.url) as client,
+        httpx.Client(base_url=service.url, timeout=60.0) as http,
     ):
         line.sendall(b"TRIGGER P17\r\n")
         answer = line.makefile("rb").readline().decode().rstrip("\r\n")
-        part = client.part(answer.rpartition(";")[2])
-        assert answer == ResultString().of(part)
-        assert answer.startswith(f"P17;ACCEPT;{truth};")
+        assert answer.startswith(f"P17;ACCEPT;{truth_of(made)['part-000']};")
+        part = http.get(f"/v1/parts/{answer.rpartition(';')[2]}").json()
+        assert (part["name"], part["state"]) == ("P17", "accepted")
+        assert part["text"] == truth_of(made)["part-000"]
         line.sendall(b"TRIGGER nobody\r\n")
         assert line.makefile("rb").readline().startswith(b"ERROR;")
 

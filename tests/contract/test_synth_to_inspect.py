@@ -7,8 +7,8 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 
-from pipeline.cli.main import main
-from whisker_array.scan.recording import load_scan
+from tests.contract.front_doors import main
+from whisker_array import load_scan
 
 
 @pytest.fixture(scope="module")

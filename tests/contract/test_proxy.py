@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import getpass
 import json
-import os
 import re
 import ssl
 import subprocess
@@ -13,12 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import pytest
 
-from pipeline.common.records import Scope
-from pipeline.service.process import ServiceProcess, service_process
-from pipeline.service.settings import STORE_FILE
-from pipeline.store.store import Store
-from tests.support.line_fakes import free_port, until_now
+from tests.contract.front_doors import RunningService, environment, free_port, main, run_service, wait_until
 from tests.support.programs import program
 
 CONFIG = Path(__file__).parents[2] / "docs" / "deploy" / "nginx.conf"
@@ -26,7 +22,7 @@ ELSEWHERE = "203.0.113.9"
 
 
 @contextlib.contextmanager
-def proxied(folder: Path, service: ServiceProcess) -> Iterator[httpx.Client]:
+def proxied(folder: Path, service: RunningService) -> Iterator[httpx.Client]:
     """A client of the proxy."""
     certificate, key = folder / "cert.pem", folder / "key.pem"
     kind = ("-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
@@ -52,7 +48,7 @@ def proxied(folder: Path, service: ServiceProcess) -> Iterator[httpx.Client]:
     try:
         trusted = ssl.create_default_context(cafile=str(certificate))
         with httpx.Client(base_url=f"https://127.0.0.1:{port}", verify=trusted, timeout=30.0) as client:
-            until_now(lambda: _answers(client), why="for the proxy")
+            wait_until(lambda: _answers(client), nginx)
             yield client
     finally:
         nginx.terminate()
@@ -66,21 +62,20 @@ def _answers(client: httpx.Client) -> bool:
         return False
 
 
-def test_a_service_behind_the_proxy(tmp_path: Path) -> None:
+def test_a_service_behind_the_proxy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     program("nginx")
     folder = tmp_path / "service"
     folder.mkdir()
-    store = Store.open(f"sqlite:///{folder / STORE_FILE}")
-    secret = store.add_token("line-3", list(Scope))
-    store.close()
-    environment = {
-        **os.environ,
-        "TACTILE_MARKS_SERVICE_TOKENS": "on",
-        "TACTILE_MARKS_SERVICE_TRUSTED_PROXIES": "127.0.0.1",
-        "TACTILE_MARKS_SERVICE_JOBS": "1",
-    }
+    scopes = ("--scope", "read", "--scope", "write", "--scope", "review")
+    assert main(["tokens", "add", "line-3", "--store", f"sqlite:///{folder / 'store.db'}", *scopes]) == 0
+    secret = capsys.readouterr().out.split()[-1]
+    settings = environment(
+        TACTILE_MARKS_SERVICE_TOKENS="on",
+        TACTILE_MARKS_SERVICE_TRUSTED_PROXIES="127.0.0.1",
+        TACTILE_MARKS_SERVICE_JOBS="1",
+    )
     with (
-        service_process(folder, environment=environment, ready=False) as service,
+        run_service(folder, env=settings, ready=False) as service,
         proxied(tmp_path, service) as client,
     ):
         known = {"Authorization": f"Bearer {secret}"}
@@ -100,8 +95,6 @@ def test_a_service_behind_the_proxy(tmp_path: Path) -> None:
         assert client.get("/review").status_code == 200
 
         # who calls through the proxy may not say where from
-        lines = map(
-            json.loads, filter(lambda line: line.startswith("{"), service.log.read_text().splitlines())
-        )
+        lines = map(json.loads, filter(lambda line: line.startswith("{"), service.log.splitlines()))
         callers = {line["client"] for line in lines if "client" in line}
         assert callers == {"127.0.0.1"}

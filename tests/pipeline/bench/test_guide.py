@@ -24,7 +24,7 @@ from pipeline.cli.main import main
 from pipeline.files.synth import SynthSpec, make_part
 from tests.support.bench import a_pass, bench_settings, stamped
 
-GUIDE = Path(__file__).parents[2] / "docs" / "pages" / "guides" / "bench.md"
+GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "guides" / "bench.md"
 PROGRAM = (sys.executable, "-m", "pipeline")
 COME_S = 60.0
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import signal
 from pathlib import Path
 
 import pytest
 
-from pipeline.batch.certification import CertificationJournal, HashedPart
-from pipeline.cli.main import main
-from pipeline.reading.certificate import load_certificate
+from tests.contract.front_doors import main, start_process, wait_until
 
 PARTS = 20
 """The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""
@@ -18,15 +18,15 @@ READ_SO = (
     "--font",
     "gothic",
     "--format",
-    "AA99",
+    "A9",
     "--height-mm",
-    "5",
+    "4",
     "--experts",
     "own,templates",
     "--jobs",
     "1",
 )
-MADE_SO = ("--parts", str(PARTS), "--format", "AA99", "--no-photo")
+MADE_SO = ("--parts", str(PARTS), "--format", "A9", "--height-mm", "4", "--no-photo")
 
 
 @pytest.fixture(scope="module")
@@ -50,16 +50,16 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
-    made = load_certificate(certificate)
-    assert (made.risk, made.confidence, made.parts) == (0.2, 0.9, PARTS)
-    assert made.accepted >= 11
-    assert made.bound <= 0.2
-    assert made.sources == ("tactile",)
-    assert made.threshold >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["AA99"], "height_mm": 5.0, "experts": ["own", "templates"]}
-    assert made.settings == asked
+    made = json.loads(certificate.read_text(encoding="utf-8"))
+    assert (made["risk"], made["confidence"], made["parts"]) == (0.2, 0.9, PARTS)
+    assert made["accepted"] >= 11
+    assert made["bound"] <= 0.2
+    assert made["sources"] == ["tactile"]
+    assert made["threshold"] >= 0.9  # what the reader accepts by itself
+    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["own", "templates"]}
+    assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
-    assert made.data_sha256 in page
+    assert made["data_sha256"] in page
     assert "fine roughness" in page
 
 
@@ -77,10 +77,10 @@ def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
     assert "unlike" not in capsys.readouterr().err
     with Path("again.csv").open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
-    made = load_certificate(certificate)
+    made = json.loads(certificate.read_text(encoding="utf-8"))
     # exactly the parts that the certificate counts are accepted again
-    assert sum(row["decision"] == "accept" for row in rows) == made.accepted
-    assert all(float(row["confidence"]) >= made.threshold for row in rows if row["decision"] == "accept")
+    assert sum(row["decision"] == "accept" for row in rows) == made["accepted"]
+    assert all(float(row["confidence"]) >= made["threshold"] for row in rows if row["decision"] == "accept")
 
 
 def test_too_few_parts_say_how_many_are_missing(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -92,30 +92,24 @@ def test_too_few_parts_say_how_many_are_missing(workshop: Path, capsys: pytest.C
     assert not Path("certificate.json").exists()
 
 
-def test_what_was_broken_off_goes_on(
-    workshop: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = [str(workshop / f"part-00{k}.npz") for k in range(3)]
+def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    few = [str(workshop / f"part-0{k:02d}.npz") for k in range(12)]
     given = ["certify", *few, "--truth", str(workshop / "truth.csv"), *READ_SO]
-    kept = CertificationJournal.add
-
-    def broken_off(journal: CertificationJournal, part: str, read: HashedPart) -> None:
-        if len(journal.done) == 2:
-            raise KeyboardInterrupt
-        kept(journal, part, read)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(CertificationJournal, "add", broken_off)
-        assert main(given) == 130
-    assert "start the same command again" in capsys.readouterr().err
-    assert Path("certificate.json.unfinished").exists()
-    assert main(["4" if a == "5" else a for a in given]) == 1
+    unfinished = Path("certificate.json.unfinished")
+    running = start_process(*given)
+    wait_until(lambda: unfinished.exists() and len(unfinished.read_bytes().splitlines()) >= 3, running)
+    running.send_signal(signal.SIGINT)
+    _, error = running.communicate(timeout=60.0)
+    assert running.returncode == 130
+    assert "start the same command again" in error
+    assert main(["5" if a == "4" else a for a in given]) == 1
     assert "holds another certification" in capsys.readouterr().err
-    assert main(given) == 1  # three parts show nothing
-    said = capsys.readouterr().out
-    assert "continuing a broken-off certification: 2 parts are read already" in said
-    assert "3 labelled parts" in said
-    assert not Path("certificate.json.unfinished").exists()
+    assert main(given) == 1  # twelve parts are too few for a risk of 0.001
+    shown = capsys.readouterr().out
+    (done,) = re.findall(r"continuing a broken-off certification: (\d+) parts", shown)
+    assert 2 <= int(done) < len(few)
+    assert "12 labelled parts" in shown
+    assert not unfinished.exists()
 
 
 @pytest.mark.parametrize(
@@ -152,7 +146,7 @@ def test_it_is_refused_with_other_settings(
 
 
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
-    made_so = ("--dirt", "0", "--parts", "1", "--format", "AA99", "--height-mm", "5")
+    made_so = ("--dirt", "0", "--parts", "1", "--format", "A9", "--height-mm", "4")
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
     assert main(["benchmark", "--out", "b", *made_so, *read_so]) == 0
     with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:

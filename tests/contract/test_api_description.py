@@ -1,0 +1,88 @@
+"""Requests generated from the API's own description: no 5xx, and every answer as described."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import GenerationMode
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from tests.contract.front_doors import RunningService, run_service
+
+EXAMPLES = 10
+CHECKS = [
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+
+
+@pytest.fixture(scope="module")
+def own_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
+    """A service of its own: what is generated here changes its jobs."""
+    folder = tmp_path_factory.mktemp("described")
+    with run_service(folder / "service", "--jobs", "1", "--tokens", "off") as running:
+        yield running
+
+
+@pytest.fixture
+def description(own_service: RunningService, tmp_path: Path) -> Any:
+    """The description, with a part's id that exists in every other path."""
+    noise = np.random.default_rng(0).normal(scale=0.01, size=(60, 90)).astype(np.float32)
+    np.savez(tmp_path / "noise.npz", z_mm=noise, pitch_mm=0.1)
+    part = httpx.post(
+        f"{own_service.url}/v1/parts",
+        files={"scan": ("noise.npz", (tmp_path / "noise.npz").read_bytes())},
+        timeout=60.0,
+    ).json()
+    schema = schemathesis.openapi.from_url(f"{own_service.url}/openapi.json")
+
+    @schema.hook
+    def map_path_parameters(context: Any, path_parameters: Any) -> Any:
+        if path_parameters and len(str(path_parameters.get("part_id", ""))) % 2:
+            path_parameters["part_id"] = part["id"]
+        return path_parameters
+
+    return schema
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
+def test_every_request_is_answered_as_described(description: Any, mode: GenerationMode) -> None:
+    asked = []
+    for result in description.get_all_operations():
+        operation = result.ok()
+        asked.append(operation.label)
+
+        @seed(1)
+        @given(case=operation.as_strategy(generation_mode=mode))
+        @settings(
+            max_examples=EXAMPLES,
+            deadline=None,
+            phases=(Phase.explicit, Phase.generate),
+            suppress_health_check=list(HealthCheck),
+        )
+        def answered_as_described(case: Any) -> None:
+            case.call_and_validate(checks=CHECKS)
+
+        try:
+            answered_as_described()
+        except Unsatisfiable:  # no wrong request exists for an operation without parameters
+            assert mode is GenerationMode.NEGATIVE
+    wanted = {"POST /v1/parts", "POST /v1/parts/{part_id}/scan", "POST /v1/parts/{part_id}/review"}
+    assert wanted <= set(asked)
