@@ -1,4 +1,4 @@
-"""Fixtures of the contract suite: the command, a part on disk, and a running service.
+"""Fixtures of the contract suite: the command and a part on disk.
 
 The suite holds what users and other programs rely on. It works by files, the command line, HTTP, TCP, MQTT and the
 names that the four packages export, so that every room behind them can be rebuilt while these tests stay as they are.
@@ -7,14 +7,11 @@ names that the four packages export, so that every room behind them can be rebui
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import Command, Ended, RunningService, main, run_service, save_height_map
-
-SERVICE_OPTIONS = ("--jobs", "1", "--format", "A9", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
+from tests.contract.front_doors import Command, Ended, main, save_height_map
 
 
 @pytest.fixture(autouse=True)
@@ -40,10 +37,3 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
 def height_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clean plate stamped `K7` in gothic, 4 mm high, as an npz file. Do not change it."""
     return save_height_map(tmp_path_factory.mktemp("plate") / "K7.npz", "K7")
-
-
-@pytest.fixture(scope="session")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
-    """A service that this worker's tests share; it reads `A9` in gothic, 4 mm high, without tokens."""
-    with run_service(tmp_path_factory.mktemp("service"), *SERVICE_OPTIONS) as running:
-        yield running
