@@ -29,7 +29,9 @@ def save_map(path: Path, z: np.ndarray, pitch_mm: float = 0.05) -> None:
 
 def test_help_needs_nothing_heavy() -> None:
     program = (
-        "import sys; from tests.contract.front_doors import main; status = main(['--help']); "
+        "import sys; from importlib.metadata import entry_points; "
+        "(entry,) = entry_points(group='console_scripts', name='tactile-marks'); "
+        "status = entry.load()(['--help']); "
         "heavy = {'numpy', 'scipy', 'numba', 'h5py', 'matplotlib', 'pyarrow', 'pydantic'}; "
         "print(status, sorted(heavy & set(sys.modules)))"
     )
