@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
 from pipeline.files.trace_table import TraceTable, read_trace_table
+from pipeline.files.trace_time import check_speed, rate_hz
 from pipeline.files.traces_file import TracesFile
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.recorded import UNIT_N_MM, line_pitch_of
@@ -68,9 +69,15 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
     passes: list[_Pass] = []
     rates = []
     for path in paths:
-        table = read_trace_table(path, told.columns.named(), text=told.csv)
-        passes += _passes(table, told)
+        columns = told.columns
+        states = {c for c in (columns.lifted, columns.number) if c is not None}
+        table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
+        own = tuple(_passes(table, told))
+        passes += own
         rates.append(_rate_hz(table, told))
+        if columns.time is not None:
+            step_mm = float(np.median([p.step_mm for p in own]))
+            check_speed(table, step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
@@ -90,16 +97,11 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
 
 
 def _rate_hz(table: TraceTable, told: TracesFile) -> float:
-    if told.columns.time is not None:
-        time = table.columns[told.columns.time]
-        steps = np.diff(time)
-        back = np.flatnonzero(~(steps > 0.0))
-        if back.size:
-            raise FileError(
-                table.path, f"has a time that does not grow {table.at(int(back[0]) + 1)}", "sort it"
-            )
-        if time.size > 1:
-            return 1.0 / float(np.median(steps))
+    columns, unit = told.columns, told.time_unit
+    if columns.time is not None and table.n_rows > 1:
+        number = table.columns[columns.number] if columns.number is not None else np.zeros(table.n_rows)
+        scale = 1.0 if columns.time in table.stamped else unit.seconds
+        return rate_hz(table, table.columns[columns.time] * scale, number)
     rate = told.sampling_rate_hz or table.rate_hz
     if not rate:
         raise FileError(
@@ -154,7 +156,7 @@ def _pass(
             "a pass runs along x or along y, from one end to the other; lift and number it so",
         )
     direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
-    u = np.sign(went[axis]) * at[rows, axis]
+    u = between_polls(np.sign(went[axis]) * at[rows, axis])
     # the stage stands before it starts and after it has stopped, and its scale flickers by a count
     ahead = np.r_[True, u[1:] > np.maximum.accumulate(u)[:-1]]
     lag = max(1, u.size // 10)
@@ -167,6 +169,29 @@ def _pass(
         )
     across = float(np.median(at[rows, 1 - axis]))
     return _Pass(name, table.path, direction, u[ahead], step, across, signal[rows[ahead]], air)
+
+
+def between_polls(u: Floats) -> Floats:
+    """Positions of a stage that is polled more slowly than the signals: straight lines from poll to poll.
+
+    A poll shows as several samples of one position. Where a position holds for much longer than polls usually do, the
+    stage stands, and nothing is changed.
+
+    Args:
+        u: (samples,) mm along the travel.
+    """
+    polls = np.flatnonzero(np.r_[True, np.diff(u) != 0.0])
+    if polls.size < 3:
+        return u
+    held = np.diff(polls)
+    usual = float(np.median(held[1:] if held.size > 1 else held))
+    if usual < 2.0:
+        return u
+    made = u.copy()
+    for begin, n in zip(polls[:-1], held, strict=True):
+        if n <= _GAP_STEPS * usual:
+            made[begin : begin + n] += np.arange(n) / n * (u[begin + n] - u[begin])
+    return made
 
 
 def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
@@ -188,6 +213,12 @@ def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
             f"{max(0.0, high - low):.3f} mm in common of {longest:.3f}",
             "leave out passes that were broken off, or import them apart",
         )
+    if told.part_mm is not None:
+        # run-in and run-out are on the part's land: what lies before it is felt by nobody
+        edges = told.part_mm[::2] if direction.along_x else told.part_mm[1::2]
+        first, last = sorted(-v if direction.backward else v for v in edges)
+        low, high = max(low, first), min(high, last)
+        n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
     n_lead = round(told.lead_mm / step)
     if 2 * n_lead >= n_samples:
         raise FileError(

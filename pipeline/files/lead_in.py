@@ -35,7 +35,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     """Calibrate every whisker from the raw signals of a scan.
 
     Raises:
-        SensorError: no air or lead-in samples in the scan, or ones that give no gain.
+        SensorError: no air or lead-in samples in the scan, none on the land, or ones that give no gain.
     """
     if all(s.plan.n_lead == 0 for s in scan.sweeps):
         raise SensorError(
@@ -62,6 +62,11 @@ def calibrate_scan(scan: Scan) -> LeadIn:
         over = (np.concatenate([air, land]) - offset[whisker]) / gain[whisker]
         over[air.size :] -= expected[whisker]
         residual[whisker] = np.sqrt(np.mean(over**2))
+    if not n_land.any():
+        raise SensorError(
+            "no whisker runs in on the part's land: every lead-in is flagged as beyond the part or missing",
+            hint="begin passes on bare land of the part; of imported traces correct part_mm and lead_mm",
+        )
     calibration = Calibration(gain=gain, offset_n_mm=offset, from_land=True)
     return LeadIn(calibration, n_air, n_land, residual)
 

@@ -19,6 +19,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from glyphs.errors import FileError
+from pipeline.files.time_stamps import TimeUnit
 from pipeline.files.toml_file import toml_table, wrong_key
 from pipeline.files.units import Unit
 
@@ -39,7 +40,7 @@ class Columns(_Strict):
         moment: column of each whisker's signal.
         x: of the stage's position.
         y: likewise; plate frame, y down the part.
-        time: in seconds; `None`: the rate is known.
+        time: in `time_unit`, or time stamps; `None`: the rate is known.
         lifted: not 0 where the array is lifted off; `None`: all samples touch.
         number: of the pass, negative between passes; `None`: a file is a pass.
     """
@@ -85,6 +86,7 @@ class TracesFile(_Strict):
         columns: where what stands.
         moment_unit: of the signals.
         position_unit: of positions and of nothing else: keys say their own.
+        time_unit: of the column of time, where it has numbers.
         sampling_rate_hz: where no column has the time, and no TDMS channel its increment.
         lead_mm: run-in and run-out on bare land; 0 where there is none.
         across_mm: how far beside the stage's position each tip runs: towards +y in passes along x, towards +x in
@@ -101,6 +103,7 @@ class TracesFile(_Strict):
     columns: Columns
     moment_unit: Literal["N*mm", "mN*m", "N*m", "V"] = "N*mm"
     position_unit: Unit = Field(default=Unit.MM, strict=False)
+    time_unit: TimeUnit = Field(default=TimeUnit.SECOND, strict=False)
     sampling_rate_hz: Positive | None = None
     lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
     across_mm: tuple[Number, ...] = Field(default=(), strict=False)
