@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +51,7 @@ def height_map(path: Path, raw: RawMap, settings: MapSettings) -> HeightMap:
     z = without_bad_points(np.array(raw.z, dtype=np.float64))
     if not np.isfinite(z).any():
         raise FileError(path, "has no finite height; every point is a dropout", "measure it again")
-    z_mm, xy_mm = factors_to_mm(
-        path, RawMap(z, z_mm=raw.z_mm, xy_mm=raw.xy_mm), min(x_pitch, y_pitch), settings
-    )
+    z_mm, xy_mm = factors_to_mm(path, replace(raw, z=z), min(x_pitch, y_pitch), settings)
     z *= z_mm
     offset = float(np.median(z[np.isfinite(z)]))
     if abs(offset) > MOST_OFFSET_MM:

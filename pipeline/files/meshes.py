@@ -76,7 +76,7 @@ def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None 
     if faces is None:
         faces = np.empty((0, 3), dtype=np.int64)
     z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(path, at, faces, known)
-    return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True)
+    return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:

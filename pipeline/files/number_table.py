@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from glyphs.errors import FileError, require_file
 from glyphs.surface.maps import MAX_PIXELS
 
-MAX_FILE_BYTES = 1_000_000_000
+MAX_FILE_BYTES = 500_000_000
 _SNIFF_BYTES = 200_000
 _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300

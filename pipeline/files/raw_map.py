@@ -21,6 +21,7 @@ class RawMap:
         z_mm: millimetres in one unit of `z`, as the file or its format states; None where neither does.
         xy_mm: millimetres in one unit of the pitches, likewise.
         bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
+        one_unit: heights and distances have one unit, as the coordinates of a mesh.
         rows_stated: the file states which row is first, or every writer of its format has the same one first.
     """
 
@@ -31,6 +32,7 @@ class RawMap:
     xy_mm: float | None = None
     bottom_first: bool = False
     rows_stated: bool = False
+    one_unit: bool = False
 
     def is_bottom_first(self, settings: MapSettings) -> bool:
         """Whether the first row is the lowest one, by the settings where they say so."""

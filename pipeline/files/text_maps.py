@@ -22,6 +22,8 @@ from pipeline.files.raw_map import RawMap
 # columns of a list of points, at most: x y z, intensity, colour, normal; rows for each column from which it is one
 _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
+# characters of a heading that are looked at
+_MOST_HEAD = 10_000
 _MM = {
     "nm": 1e-6,
     "um": 1e-3,
@@ -42,12 +44,12 @@ _PITCH_KEYS = {
 }
 _SIZE_KEYS = {"x": r"width|breite|largeur|x[ _-]?length", "y": r"height|h[öo]he|hauteur|y[ _-]?length"}
 _Z_UNIT = re.compile(
-    rf"(?im)^[\W_]*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[\s:=,;]*{_UNIT}"
+    rf"(?im)^(?:[^\w\n]|_)*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[\s:=,;]*{_UNIT}"
 )
 _OTHER_UNIT = re.compile(
-    r"(?im)^[\W_]*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[ \t:=,;]*(\S+)"
+    r"(?im)^(?:[^\w\n]|_)*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[ \t:=,;]*(\S+)"
 )
-_XY_UNIT = re.compile(rf"(?im)^[\W_]*(?:x[ _-]?units?|units? x)[\s:=,;]*{_UNIT}")
+_XY_UNIT = re.compile(rf"(?im)^(?:[^\w\n]|_)*(?:x[ _-]?units?|units? x)[\s:=,;]*{_UNIT}")
 _SHAPE = re.compile(r"(?is)(?:ncols|nx|x-pixels)\W+(\d+).*?(?:nrows|ny|y-pixels)\W+(\d+)")
 _SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
@@ -98,7 +100,7 @@ def _is_points(table: NumberTable) -> bool:
 
 
 def _matrix(path: Path, table: NumberTable) -> RawMap:
-    head, z = "\n".join(table.head), table.rows
+    head, z = "\n".join(table.head)[:_MOST_HEAD], table.rows
     if z.shape[1] < 3:
         raise FileError(path, f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
     if _WYKO in head.lower():
@@ -148,7 +150,8 @@ def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
     """A length that a heading states, and millimetres in one of it, if it says the unit."""
     before = _UNIT.replace("unit", "before")
     found = re.search(
-        rf"(?im)^[\W_]*(?:{keys})\s*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}[ \t;,\[(]*(?:{_UNIT})?", head
+        rf"(?im)^(?:[^\w\n]|_)*(?:{keys})[ \t]*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}[ \t;,\[(]*(?:{_UNIT})?",
+        head,
     )
     if found is None:
         return None

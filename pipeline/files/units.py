@@ -79,6 +79,7 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
     if settings.unit is not None:
         mm = Unit(settings.unit).mm
         tries = [(mm, mm), (mm, xy_mm), (z_mm, mm)] if settings.pitch_mm is None else [(mm, 1.0)]
+        tries = tries[:1] if raw.one_unit else tries
         fitting = [factors for factors in tries if not shape.absurdity(*factors)]
         return min(fitting, key=lambda factors: shape.unusual(factors[0]), default=tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
@@ -89,8 +90,10 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
         if unit is Unit.NM and raw.z_mm is not None:
             continue  # no format states its numbers wrongly by so much
         factors = {"numbers": (unit.mm, unit.mm), "heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
-        for what, (z, xy) in factors.items():
-            if (what == "heights" or settings.pitch_mm is None) and not shape.absurdity(z, xy):
+        unknown = factors if settings.pitch_mm is None else ("heights",)
+        for what in ("numbers",) if raw.one_unit else unknown:
+            z, xy = factors[what]
+            if not shape.absurdity(z, xy):
                 asked.append((unit is Unit.INCH, shape.unusual(z), what, unit))
     if asked:
         *_, what, unit = min(asked, key=lambda one: one[:2])
@@ -110,7 +113,7 @@ class _Shape:
     def __init__(self, raw: RawMap, pitch: float, *, relief: float, depth: float, rise: float) -> None:
         self.rows, self.cols, self.pitch = *raw.z.shape, pitch
         self.relief, self.depth, self.rise = relief, depth, rise
-        self.stated = raw.z_mm is not None
+        self.stated, self.one_unit = raw.z_mm is not None, raw.one_unit
 
     @classmethod
     def of(cls, raw: RawMap, pitch: float) -> _Shape:
@@ -160,6 +163,8 @@ class _Shape:
             pitch
         ):
             return f"heights span {_length(relief)} on a map of {size}"
+        if self.one_unit:  # a mesh may show the part's base, too
+            return ""
         if self.depth * z_mm > MOST_DEPTH_MM or self.rise * z_mm / pitch > MOST_STEEPNESS:
             return f"marks are {_length(self.depth * z_mm)} deep on a map of {size}"
         return ""

@@ -370,6 +370,19 @@ def test_a_unit_that_is_given_is_not_asked_about_again(tmp_path: Path) -> None:
     assert np.ptp(found.z_mm) == pytest.approx(np.ptp(z), rel=1e-5)
 
 
+def test_a_mesh_with_the_base_of_its_part_is_not_asked_about(tmp_path: Path) -> None:
+    """Letters on a block that stands 20 mm above its base: a mesh has one unit for all its numbers."""
+    lines, faces = [], []
+    for (x, y, z), size in (((0, 0, 0), 60), ((10, 10, 20), 40), ((20, 20, 20.3), 5)):
+        corners = [(x, y), (x + size, y), (x + size, y + size), (x, y + size)]
+        faces += [
+            f"f {len(lines) + a} {len(lines) + b} {len(lines) + c}" for a, b, c in ((1, 2, 3), (1, 3, 4))
+        ]
+        lines += [f"v {a} {b} {z}" for a, b in corners]
+    (tmp_path / "a.obj").write_text("\n".join(lines + faces))
+    assert np.nanmax(read_height_map(tmp_path / "a.obj").z_mm) == pytest.approx(20.3)
+
+
 def test_a_map_of_160_m_is_refused_with_the_way_out(tmp_path: Path) -> None:
     """As .nms files come out of a library that takes nanometres for millimetres."""
     path = save_sur(tmp_path / "a.sur", unit="µm", step=312.5, scale=1e-2)
