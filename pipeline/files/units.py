@@ -98,12 +98,12 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
     if asked:
         *_, what, unit = min(asked, key=lambda one: one[:2])
         raise FileError(path, absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
-    if shape.relief * z_mm < shape.least_relief(pitch * xy_mm) and shape.pitch * xy_mm <= MOST_PITCH_MM:
-        return z_mm, xy_mm  # flat
+    if not shape.odd_size(xy_mm):
+        return z_mm, xy_mm  # flat, noisy or askew
     raise FileError(
         path,
         f"{absurd}; in no unit are these the numbers of a part",
-        "crop it to the part, give the distance of its samples with --pitch-mm, or say with --unit that it is right",
+        "give the distance of its samples with --pitch-mm, or say with --unit that it is right",
     )
 
 
@@ -152,22 +152,35 @@ class _Shape:
 
     def absurdity(self, z_mm: float, xy_mm: float) -> str:
         """Why no plate with marks has these measures in these units; empty if one may."""
+        if odd := self.odd_size(xy_mm):
+            return odd
         pitch, relief = self.pitch * xy_mm, self.relief * z_mm
-        shorter, longer = sorted((self.rows * pitch, self.cols * pitch))
-        size = f"{_length(self.cols * pitch)} x {_length(self.rows * pitch)}"
-        if pitch > MOST_PITCH_MM:
-            return f"its samples lie {_length(pitch)} apart, on a map of {size}"
-        if not (longer <= MOST_PLATE_MM and shorter >= (LEAST_STATED_MM if self.stated else LEAST_PLATE_MM)):
-            return f"the map measures {size}"
+        shorter = min(self.rows, self.cols) * pitch
+        size = self._size(pitch)
         if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < self.least_relief(
             pitch
         ):
             return f"heights span {_length(relief)} on a map of {size}"
         if self.one_unit:  # a mesh may show the part's base, too
             return ""
-        if self.depth * z_mm > MOST_DEPTH_MM or self.rise * z_mm / pitch > MOST_STEEPNESS:
+        if self.depth * z_mm > MOST_DEPTH_MM:
             return f"marks are {_length(self.depth * z_mm)} deep on a map of {size}"
+        if self.rise * z_mm / pitch > MOST_STEEPNESS:
+            return f"marks {_length(self.depth * z_mm)} deep make a map of {size} steeper than 45 degrees throughout"
         return ""
+
+    def odd_size(self, xy_mm: float) -> str:
+        """Why no map of a plate has these distances; empty if one may."""
+        pitch = self.pitch * xy_mm
+        shorter, longer = sorted((self.rows * pitch, self.cols * pitch))
+        if pitch > MOST_PITCH_MM:
+            return f"its samples lie {_length(pitch)} apart, on a map of {self._size(pitch)}"
+        if not (longer <= MOST_PLATE_MM and shorter >= (LEAST_STATED_MM if self.stated else LEAST_PLATE_MM)):
+            return f"the map measures {self._size(pitch)}"
+        return ""
+
+    def _size(self, pitch_mm: float) -> str:
+        return f"{_length(self.cols * pitch_mm)} x {_length(self.rows * pitch_mm)}"
 
 
 def _length(mm: float) -> str:
