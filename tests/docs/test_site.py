@@ -83,5 +83,7 @@ def test_the_site_builds_strictly(tmp_path: Path) -> None:
         check=False,
     )
     assert ran.returncode == 0, ran.stderr
-    library = (tmp_path / "site" / "reference" / "library.html").read_text(encoding="utf-8")
+    site = tmp_path / "site"
+    library = (site / "reference" / "library" / "whisker_array-whisker.html").read_text(encoding="utf-8")
     assert "enhancement_factor" in library
+    assert (site / "search" / "search_index.js").exists()  # search works from a folder
