@@ -11,6 +11,8 @@ from glyphs.errors import MarksError
 
 SIGNS = "-./#()&"
 """What stands between letters and figures of part markings."""
+_OPERATORS = "?[]{}|^$+"
+"""Signs of regular expressions; no stamp bears them, so a mask that has one is meant as something else."""
 _CLASSES = {
     "A": string.ascii_uppercase,
     "a": string.ascii_lowercase,
@@ -27,16 +29,16 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
     r"""The characters allowed at each position.
 
     Args:
-        format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character for itself;
-            `\` takes the next one for itself (`\A` is an A).
+        format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character but
+            `?[]{}|^$+` for itself; `\` takes the next one for itself (`\A` is an A).
         exclude: characters that the classes leave out (a VIN excludes "IOQ"); literals stay.
 
     Returns:
         One string of characters per position, in order.
 
     Raises:
-        FormatError: the format is empty, holds a control character, ends with a `\` that takes nothing, or exclusion
-            leaves a position without any.
+        FormatError: the format is empty, holds a control character or an operator, ends with a `\` that
+            takes nothing, or exclusion leaves a position without any.
     """
     if not format:
         raise FormatError(
@@ -55,7 +57,13 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
         "".join(c for c in _CLASSES[token] if c not in exclude) if token in _CLASSES else token[-1]
         for token in tokens
     )
-    for k, characters in enumerate(allowed):
+    for k, (token, characters) in enumerate(zip(tokens, allowed, strict=True)):
+        if len(token) == 1 and token in _OPERATORS:
+            raise FormatError(
+                f"{token!r} at position {k + 1} of {format!r} means nothing in a format of places",
+                hint=f"write * for a letter or a digit, \\{token} for the sign itself, or "
+                " re:[A-Z]{2}[0-9]{1,2} for serials of several lengths",
+            )
         if not characters:
             raise FormatError(
                 f"nothing is left for {tokens[k]!r} at position {k + 1} of {format!r}",

@@ -23,7 +23,7 @@ from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from pipeline.files.listed import ListedPart
-from pipeline.files.truth import load_truth, name_in, without_blanks
+from pipeline.files.truth import load_truth, without_blanks
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
 from pipeline.workers.options import ExecutorOptions
@@ -163,7 +163,8 @@ def certify(
     threshold_tests((), (), risk=risk, confidence=confidence)
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)
-    parts = [part for part in found if name_in(known, part.name) is not None]
+    texts = {part.name: text for part in found if (text := known.text_of(part.name)) is not None}
+    parts = [part for part in found if part.name in texts]
     if not parts:
         raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
     if own := next((part.name for part in parts if part.format or part.font), ""):
@@ -172,7 +173,7 @@ def certify(
             hint="certify the parts of each format by themselves, with --format and --font",
         )
     least = open_reader(settings).settings.accept_confidence
-    labels = {part.name: without_blanks(known[str(name_in(known, part.name))]) for part in parts}
+    labels = {name: without_blanks(text) for name, text in texts.items()}
     journal = CertificationJournal.open(out, _description(inputs, settings, manifests))
     read = _all_read(parts, labels, settings, executors, journal)
     found_out = _certification(

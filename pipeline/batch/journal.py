@@ -3,7 +3,7 @@
 rows.csv                   the rows as they come; after `finish`, in the order of the parts
 rows.csv.unfinished        what is run, and its hash; locked by the process that writes; gone with `finish`
 rows.csv~                  the table that stood there before the run
-rows.parquet.rows.jsonl    to Parquet nothing can be appended: its rows until `finish`
+rows.parquet.rows.jsonl    to Parquet and Excel's workbooks nothing can be appended: their rows until `finish`
 rows.csv.second.jsonl      of parts that were read a second time, what came of it; until `finish`
 
      open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
@@ -28,12 +28,14 @@ from pipeline.batch.row_files import RowFile, read_rows
 from pipeline.batch.second_readings import SecondReadings
 from pipeline.batch.tables import (
     LINE_FORMS,
+    WORKBOOK,
     check_output,
     parquet_records,
     record_of_json,
     write_parquet,
     write_records,
 )
+from pipeline.batch.workbook import write_workbook
 from pipeline.common.atomic import replacing, sync_names
 from pipeline.common.file_lock import lock
 from pipeline.common.parsed import json_of
@@ -132,6 +134,8 @@ class RunJournal:
     def rows(self) -> Iterator[Row]:
         """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
 
+        After `finish` the rows of a workbook are no longer kept.
+
         Raises:
             FileError: the file was damaged or replaced meanwhile.
         """
@@ -157,15 +161,22 @@ class RunJournal:
             # nor replaces a file that is open
             self._rows.close()
             if self._rows_path != self.path:
+                records = map(record_of_json, self._records(numbers))
                 with replacing(self.path) as temporary:
-                    write_parquet(map(record_of_json, self._records(numbers)), temporary)
-                self._rows_path.unlink()
+                    if self.path.suffix.lower() == WORKBOOK:
+                        write_workbook(records, temporary, {"begun": self.begun, **self.description})
+                    else:
+                        write_parquet(records, temporary)
+                if self.path.suffix.lower() != WORKBOOK:  # what a workbook holds cannot be taken up again
+                    self._rows_path.unlink()
             elif self.read_again or not self._rows.holds_just(numbers):
                 with replacing(self.path) as temporary, temporary.open("wb") as table:
                     table.write(self._rows.form.head)
                     table.writelines(self._records(numbers))
             self._second.remove()
             self._end()
+            if self._rows_path != self.path:
+                self._rows_path.unlink(missing_ok=True)
         self._finished = True
         self.close()
 

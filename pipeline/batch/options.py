@@ -20,7 +20,7 @@ class RunOptions:
         order: Production order: a file of serials one a line, or ranges such as KX400000..KX409999. A part that is
             read surely and is not in it, or bears the serial of another one of the run, goes to review.
         truth: CSV with the columns part and text, to print the accuracy.
-        out: Table to write (.csv, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
+        out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
         learn_die: Learn the shapes of the lot's own die from the parts that were read surely, read the others again

@@ -6,22 +6,25 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from glyphs.compiling import compiling_shown, part_done
+from glyphs.plain_text import visible
 from pipeline.batch.lot_check import LotCheck
 from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
 from pipeline.batch.second_pass import learns
 from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
+from pipeline.batch.workbook import check_number
 from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
 from pipeline.common.run_description import file_sha256
-from pipeline.common.serial_rules import read_order
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.listed import ListedPart
+from pipeline.files.order_file import read_order
 from pipeline.files.passed_over import PassedOver
 from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
@@ -58,6 +61,8 @@ def run_batch(
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
     parts: Sequence[ListedPart] = (found := parts_for(inputs, settings, manifests=options.manifest))
+    if options.out is not None and options.store is None:
+        check_number(Path(options.out), len(parts))
     reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
     if expected is not None:
@@ -68,9 +73,8 @@ def run_batch(
     learning = learns(options, settings, parts)
 
     shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
-    with opened(
-        options, _description(inputs, settings, options, learning, certificate), learns=learning
-    ) as run:
+    description = _description(inputs, settings, options, learning, certificate)
+    with opened(options, description, learns=learning) as run:
         done = len(run.book.done) if run.book is not None else 0
         _print_begun(run, options)
         with Progress() as progress:
@@ -107,11 +111,12 @@ def run_batch(
 
         print_table([shown[part.name] for part in parts])
     drift = _drift(run.watch)
-    _print_done(run, options, drift, found.passed_over, elapsed_s=elapsed_s, workers=workers)
+    about = {key: description[key] for key in ("program", "settings", "inputs")}
+    _print_done(run, options, drift, found.passed_over, about, elapsed_s=elapsed_s, workers=workers)
     if scores is not None:
         print(scores.accuracy().describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
-        print(f"{len(missing)} parts of {options.verify} were not read: {', '.join(missing[:5])}")
+        print(f"{len(missing)} parts of {options.verify} were not read: {visible(', '.join(missing[:5]))}")
     return _status(run, parts, every=expected is not None)
 
 
@@ -149,13 +154,21 @@ def _print_begun(run: Run, options: RunOptions) -> None:
 
 
 def _print_done(
-    run: Run, options: RunOptions, drift: str, passed_over: PassedOver, *, elapsed_s: float, workers: int
+    run: Run,
+    options: RunOptions,
+    drift: str,
+    passed_over: PassedOver,
+    about: dict[str, Any],
+    *,
+    elapsed_s: float,
+    workers: int,
 ) -> None:
     summary = run.summary
     if summary.parts > 1:
-        print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
+        lines = summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)
+        print("\n".join(map(visible, lines)))
     if said := passed_over.describe():
-        print(said)
+        print(visible(said))
     if run.second is not None and run.second.again:
         print(f"{run.second.again:,} read again with the shapes learned")
     if drift:
@@ -184,6 +197,7 @@ def _print_done(
             "passed_over": dict(sorted(passed_over.counts.items())),
             "workers": workers,
             **({"drift": drift} if run.watch is not None else {}),
+            **about,
         }
         with replacing(options.summary) as temporary:
             temporary.write_text(json.dumps(counts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import IO
 
 from glyphs.errors import FileError
-from pipeline.common.spreadsheet import harmless, original
+from pipeline.common.spreadsheet import harmless
 from pipeline.files.listed import ListedPart, absolute
 from pipeline.files.manifest import COLUMNS, FILES
+from pipeline.files.table_file import table_lines
 
 _HEAD = ",".join((*COLUMNS, "problem")) + "\n"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
@@ -61,7 +62,7 @@ class Quarantine:
         Raises:
             FileError: it cannot be written.
         """
-        name = _one_line(listed.name)
+        name = _one_line(listed.name).strip()
         if name in self._names:
             return
         files = {column: absolute(getattr(listed, column)) for column in FILES}
@@ -107,13 +108,8 @@ class Quarantine:
                 if line.endswith(b"\n") and quotes % 2 == 0:
                     whole = position
         os.truncate(self.path, whole)
-        try:
-            with self.path.open(encoding="utf-8", newline="") as text:
-                return {original(row["part"]) for row in csv.DictReader(text, strict=True)}
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise FileError(
-                self.path, f"is damaged ({error})", "remove it and start the same command again"
-            ) from error
+        _, *lines = table_lines(self.path)
+        return {line.cells[0] for line in lines}
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:

@@ -26,6 +26,7 @@ _COLOUR = {
 _GAP = "  "
 _LEAST_WIDTH = 20
 _SHORT_NAME = 8
+_PLACES = re.compile(r"\bplaces? ((?:\d+(?:, | and | to )?)+)")
 _STATES = (
     (re.compile(r"(\d+):confused (.)/(.)"), r"place \1: \2 or \3?"),
     (re.compile(r"(\d+):mismatch (.)/(.)"), r"place \1: \2 where \3 is expected"),
@@ -126,14 +127,22 @@ def _cells(row: Row) -> dict[str, str]:
     }
 
 
+def _places_in(text: str) -> set[str]:
+    """Numbers of the places that a message names: "places 1, 2 and 4 to 8"."""
+    named: set[str] = set()
+    for found in _PLACES.findall(text):
+        for first, last in re.findall(r"(\d+)(?: to (\d+))?", found):
+            named.update(map(str, range(int(first), int(last or first) + 1)))
+    return named
+
+
 def notes(row: Row) -> str:
     """What a person should know of a part that was read."""
     found = [row.flags]
     if not row.verdict:  # a verification names its places itself
         # a place that the flags ask about is not asked about twice
-        states = ", ".join(
-            s for s in row.states.split(", ") if f"at place {s.split(':')[0]}" not in row.flags
-        )
+        asked = _places_in(row.flags)
+        states = ", ".join(s for s in row.states.split(", ") if s.partition(":")[0] not in asked)
         for pattern, words in _STATES:
             states = pattern.sub(words, states)
         found.append(states)

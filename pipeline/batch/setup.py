@@ -15,6 +15,7 @@ from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
+from pipeline.files.part_list import PartList
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
@@ -123,19 +124,19 @@ def order_for(
     )
 
 
-def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:
+def with_expected(parts: Sequence[ListedPart], expected: Expected) -> Sequence[ListedPart]:
     """The parts with the texts that a command line or a table expects of them."""
-    return [replace(part, expected=expected.of(part.name) or part.expected) for part in parts]
+    return PartList(replace(part, expected=expected.of(part.name) or part.expected) for part in parts)
 
 
-def absolute(parts: Sequence[ListedPart]) -> list[ListedPart]:
+def absolute(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
     """The parts with local files named as on any machine that shares the disk."""
     from pipeline.files.remote import is_url
 
     def at(name: str) -> str:
         return name if not name or is_url(name) else os.path.abspath(name)
 
-    return [
+    return PartList(
         replace(
             part,
             height_map=at(part.height_map),
@@ -144,4 +145,4 @@ def absolute(parts: Sequence[ListedPart]) -> list[ListedPart]:
             more_photos=tuple(map(at, part.more_photos)),
         )
         for part in parts
-    ]
+    )

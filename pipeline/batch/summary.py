@@ -15,10 +15,13 @@ DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "
 MOST_REASONS = 8
 _MOST_KINDS = 500
 _SLOWEST = 5
-_NUMBER = re.compile(r"\d+([.,]\d+)*")
+_NUMBER = re.compile(r"(?P<kept>\bformat \S+|(?<!\w)\w or \w(?!\w))|\d+(?:[.,]\d+)*")
+"""A number; digits of a format, and those that stand for characters (0 or O), are kept."""
 _BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
 _OTHER_TEXT = re.compile(r"(?<=\w): \S+(?= \(set )")  # what a part reads as well, mirrored or upside down
-_PLACES = re.compile(r"(?<=low confidence): .*|: [^“]*\bplaces? \d.*")  # which characters, where, by how much
+_PLACES = re.compile(
+    r"(?<=low confidence): .*|(?<=\d): (?:.*\?|.* least sure)$|: [^“]*\bplaces? \d.*"
+)  # which characters, where, by how much
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 
@@ -117,8 +120,8 @@ class Summary:
 
 def _kind(message: str) -> str:
     """A message without what differs from part to part."""
-    message = _OTHER_TEXT.sub("", _PLACES.sub("", message))
-    return _NUMBER.sub("#", _QUOTED.sub("'...'", message))[:160].strip()
+    message = _QUOTED.sub("'...'", _OTHER_TEXT.sub("", _PLACES.sub("", message)))
+    return _NUMBER.sub(lambda match: match["kept"] or "#", message)[:160].strip()
 
 
 def _count(counter: Counter[str], kind: str) -> None:

@@ -123,7 +123,7 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
     texts = load_truth(truth)
     found = []
     for part in discover(inputs):
-        text = texts.get(part.name, texts.get(part.name.rpartition("/")[2], ""))
+        text = texts.text_of(part.name)
         if part.problem is not None:
             raise part.problem
         if text and part.felt:

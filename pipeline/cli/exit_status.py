@@ -39,7 +39,6 @@ _EXTRAS = {
         ),
         "service",
     ),
-    "jinja2": "report",
     "ezdxf": "drawing",
 }
 """Libraries that only some commands need, and the extra that brings them."""

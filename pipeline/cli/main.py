@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from cyclopts import App, CycloptsError, Parameter, ValidationError
@@ -58,7 +59,7 @@ app = App(
     help="Read die-stamped serials by touch and by camera, from height maps, whisker scans and photographs.",
     help_epilogue=(
         "Exit status: 0 all is well; 1 a part, file or machine failed; 2 wrong arguments or settings; 70 a fault of "
-        "the program, please report it; 130 interrupted."
+        "the program, please report it; 130 interrupted; 141 nobody reads the output."
     ),
     suppress_keyboard_interrupt=False,
 )
@@ -181,11 +182,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0; 1 where something failed; 2 for bad usage; 70 for a fault of the program; 130 when interrupted.
+        0; 1 where something failed; 2 for bad usage; 70 for a fault of the program; 130 when interrupted; 141 where
+        nobody reads the output.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a file's name may be no text
-            stream.reconfigure(errors="backslashreplace")
+    _open_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if not {"--help", "-h"}.isdisjoint(given):
@@ -205,11 +205,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         return _complain(_explained(error), USAGE)
     except CommandError as error:
-        return _complain(str(error), error.status)
-    except BrokenPipeError:
-        # the reader of our output has gone; give the interpreter somewhere to flush to
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
+        # nobody reads the output any more: end as other programs of a pipe do
+        return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
     except Exception as error:
         if is_of_the_machine(error):  # a full disk, say, wherever it was met
             return _complain(f"{error}; see to the disk and start it again", FAILED)
@@ -217,6 +214,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(f"{fault_of(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
+
+
+class _Output(io.TextIOWrapper):
+    """Standard output or error; where it cannot be written the command ends with a status of its own."""
+
+    def write(self, text: str) -> int:
+        with _output_faults(self):
+            return super().write(text)
+
+    def flush(self) -> None:
+        with _output_faults(self):
+            super().flush()
+
+
+@contextlib.contextmanager
+def _output_faults(stream: io.TextIOBase) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        # the interpreter flushes once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        broken = isinstance(error, BrokenPipeError)
+        raise CommandError(
+            f"the output cannot be written ({error.strerror})", status=BROKEN_PIPE if broken else FAILED
+        ) from error
+
+
+def _open_streams() -> None:
+    """Replace closed standard streams by the null device, so that no other file takes their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+            setattr(sys, name, open(number, "r" if name == "stdin" else "w"))  # noqa: SIM115
+    for name in ("stdout", "stderr"):
+        given = getattr(sys, name)
+        if isinstance(given, io.TextIOWrapper):  # a file's name may be no text
+            given.reconfigure(errors="backslashreplace")
+        if type(given) is io.TextIOWrapper:  # not what a test has put there
+            stream = _Output(
+                given.buffer, given.encoding, given.errors,
+                line_buffering=given.line_buffering, write_through=given.write_through,
+            )  # fmt: skip
+            setattr(sys, name, stream)
+            given.detach()
 
 
 def _explained(error: CycloptsError) -> str:
@@ -228,5 +272,6 @@ def _explained(error: CycloptsError) -> str:
 
 
 def _complain(message: str, status: int) -> int:
-    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+    with contextlib.suppress(CommandError):  # the status says it, too
+        print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
     return status

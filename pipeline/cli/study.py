@@ -59,7 +59,6 @@ def study(
             raise CommandError("study: name parts, folders, globs or manifests", status=USAGE)
         if repeats < 1 or arrays < 1 or (jobs is not None and jobs < 1):
             raise CommandError("study: --repeats, --arrays and --jobs are at least 1", status=USAGE)
-        from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.report.writing import command_line
         from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, studied_parts
         from pipeline.benchmark.study.report import write_study
@@ -69,7 +68,6 @@ def study(
         from pipeline.files.listing import list_parts
         from pipeline.reading.kept_readers import reader_of
 
-        check_report()
         reader_of(reading)  # settings that cannot be, before anything is read
         listed = list_parts(inputs, photos=reading.mode == "vision", height_images=reading.height_image)
         parts = studied_parts(listed)
@@ -103,11 +101,11 @@ def study(
 
 
 def _truth(table: Path | None, listed: Sequence[ListedPart], names: set[str]) -> dict[str, str]:
-    from pipeline.files.truth import load_truth
+    from pipeline.files.truth import PartTexts, load_truth
 
     expected = {part.name: part.expected for part in listed if part.expected}
-    told = expected if table is None else load_truth(table)
-    known = {name: text for name, text in told.items() if name in names}
+    texts = PartTexts(expected) if table is None else load_truth(table)
+    known = {name: text for name in names if (text := texts.text_of(name)) is not None}
     if table is not None and not known:
         raise CommandError(
             f"{table}: tells the truth of none of the parts", hint="name the parts as their files"

@@ -42,7 +42,8 @@ class Row:
         rotation_deg: of the line, from +x towards +y.
         raised: raised marks.
         flags: what to know about the reading, and what the mark lacks for the rules asked for.
-        alternatives: a place's other candidates with some belief, as "3:8B 5:S", places from 1.
+        alternatives: a place's other candidates with their probabilities, as "3: 8 0.21, B 0.02; 5: S 0.01", places
+            from 1.
         depth_min_mm: depth of the mark where it is least (height of a raised one); None where it is not known.
         depth_mean_mm: mean depth of the characters; None where it is not known.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
@@ -59,6 +60,9 @@ class Row:
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
         fields: what the marking says by name, as "MFR=0AB12;SER=KB74"; empty of one that says no names.
         burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
+        at: when it was read, ISO 8601.
+        program: version of the program.
+        settings: hash of the settings; rows with the same were read alike.
     """
 
     part: str
@@ -90,6 +94,9 @@ class Row:
     codes: str = ""
     burr_mm: float | None = None
     fields: str = ""
+    at: str = ""
+    program: str = ""
+    settings: str = ""
 
     @classmethod
     def of(cls, record: ReadingRecord) -> Row:
@@ -129,6 +136,9 @@ class Row:
             codes=codes_text(record.codes),
             burr_mm=_rounded(max(burrs, default=None), 4),
             fields=fields_text(record.fields),
+            at="" if record.at is None else record.at.isoformat(timespec="seconds"),
+            program=record.program,
+            settings=record.settings,
         )
 
 
@@ -157,12 +167,12 @@ def codes_text(codes: Sequence[CodeRecord]) -> str:
 
 
 def alternatives_text(places: Sequence[CharacterRecord]) -> str:
-    """Each place's other candidates with some belief: "3:8B 5:S"."""
+    """Each place's other candidates with some belief: "3: 8 0.21, B 0.02; 5: S 0.01"."""
     named = (
-        (k, "".join(c.char for c in place.candidates[1:] if c.probability >= WORTH_SHOWING))
+        (k, [f"{c.char} {c.probability:.2f}" for c in place.candidates[1:] if c.probability >= WORTH_SHOWING])
         for k, place in enumerate(places, start=1)
     )
-    return " ".join(f"{k}:{others}" for k, others in named if others)
+    return "; ".join(f"{k}: {', '.join(others)}" for k, others in named if others)
 
 
 def states_text(places: Sequence[CharacterRecord]) -> str:

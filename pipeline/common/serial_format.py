@@ -81,4 +81,4 @@ def _like(char: str) -> str:
     if char in ascii_lowercase:
         return "a"
     # what means something else in a mask is taken as it is
-    return "9" if char in digits else f"\\{char}" if char in "*\\" else char
+    return "9" if char in digits else f"\\{char}" if char in "*\\?[]{}|^$+" else char

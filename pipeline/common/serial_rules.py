@@ -12,24 +12,18 @@ times, then it is the row.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from statistics import median_low
-
-from glyphs.errors import FileError, require_file
+from typing import NamedTuple
 
 WINDOW = 9
 """Parts by which a place is told."""
 _MOST = WINDOW // 2 + 1
-_MOST_BYTES = 50_000_000
 _DIGITS = re.compile(r"[0-9]+")
-_RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
-_HEADINGS = frozenset({"serial", "text", "serials"})
 
 
 class SerialAlarm(StrEnum):
@@ -55,6 +49,22 @@ class Objection:
     of: str = ""
 
 
+class SerialRange(NamedTuple):
+    """Serials that count from one number to another, such as KX400000..KX409999.
+
+    Attributes:
+        head, tail: text before and after the number.
+        first, last: numbers.
+        digits: of each number.
+    """
+
+    head: str
+    first: int
+    last: int
+    digits: int
+    tail: str
+
+
 @dataclass(frozen=True)
 class ProductionOrder:
     """The serials that are to come.
@@ -62,12 +72,12 @@ class ProductionOrder:
     Attributes:
         name: of its file.
         serials: one by one, without blanks.
-        ranges: (head, first, last, digits, tail) of each.
+        ranges: of serials.
     """
 
     name: str
     serials: frozenset[str] = frozenset()
-    ranges: tuple[tuple[str, int, int, int, str], ...] = ()
+    ranges: tuple[SerialRange, ...] = ()
 
     def holds(self, text: str) -> bool:
         """Whether a serial is in it, blanks or not."""
@@ -157,41 +167,3 @@ def counted(text: str) -> Counted | None:
         return None
     last = runs[-1]
     return Counted(plain[: last.start()], int(last[0]), len(last[0]), plain[last.end() :])
-
-
-def read_order(path: Path) -> ProductionOrder:
-    """The production order in a file: serials one a line, or in the column `serial` of a CSV, or ranges A001..A099.
-
-    Raises:
-        FileError: no such file, no text, no serial in it, or a range that is none.
-    """
-    require_file(path, most_bytes=_MOST_BYTES)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise FileError(
-            path, f"is no text of serials ({error})", "write one serial a line (UTF-8)"
-        ) from error
-    column = 0
-    if rows and (named := _HEADINGS & {cell.strip().lower() for cell in rows[0]}):
-        column = next(k for k, cell in enumerate(rows[0]) if cell.strip().lower() in named)
-        rows = rows[1:]
-    serials: set[str] = set()
-    ranges = []
-    for number, row in enumerate(rows, start=1):
-        cell = row[column].strip() if column < len(row) else ""
-        if not cell or cell.startswith("#"):
-            continue
-        match = _RANGE.fullmatch(cell)
-        if match is None:
-            serials.add("".join(cell.split()))
-            continue
-        ends = [one for end in match.groups() if (one := counted(end)) is not None]
-        if len(ends) < 2 or len({(one.head, one.digits, one.tail) for one in ends}) > 1:
-            raise FileError(path, f"entry {number}, {cell}, is no range", "write it as KX400000..KX409999")
-        first, last = ends
-        ranges.append((first.head, first.number, last.number, first.digits, first.tail))
-    if not serials and not ranges:
-        raise FileError(path, "holds no serial", "write one a line, or ranges such as KX400000..KX409999")
-    return ProductionOrder(path.name, frozenset(serials), tuple(ranges))

@@ -71,6 +71,14 @@ class Settings(BaseModel):
         return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), name)).upper()
 
 
+_MODES = {
+    **dict.fromkeys(("touch", "whisker", "whiskers"), "tactile"),
+    **dict.fromkeys(("camera", "photo", "visual"), "vision"),
+    **dict.fromkeys(("both", "fusion"), "fused"),
+}
+"""Words that people type for a mode, and the mode."""
+
+
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
     """The first of the values that cannot be, in words.
 
@@ -90,6 +98,12 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
 def _by_commas(value: Any) -> Any:
     if isinstance(value, str):
         return tuple(name.strip() for name in value.split(",") if name.strip())
+    return value
+
+
+def _mode(value: Any) -> Any:
+    if value in _MODES:
+        raise ValueError(f"that is called {_MODES[value]} here")
     return value
 
 
@@ -268,7 +282,7 @@ class MapSettings(Settings):
 class ReadSettings(MapSettings):
     """Settings of reading."""
 
-    mode: Literal["tactile", "vision", "fused", "auto"] | None = None
+    mode: Annotated[Literal["tactile", "vision", "fused", "auto"] | None, BeforeValidator(_mode)] = None
     """What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has files for
     (auto). Unless given, touch; and the camera for a part that is a photograph only."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
+from glyphs.plain_text import visible
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
@@ -29,7 +30,7 @@ class ListedPart:
     """One part by the names of its files; empty where there is none.
 
     Attributes:
-        name: unique in its list.
+        name: unique in its list; control characters are written as words.
         height_map: file of its height map.
         scan: file of its recorded scan.
         photo: file of its photograph.
@@ -58,6 +59,8 @@ class ListedPart:
     def __post_init__(self) -> None:
         if not self.name:
             raise ValueError("a part without a name; give it one")
+        # tables, terminals and logs show names; a file's name may hold control characters
+        object.__setattr__(self, "name", visible(self.name))
 
     @property
     def files(self) -> tuple[str, ...]:

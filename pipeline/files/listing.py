@@ -12,13 +12,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from pipeline.files.listed import ListedPart, has_magic, is_url, is_web, local_name
-from pipeline.files.manifest import is_manifest, read_manifest, speaks_of_no_files
+from pipeline.files.manifest import is_manifest, names_no_files, read_manifest
+from pipeline.files.part_list import PartList
 from pipeline.files.parts import FoundFiles, NothingFoundError, key_and_kind, named_apart
 from pipeline.files.passed_over import PassedOver
 from pipeline.files.remote import list_remote
 
 
-class Listing(list[ListedPart]):
+class Listing(PartList):
     """Parts, and the files of their folders that are none.
 
     Attributes:
@@ -54,14 +55,14 @@ def list_parts(
         FileError: a manifest that cannot be used, or a folder that cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
-    from pipeline.files.number_table import is_number_table
-
+    if len(inputs) + len(manifests) == 1 and (manifests or _is_manifest(inputs[0])):
+        return Listing(read_manifest((*inputs, *manifests)[0]), PassedOver())
     found = FoundFiles(photos=photos, height_images=height_images)
     for given in inputs:
         name = local_name(given)
-        if len(inputs) > 1 and speaks_of_no_files(name):
+        if len(inputs) > 1 and names_no_files(name):
             continue  # of a folder that the shell has spelled out
-        if is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name)):
+        if _is_manifest(name):
             found.add_told(read_manifest(name))
         elif is_url(name):
             _add_remote(found, name)
@@ -73,6 +74,14 @@ def list_parts(
     if not parts:
         raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
     return Listing(named_apart(parts), found.passed_over)
+
+
+def _is_manifest(given: str) -> bool:
+    """Whether an input is a table of parts, and no folder of that name or table of heights."""
+    from pipeline.files.number_table import is_number_table
+
+    name = local_name(given)
+    return is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name))
 
 
 def _add_remote(found: FoundFiles, url: str) -> None:

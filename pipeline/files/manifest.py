@@ -4,25 +4,29 @@ part,height_map,scan,photo,expected,format,font
 A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
 A2,s3://lots/7/A2.npz
 A3,,,A3.light-1.png | A3.light-2.png                    several photographs of one part
+
+A table without headings has a column of files, perhaps one of names before it and one of expected texts after it.
 """
 
 from __future__ import annotations
 
 import contextlib
-import csv
 import difflib
 import os
 import re
 import sys
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, require_file
-from pipeline.common.spreadsheet import original
 from pipeline.files.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
-from pipeline.files.parts import named_apart
+from pipeline.files.part_list import PartList
+from pipeline.files.parts import key_and_kind, named_apart
 from pipeline.files.remote import copied
+from pipeline.files.table_file import PART_HEADINGS, TEXT_HEADINGS, TableLine, column_of, heading, table_lines
 
 COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
 FILES = COLUMNS[1:4]
@@ -32,11 +36,10 @@ _OTHERS = ("height_mm", "height_px")
 _SEVERAL = "|"
 """Between files of one cell."""
 _CLOSE = 0.8
-_DELIMITERS = ",;\t"
 _MAX_BYTES = 2_000_000_000
 _BATCH_ROWS = 8192
-_MOST_HEAD = 100_000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+_DRIVE = re.compile(r"[A-Za-z]:")
 
 
 def is_manifest(name: str) -> bool:
@@ -44,18 +47,24 @@ def is_manifest(name: str) -> bool:
     return split_name(name)[1].lower().endswith((".csv", ".parquet"))
 
 
-def speaks_of_no_files(name: str) -> bool:
-    """Whether a CSV on this machine is of what parts bear, as a truth or a table of rows is, and of no files."""
+def names_no_files(name: str) -> bool:
+    """Whether a CSV on this machine tells what parts bear, as a truth or a table of rows does, and names no files."""
     path = Path(name)
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
-        head = {cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", stream.readline(_MOST_HEAD))}
-    return {"part", "text"} <= head and head.isdisjoint(FILES)
+    try:
+        head = next(iter(table_lines(path)), None)
+    except FileError:
+        return False  # told when it is read
+    return head is not None and (
+        column_of(head.cells, PART_HEADINGS) is not None
+        and column_of(head.cells, TEXT_HEADINGS) is not None
+        and column_of(head.cells, FILES) is None
+    )
 
 
-def read_manifest(source: str) -> list[ListedPart]:
-    """The parts of a table: CSV (UTF-8; comma, semicolon or tab) unless it ends in .parquet.
+def read_manifest(source: str) -> Sequence[ListedPart]:
+    """The parts of a table: CSV (see `table_lines`) unless it ends in .parquet.
 
     A file that is named relatively lies beside the table. A part without a name is called as the first of its
     files, with as much of the folder as makes it unique. Other columns and empty lines are passed over.
@@ -69,25 +78,38 @@ def read_manifest(source: str) -> list[ListedPart]:
         MissingExtraError: a library that URLs need is not installed.
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
-    records = _parquet_records if split_name(source)[1].lower().endswith(".parquet") else _csv_records
-    parts: list[ListedPart] = []
-    seen: dict[str | tuple[str, str], str] = {}
+    as_parquet = split_name(source)[1].lower().endswith(".parquet")
+    records, line = (_parquet_records, "row") if as_parquet else (_csv_records, "line")
+    # of a million lines the parts are packed and their keys are hashes: a table may not fill the memory
+    parts, keys, numbers = PartList(), array("q"), array("q")
     with _on_this_machine(source) as path:
-        for where, cells in records(source, path):
-            part = _part_of(source, where, cells)
+        for number, cells in records(source, path):
+            part = _part_of(source, f"{line} {number}", cells)
             folder, last = split_name(part.files[0])
-            key = part.name if cells.get("part") else (folder, os.path.splitext(last)[0])
-            if key in seen:
-                raise problem_of(
-                    source,
-                    f"{where} names {part.name} a second time, after {seen[key]}",
-                    "give every part one line",
-                )
-            seen[key] = where
+            keys.append(hash(part.name if cells.get("part") else (folder, os.path.splitext(last)[0])))
+            numbers.append(number)
             parts.append(part)
     if not parts:
         raise problem_of(source, "holds no part", "give a line for each part")
+    if (pair := _first_repeated(parts, keys)) is not None:
+        first, second = pair
+        raise problem_of(
+            source,
+            f"{line} {numbers[second]} names {parts[second].name} a second time, after {line} {numbers[first]}",
+            "give every part one line",
+        )
     return named_apart(parts)
+
+
+def _first_repeated(parts: Sequence[ListedPart], keys: array[int]) -> tuple[int, int] | None:
+    """The first two lines that name one part."""
+    import numpy as np
+
+    hashes = np.frombuffer(keys, dtype=np.int64)
+    order = np.argsort(hashes, kind="stable")
+    same = np.flatnonzero(hashes[order[1:]] == hashes[order[:-1]])
+    pairs = sorted((int(order[k + 1]), int(order[k])) for k in same)
+    return next(((a, b) for b, a in pairs if parts[a].name == parts[b].name), None)
 
 
 @contextlib.contextmanager
@@ -108,8 +130,9 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
             source, f"{where} has a line break or control character under {column}", "check its quotes"
         )
     photo, *more = (name.strip() for name in cells.get("photo", "").split(_SEVERAL))
-    files = {c: beside(source, name) for c in FILES if (name := photo if c == "photo" else cells.get(c))}
-    more_photos = tuple(beside(source, name) for name in more)
+    named = {c: name for c in FILES if (name := photo if c == "photo" else cells.get(c))}
+    files = {c: _place(source, where, name) for c, name in named.items()}
+    more_photos = tuple(_place(source, where, name) for name in more)
     lasts = [split_name(file)[1] for file in (*files.values(), *more_photos)]
     if not lasts:
         raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(FILES)}")
@@ -127,21 +150,37 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
     )
 
 
+def _place(source: str, where: str, name: str) -> str:
+    """A file beside the table; a path that Windows wrote is read on any system.
+
+    Raises:
+        FileError: it begins with a drive that this system does not have.
+    """
+    if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
+        if _DRIVE.match(name):
+            raise problem_of(
+                source,
+                f"{where} names {name}, and this system has no drive {name[:2]}",
+                "name the files as they lie beside the table",
+            )
+        name = name.replace("\\", "/")
+    return beside(source, name)
+
+
 def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
     """Where each known column stands."""
     found: dict[str, int] = {}
-    for place, heading in enumerate(header):
-        name = heading.strip().lower()
+    for place, title in enumerate(header):
+        name = title.strip().lower()
         if name in found:
             raise problem_of(source, f"has two columns {name}", "keep one")
         if name in COLUMNS:
             found[name] = place
         elif name not in _OTHERS:
-            spelled = re.sub(r"[\s.-]+", "_", name)
-            for close in difflib.get_close_matches(spelled, COLUMNS, n=1, cutoff=_CLOSE):
+            for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
                 raise problem_of(
                     source,
-                    f"has a column {heading.strip()!r}, which is none of {', '.join(COLUMNS)}",
+                    f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}",
                     f"call it {close} if that is meant, or something quite different",
                 )
     if not any(column in found for column in FILES):
@@ -152,48 +191,43 @@ def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _csv_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Where each line of a CSV stands, and its known cells."""
-    number = 1
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            first = next((line for line in iter(lambda: stream.readline(_MOST_HEAD), "") if line.strip()), "")
-            delimiter = max(_DELIMITERS, key=first.count)
-            stream.seek(0)
-            # strict, for else one quote too many silently swallows the lines after it
-            reader = csv.reader(stream, delimiter=delimiter, skipinitialspace=True, strict=True)
-            header = next((row for row in reader if any(cell.strip() for cell in row)), [])
-            columns = _columns(source, header)
-            for row in reader:
-                number = reader.line_num
-                if not any(cell.strip() for cell in row):
-                    continue
-                if any(cell.strip() for cell in row[len(header) :]):
-                    raise problem_of(
-                        source,
-                        f"line {number} has more fields than the first line",
-                        "quote what holds commas",
-                    )
-                yield (
-                    f"line {number}",
-                    {name: original(_cell(row[at])) for name, at in columns.items() if at < len(row)},
-                )
-    except UnicodeDecodeError as error:
-        raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
-    except csv.Error as error:
-        raise problem_of(
-            source,
-            f"is not a CSV table after line {number} ({error})",
-            "check its quotes, save it as CSV (UTF-8)",
-        ) from error
+def _csv_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number of each line of a CSV, and its known cells."""
+    lines = table_lines(path, source=source)
+    head = next(lines, TableLine(1, ()))
+    columns = _columns_of_files(head.cells)
+    width = len(head.cells)
+    if columns is None:
+        columns = _columns(source, head.cells)
+    else:
+        lines = chain((head,), lines)
+    for line in lines:
+        if any(line.cells[width:]):
+            raise problem_of(
+                source,
+                f"line {line.number} has more fields than the first line",
+                "quote what holds the delimiter",
+            )
+        yield line.number, {name: line.cell(place) for name, place in columns.items()}
+
+
+def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
+    """The columns of a table whose first line names a file and is no heading; None of any other."""
+    kinds = {place: kind for place, cell in enumerate(cells) if (kind := key_and_kind(cell)[1])}
+    if column_of(cells, COLUMNS) is not None or len(kinds) != 1 or len(cells) > 3:
+        return None
+    ((at, kind),) = kinds.items()
+    if at > 1 or len(cells) > at + 2:
+        return None
+    return {kind: at, **({"part": 0} if at else {}), **({"expected": at + 1} if len(cells) > at + 1 else {})}
 
 
 def _cell(value: object) -> str:
     return "" if value is None else str(value).strip()
 
 
-def _parquet_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Where each row of a Parquet file stands, and its known cells; a batch of rows is in memory at a time."""
+def _parquet_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number of each row of a Parquet file, and its known cells; a batch of rows is in memory at a time."""
     from pyarrow import parquet
 
     def in_words(error: Exception) -> FileError:
@@ -227,7 +261,7 @@ def _parquet_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, s
                 number += 1
                 cells = {name: _cell(value) for name, value in zip(values, row, strict=True)}
                 if any(cells.values()):
-                    yield f"row {number}", cells
+                    yield number, cells
 
 
 def _is_text(kind: Any, name: str) -> bool:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
 from pipeline.files.listed import ListedPart, problem_of, split_name
+from pipeline.files.part_list import PartList
 from pipeline.files.passed_over import PassedOver
 from pipeline.files.touch_file import (
     CORE_SUFFIXES,
@@ -275,7 +276,7 @@ def set_of(file: str) -> str:
 
 
 def _stem_name(stem: str) -> str:
-    """A name that can be printed and stored, whatever bytes the file's name is made of."""
+    """A name that can be stored, whatever bytes the file's name is made of."""
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
 
 
@@ -290,20 +291,29 @@ def _told(part: ListedPart) -> bool:
     return bool(part.expected or part.format or part.font)
 
 
-def named_apart(parts: Sequence[ListedPart]) -> list[ListedPart]:
+def named_apart(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
     """The parts with names that are unique: as much of its folder before a name as that takes.
 
     Parts of one name and one folder, which only manifests can tell of, are numbered.
     """
     names = [p.name for p in parts]
-    folders = [split_name(p.files[0])[0].replace("://", "/").split("/") if p.files else [] for p in parts]
+    if len(set(names)) == len(names):
+        return parts
+
+    def folders(part: ListedPart) -> list[str]:
+        return split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
+
     depth = 0
     while clash := _not_unique(names):
         depth += 1
-        if not any(len(folders[i]) >= depth for i in clash):
-            break
+        deeper = False
         for i in clash:
-            names[i] = "/".join(f for f in (*folders[i][-depth:], parts[i].name) if f)
+            part = parts[i]
+            above = folders(part)
+            deeper |= len(above) >= depth
+            names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
+        if not deeper:
+            break
     taken = set(names)
     seen: set[str] = set()
     for i, name in enumerate(names):
@@ -312,7 +322,7 @@ def named_apart(parts: Sequence[ListedPart]) -> list[ListedPart]:
             number += 1
             names[i] = f"{name} ({number})"
         seen.add(names[i])
-    return [p if p.name == name else replace(p, name=name) for p, name in zip(parts, names, strict=True)]
+    return PartList(replace(p, name=name) for p, name in zip(parts, names, strict=True))
 
 
 def _not_unique(names: Sequence[str]) -> list[int]:

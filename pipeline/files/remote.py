@@ -36,6 +36,7 @@ from pipeline.files.listed import (
     without_secrets,
 )
 from pipeline.files.parts import Part
+from pipeline.files.spelling import spelled_on_disk
 
 __all__ = ["copied", "fetched", "is_url", "list_remote", "originally"]
 
@@ -102,7 +103,7 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
         paths: dict[str, Path | None] = {}
         for kind, name in names.items():
             if not is_url(name):
-                paths[kind] = Path(name) if name else None
+                paths[kind] = spelled_on_disk(name) if name else None
             elif problem is not None or (kind == "photo" and photo_problem is not None):
                 paths[kind] = Path(name)  # never opened
             else:
@@ -115,7 +116,7 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
         others = [
             copies.enter_context(copied(name, most_bytes=_most_bytes("photo")))
             if is_url(name)
-            else Path(name)
+            else spelled_on_disk(name)
             for name in map(local_name, () if problem or photo_problem else more)
         ]
         part = Part(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, require_file
@@ -48,17 +48,17 @@ HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MAX_SCAN_BYTES = 4_000_000_000
 
 
-def is_height_map(path: Path) -> bool:
+def is_height_map(path: PurePath) -> bool:
     """Whether the suffix is that of a height map."""
     return path.suffix.lower() in CORE_SUFFIXES + FORMATS_SUFFIXES + TABLE_SUFFIXES
 
 
-def is_scan(path: Path) -> bool:
+def is_scan(path: PurePath) -> bool:
     """Whether the suffix is that of a recorded scan."""
     return path.suffix.lower() in SCAN_SUFFIXES
 
 
-def is_photo(path: Path) -> bool:
+def is_photo(path: PurePath) -> bool:
     """Whether the suffix is that of a photograph that is read."""
     return path.suffix.lower() in PHOTO_SUFFIXES
 

@@ -7,19 +7,27 @@ is right. Spaces count for neither: they are not stamped. A part with an error c
 
 from __future__ import annotations
 
-import csv
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cached_property
+from itertools import chain
+from pathlib import Path, PurePath, PureWindowsPath
 
 from rapidfuzz.distance import Levenshtein
 
 from glyphs.errors import FileError, require_file
 from pipeline.common.row import Row
+from pipeline.files.table_file import (
+    PART_HEADINGS,
+    TEXT_HEADINGS,
+    TableLine,
+    column_of,
+    is_data,
+    table_lines,
+)
 from pipeline.files.touch_file import is_height_map, is_photo, is_scan
 
-_PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
-_TEXT_HEADINGS = ("text", "serial", "truth", "label")
 _MAX_FILE_BYTES = 200_000_000
 
 
@@ -83,13 +91,43 @@ class PartLine:
     others: dict[str, str]
 
 
-def load_truth(path: Path) -> dict[str, str]:
+class PartTexts(dict[str, str]):
+    """Texts by the names of parts, found however a name is composed (NFC, NFD) and in whatever case."""
+
+    @cached_property
+    def _names(self) -> dict[str, str | None]:
+        """The only name of each spelling; None where several have it."""
+        names: dict[str, str | None] = {}
+        for name in self:
+            names[_folded(name)] = None if _folded(name) in names else name
+        return names
+
+    def name_of(self, part: str) -> str | None:
+        """What the table calls a part: its name, or that without its folder; None where it has none."""
+        for name in (part, part.rpartition("/")[2]):
+            if name in self:
+                return name
+            if (found := self._names.get(_folded(name))) is not None:
+                return found
+        return None
+
+    def text_of(self, part: str) -> str | None:
+        """The text of a part; None where the table has none."""
+        name = self.name_of(part)
+        return None if name is None else self[name]
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFC", name).casefold()
+
+
+def load_truth(path: Path) -> PartTexts:
     """Text by part name, see `load_part_lines`."""
-    return {line.part: line.text for line in load_part_lines(path)}
+    return PartTexts((line.part, line.text) for line in load_part_lines(path))
 
 
 def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
-    """The lines of a CSV with the columns part (or file) and text (or serial).
+    """The lines of a table with the columns part (or file) and text (or serial), in this order without headings.
 
     Args:
         path: the table.
@@ -99,53 +137,42 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         FileError: not such a table, or one that names a part twice and must not.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            return _parse(path, csv.DictReader(stream, skipinitialspace=True), repeated)
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
-    except csv.Error as error:
-        raise FileError(path, f"is not a CSV table ({error})", "save it as CSV (UTF-8)") from error
-
-
-def _parse(path: Path, table: csv.DictReader[str], repeated: bool) -> list[PartLine]:
-    headings = {(h or "").strip().lower(): h for h in table.fieldnames or ()}
-    part = next((headings[h] for h in _PART_HEADINGS if h in headings), None)
-    text = next((headings[h] for h in _TEXT_HEADINGS if h in headings), None)
-    if part is None or text is None:
-        raise FileError(
-            path, f"has the columns {', '.join(headings) or 'none'}", "its first line must name part and text"
-        )
-    others = {name: heading for name, heading in headings.items() if heading not in (part, text)}
-    lines: list[PartLine] = []
+    lines = table_lines(path)
+    head = next(lines, TableLine(1, ()))
+    part, text = column_of(head.cells, PART_HEADINGS), column_of(head.cells, TEXT_HEADINGS)
+    others: dict[str, int] = {}
+    if part is None and text is None and len(head.cells) == 2 and is_data(head.cells):
+        part, text, lines = 0, 1, chain((head,), lines)
+    elif part is None or text is None:
+        found = ", ".join(cell.lower() for cell in head.cells) or "none"
+        raise FileError(path, f"has the columns {found}", "its first line must name part and text")
+    else:
+        titles = [cell.lower() for cell in head.cells]
+        others = {name: place for place, name in enumerate(titles) if place not in (part, text)}
+    found_lines: list[PartLine] = []
     seen: set[str] = set()
-    for record in table:
-        name, value = (record[part] or "").strip(), record[text]
+    for line in lines:
+        name, value = line.cell(part), line.cell(text)
         if not name and not value:
             continue
-        if value is None or not name:
-            raise FileError(path, f"line {table.line_num} is not complete", "give a part and its text")
+        if not name or len(line.cells) <= text:
+            raise FileError(path, f"line {line.number} is not complete", "give a part and its text")
         name = part_name(name)
         if name in seen and not repeated:
-            raise FileError(path, f"line {table.line_num} names {name} a second time", "keep one line a part")
-        more = {key: (record[heading] or "").strip() for key, heading in others.items()}
-        lines.append(PartLine(table.line_num, name, value.strip(), more))
+            raise FileError(path, f"line {line.number} names {name} a second time", "keep one line a part")
+        more = {title: line.cell(place) for title, place in others.items()}
+        found_lines.append(PartLine(line.number, name, value, more))
         seen.add(name)
-    if not lines:
+    if not found_lines:
         raise FileError(path, "holds no part", "give a line for each part")
-    return lines
+    return found_lines
 
 
 def part_name(cell: str) -> str:
-    """The part that a cell means: a file's name stands for its part."""
-    path = Path(cell)
+    """The part that a cell means: a file's name, as any system writes it, stands for its part."""
+    path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     known = is_height_map(path) or is_scan(path) or is_photo(path)
     return path.stem if known else cell
-
-
-def name_in(truth: Mapping[str, str], part: str) -> str | None:
-    """What a table calls a part: its name, or that without its folder; None where it has none."""
-    return next((name for name in (part, part.rpartition("/")[2]) if name in truth), None)
 
 
 def without_blanks(text: str) -> str:
@@ -157,13 +184,13 @@ class Scores:
     """Rows held against the truth, as they come."""
 
     def __init__(self, truth: Mapping[str, str]) -> None:
-        self._truth = truth
+        self._truth = PartTexts(truth)
         self._seen: set[str] = set()
         self._parts = self._right = self._characters = self._edits = self._without = 0
 
     def add(self, row: Row) -> None:
         """Count one row."""
-        name = name_in(self._truth, row.part)
+        name = self._truth.name_of(row.part)
         if name is None:
             self._without += 1
             return

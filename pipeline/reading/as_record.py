@@ -6,6 +6,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -58,7 +59,8 @@ def record_of_part(
     # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
     except Exception as fault:
         error = f"{file}: {fault_of(fault)}; please report it"
-    return ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4)), None
+    failed = ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4))
+    return replace(failed, at=datetime.now(UTC), program=program_version()), None
 
 
 def reading_record(

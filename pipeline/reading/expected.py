@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
-from pipeline.files.truth import load_truth
+from pipeline.files.truth import PartTexts, load_truth
 
 if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
@@ -26,17 +25,15 @@ class Expected:
     """
 
     text: str = ""
-    by_part: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    by_part: PartTexts = field(default_factory=PartTexts)
 
     def of(self, part: str) -> str | None:
         """The text of a part; None where none is known."""
-        if self.text:
-            return self.text
-        return self.by_part.get(part, self.by_part.get(part.rpartition("/")[2]))
+        return self.text or self.by_part.text_of(part)
 
     def not_among(self, parts: Iterable[str]) -> tuple[str, ...]:
         """Parts of the table that are none of these."""
-        named = {name for part in parts for name in (part, part.rpartition("/")[2])}
+        named = {self.by_part.name_of(part) for part in parts}
         return tuple(name for name in self.by_part if name not in named)
 
 
@@ -61,7 +58,7 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
                 raise FileError(
                     path, f"{part} should read {text!r}, but {'; '.join(broken)}", "correct one of them"
                 )
-        return Expected(by_part=MappingProxyType(table))
+        return Expected(by_part=table)
     if not given.strip():
         raise SettingsError(
             "--verify is empty", hint="give the text that the part should read, or a CSV table"

@@ -20,10 +20,11 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
 from pipeline.common.private import private_folder
-from pipeline.common.serial_rules import SerialRules, read_order
+from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
+from pipeline.files.order_file import read_order
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.alerts import AlertWatch

@@ -82,7 +82,13 @@ def decided(
         if ChoiceFlag.EXHAUSTED in choice.flags:
             flags |= ReadingFlag.SEARCH_EXHAUSTED
     made = Reading(
-        tuple(characters), decision_of(flags, characters), confidence, flags, findings=findings, **about
+        tuple(characters),
+        decision_of(flags, characters),
+        confidence,
+        flags,
+        findings=findings,
+        threshold=settings.accept_confidence,
+        **about,
     )
     return made if choice is None or grammar is None else check_doubted(made, choice, grammar)
 

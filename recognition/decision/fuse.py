@@ -236,7 +236,7 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) 
         findings=(*kept.findings, *doubts),
         box=hull(lattice.boxes), spaces_after=lattice.spaces_after, others=vision.others,
     )  # fmt: skip
-    note = "touch has found no characters; read by the camera alone"
+    note = "touch has found no characters, so the camera alone has read it"
     return replace(
         made,
         font=vision.font,

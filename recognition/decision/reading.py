@@ -212,6 +212,7 @@ class Reading:
         others: the part's other lines.
         photos: photographs that it is of; 0 of touch alone.
         codes: Data Matrix and QR codes in them.
+        threshold: least confidence for acceptance that it was decided by; None where none was.
         trace: what it was made from.
     """
 
@@ -233,6 +234,7 @@ class Reading:
     others: tuple[OtherLine, ...] = ()
     photos: int = 0
     codes: tuple[Code, ...] = ()
+    threshold: float | None = None
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
 
     @property
@@ -272,7 +274,7 @@ class Reading:
             facts += [] if self.touch is None else ["raised" if self.raised else "sunk"]
             facts.append(f"{self.rotation_deg:+.1f}°")
         if self.depth_min_mm is not None:
-            facts.append(f"{'standing' if self.raised else 'deep'} {self.depth_min_mm:.3f} mm at least")
+            facts.append(f"{'lowest' if self.raised else 'shallowest'} mark {self.depth_min_mm:.3f} mm")
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
@@ -330,6 +332,14 @@ class Reading:
     def found(self, *findings: Finding) -> Reading:
         """The same reading with these findings and their flags."""
         return replace(self, flags=self.flags | flags_of(findings), findings=(*self.findings, *findings))
+
+    @property
+    def shortfall(self) -> str:
+        """How far the confidence is below the threshold, in words; empty where it is not."""
+        if self.threshold is None or self.confidence >= self.threshold:
+            return ""
+        digits = next((n for n in range(3, 7) if round(self.confidence, n) < self.threshold), 6)
+        return f"confidence {self.confidence:.{digits}f} is below the threshold {self.threshold:g}"
 
     def without(self, flags: ReadingFlag) -> Reading:
         """The same reading without these flags and what was found for them."""

@@ -79,7 +79,8 @@ def reading_of_line(
     spaces = spaces_of(choice.text, grammar, main.belief.heard, main.belief.columns)
     lattice = replace(lattice, spaces_after=spaces)
     if not choice.text or min(_surest(lattice), _surest(main.belief.openly[0])) < LEAST_READ:
-        return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
+        nothing = decided((), 0.0, settings, flags=flags, findings=_outside_format(main, grammar))
+        return replace(nothing, source=source).traced(lattice=lattice)
     if (
         grammar is None
         and len(choice.text) < LEAST_PLACES
@@ -155,6 +156,21 @@ def doubts_of_lines(
     )
 
 
+def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
+    """What stands there in place of a serial, where it can be read and the format does not allow it."""
+    text = text_of(line)
+    broken = () if grammar is None or not text else grammar.objections(text)
+    if not broken or _surest(line.belief.openly[0]) < LEAST_READ:
+        return ()
+    why = "; ".join(broken).replace("mask:", "the format ")
+    return (Finding(ReadingFlag.NO_CHARACTERS, f"{_found(text)}: {why} (check the part and the format)"),)
+
+
+def _found(text: str) -> str:
+    """What stands on the part, in words: "found 1 character (“8”)"."""
+    return f"found {len(text)} character{'' if len(text) == 1 else 's'} (“{text}”)"
+
+
 def _beyond_format(
     line: ReadLine, text: str, grammar: Grammar | None, *, least: float
 ) -> tuple[Finding, ...]:
@@ -186,7 +202,7 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
         return (
             Finding(
                 ReadingFlag.FORMAT_OVERRULED,
-                f"{len(openly)} characters are found where the format has {len(text)} (compare it with the part)",
+                f"{_found(openly)} where the format has {len(text)} (check the part and the format)",
             ),
         )
     belief = np.exp(lattice.log_belief)

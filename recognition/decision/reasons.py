@@ -74,29 +74,43 @@ def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
     """What a flag, or several that mean one reason, say of this part; nothing where none is set."""
     if not reading.flags & flag:
         return ()
-    found = tuple(finding.text for finding in reading.findings if finding.flag & flag)
+    found = tuple(dict.fromkeys(finding.text for finding in reading.findings if finding.flag & flag))
     if flag & DOUBT_FLAGS:
         found = (*found, *_doubts(reading, found))
     unsaid = flag & reading.flags & ~flags_of(reading.findings)
-    return found if flag & DOUBT_FLAGS and found else (*found, *unsaid.messages())
+    return found if flag & DOUBT_FLAGS and found else (*_merged(found), *unsaid.messages())
+
+
+def _merged(texts: Sequence[str]) -> tuple[str, ...]:
+    """Findings at several places with one explanation as one: "P or W at place 1, 3 or 2 at place 3: ..."."""
+    heads: dict[str, list[str]] = {}
+    for text in texts:
+        head, colon, why = text.partition(": ")
+        heads.setdefault(colon + why if colon else text, []).append(head if colon else "")
+    return tuple(", ".join(found) + why for why, found in heads.items())
 
 
 def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
     """What is doubtful about the characters: rivals, places that cannot be read, their number; else the least sure."""
+    why = reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
+    if not reading.flags & ReadingFlag.LOW_CONFIDENCE:
+        why = ReadingFlag.AMBIGUOUS.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
     rivals = _rivals(reading)
     if rivals:
-        yield f"low confidence: {rivals}?"
+        yield f"{why}: {rivals}?"
     if unread:
         yield f"no character can be made out: {_ranges(unread)} (look at the part)"
     if rivals or unread or said or not places:
         return
     if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
-        yield f"low confidence: are there {len(places)} characters?"
+        yield f"{why}: are there {len(places)} characters?"
     elif len(places) > 1:
         k, least = min(places, key=lambda place: place[1].confidence)
-        yield f"low confidence: {least.char} at place {k} is the least sure"
+        yield f"{why}: {least.char} at place {k} is the least sure"
+    elif reading.shortfall:
+        yield why
 
 
 def _rivals(reading: Reading) -> str:

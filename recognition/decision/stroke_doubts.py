@@ -30,6 +30,8 @@ OTHER_FONT = 0.06
 19 lie best in it, 3 better in another by less than this, and 2 by 0.08."""
 TEXT_FELT = 0.35
 """Share of strokes felt below which a line of which most cannot be read is none: dirt, and land."""
+READ_OPENLY = 0.5
+"""Belief in all that is read without the format, from which it is text although it does not fit the format."""
 LEFT = 0.002
 """Belief that may be left in a live rival once strokes have spoken."""
 TOLD_HEIGHTS = 0.25
@@ -65,10 +67,15 @@ def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading
 
 
 def no_text(reading: Reading) -> Reading:
-    """The reading of a part on which there is no text: without characters, and without doubts about them."""
-    bare = reading.without(DOUBTS)
+    """The reading of a part on which there is no text: without characters, and without doubts about them.
+
+    What is surely read there, and is only no serial of the format, is named.
+    """
+    openly, bare = reading.trace.open_lattice, reading.without(DOUBTS)
+    sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(READ_OPENLY)
+    outside = [f.text for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
     return replace(
-        bare,
+        bare.found(*(Finding(ReadingFlag.NO_CHARACTERS, text) for text in outside)),
         characters=(),
         decision=Decision.REJECT,
         confidence=0.0,

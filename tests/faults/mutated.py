@@ -33,8 +33,8 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.database import GlyphDatabase, load_database, save_database
 from pipeline.common.job_file import read_job_file
 from pipeline.common.serial_format import read_lexicon
-from pipeline.common.serial_rules import read_order
 from pipeline.files.manifest import read_manifest
+from pipeline.files.order_file import read_order
 from pipeline.files.photos import read_photo
 from pipeline.files.touch_file import read_height_map, read_scan
 from pipeline.files.truth import load_truth

@@ -49,10 +49,10 @@ class FolderParts:
             allowed_characters(condition.format)
         _check_severity(condition.severity)
         truths = load_truth(truth)
-        parts = tuple(p for p in discover(inputs) if p.name in truths)
-        if not parts:
+        found = {p: text for p in discover(inputs) if (text := truths.text_of(p.name)) is not None}
+        if not found:
             raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
-        return cls(parts, {p.name: truths[p.name] for p in parts}, condition)
+        return cls(tuple(found), {p.name: text for p, text in found.items()}, condition)
 
     def items(self) -> list[Item]:
         """All of them, by name."""

@@ -25,7 +25,6 @@ def write_certificate_page(certificate: Certificate, path: Path, *, command: str
 
     Raises:
         FileError: the file cannot be written.
-        ReportError: Jinja2 is not there.
     """
     page = rendered(
         _TEMPLATE,

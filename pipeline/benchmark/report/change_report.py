@@ -12,7 +12,7 @@ from typing import Any
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes, level_words, reader_of
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import check_report, rendered
+from pipeline.benchmark.report.page import rendered
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remade import remade
@@ -56,9 +56,7 @@ def write_comparison(
     Raises:
         FileError: a folder holds no benchmark, or cannot be written.
         NotComparableError: not the same parts, or no reader in both.
-        ReportError: Jinja2 is not there.
     """
-    check_report()
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))

@@ -6,38 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.factors import Estimate, FactorEffect, LevelEffect, factor_name
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import severity_name
 from pipeline.common.shares import Share
 
 
-class ReportError(MarksError):
-    """The report cannot be drawn here; the message says what is missing."""
-
-
-def check_report() -> None:
-    """Refuse, before the run, what could not be reported at its end.
-
-    Raises:
-        ReportError: Jinja2 is not there.
-    """
-    try:
-        import jinja2  # noqa: F401
-    except ImportError as error:
-        raise ReportError(
-            "the report needs Jinja2", hint='install it with: pip install "tactile-marks[report]"'
-        ) from error
-
-
 def rendered(template: str, **values: Any) -> str:
-    """A page of `pipeline.benchmark.templates`.
-
-    Raises:
-        ReportError: Jinja2 is not there.
-    """
-    check_report()
+    """A page of `pipeline.benchmark.report.templates`."""
     import jinja2
 
     environment = jinja2.Environment(

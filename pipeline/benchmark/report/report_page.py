@@ -51,9 +51,6 @@ def report_page(
         command: how to do it again, as typed.
         certificate: that the parts were read with, if any.
         drift: how the parts of a mode differ from the certified ones, by mode.
-
-    Raises:
-        ReportError: Jinja2 is not there.
     """
     description, errors = benchmark.description(), [t for t in trials if t.error]
     modes, n_parts = modes_in(found.by_mode), len({t.part for t in trials})

@@ -23,7 +23,6 @@ from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
 from pipeline.benchmark.analysis.targets import Verdict, verdicts
 from pipeline.benchmark.exam.condition import level_name
-from pipeline.benchmark.report.page import check_report
 from pipeline.benchmark.report.report_page import report_page, versions
 from pipeline.benchmark.report.text_tables import text_tables
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
@@ -83,9 +82,7 @@ def write_report(
 
     Raises:
         FileError: the folder cannot be written.
-        ReportError: Jinja2 is not there.
     """
-    check_report()
     found = statistics_of(trials, crossed_of(benchmark.description()))
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}

@@ -48,11 +48,7 @@ def write_curves(path: Path, tried: Sequence[TouchTrial]) -> None:
 
 
 def write_page(path: Path, tried: Sequence[TouchTrial], *, title: str, command: str) -> None:
-    """The page, nothing beside it needed.
-
-    Raises:
-        ReportError: Jinja2 is not there.
-    """
+    """The page, nothing beside it needed."""
     severities = sorted({t.severity for t in tried if t.severity is not None})
     givens = list(dict.fromkeys(t.given for t in tried))
     waits = sorted(t.usual_thought_s for t in tried if t.plan == "active" and t.usual_thought_s > 0.0)

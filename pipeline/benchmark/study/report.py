@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from pipeline.benchmark.report.charts import WIDTH_IN, inlined
-from pipeline.benchmark.report.page import check_report, rendered
+from pipeline.benchmark.report.page import rendered
 from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
@@ -51,9 +51,7 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
 
     Raises:
         FileError: the folder cannot be written.
-        ReportError: Jinja2 is not there.
     """
-    check_report()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -20,6 +20,7 @@ from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
 from pipeline.common.run_description import key_of
+from pipeline.files.table_file import number_of
 from pipeline.files.truth import PartLine, load_part_lines
 
 _DECISIONS = ("accept", "review", "reject")
@@ -148,7 +149,7 @@ def _said_of(text: str, confidence: float, decision: str | None) -> dict[str, An
 def _confidence(path: Path, line: PartLine) -> float:
     cell = line.others.get("confidence", "")
     try:
-        value = float(cell or 0.0)
+        value = number_of(cell) if cell else 0.0
     except ValueError:
         value = -1.0
     if not 0.0 <= value <= 1.0:
@@ -185,6 +186,6 @@ def _level(cell: str) -> Level:
     if cell.lower() in words:
         return words[cell.lower()]
     try:
-        return float(cell)
+        return number_of(cell)
     except ValueError:
         return cell

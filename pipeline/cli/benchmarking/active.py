@@ -24,14 +24,12 @@ def compare_plans(source: Parts, *, out: Path, seed: int, jobs: int) -> int:
         jobs: worker processes.
     """
     from pipeline.batch.progress import Progress
-    from pipeline.benchmark.report.page import check_report
     from pipeline.benchmark.report.writing import command_line
     from pipeline.benchmark.stage_time.report import level_text, write_curves, write_page, write_table
     from pipeline.benchmark.stage_time.run import Comparison, compare
     from pipeline.benchmark.stage_time.trial import PLANS, results
     from pipeline.workers.options import ExecutorOptions
 
-    check_report()
     comparison = Comparison(source, seed, BUDGET_S, PLANS)
     with Progress() as progress, ExecutorOptions(jobs).opened(len(source.items())) as executor:
         tried = compare(

@@ -170,7 +170,6 @@ def benchmark(
         from pipeline.benchmark.exam.specimens import Parts
         from pipeline.benchmark.readers.experts import experts_in
         from pipeline.benchmark.readers.modes import PEERS
-        from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
         from pipeline.reading.certificate import checked
@@ -179,7 +178,6 @@ def benchmark(
         from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
-        check_report()
         source: Parts
         vouching = checked(certificate) if certificate is not None else None
         # parts of a design lie upright; how those of somebody else lie is not known

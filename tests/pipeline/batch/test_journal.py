@@ -616,7 +616,7 @@ def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
 
 def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"\.csv, \.jsonl, \.parquet"):
-        RunJournal.open(tmp_path / "t.xlsx", RUN)
+        RunJournal.open(tmp_path / "t.ods", RUN)
     with pytest.raises(FileError, match="cannot be written"):
         RunJournal.open(tmp_path / "none" / "t.csv", RUN)
     (tmp_path / "t.csv").mkdir()

@@ -70,6 +70,10 @@ def test_doubts_stand_below_their_row() -> None:
     assert lines[3] == "  low confidence; place 2: B or 8?; may also be A812 0.400; clean 2"
     assert len(lines) == 4
     asked = replace(DOUBT, flags="low confidence: B or 8 at place 2?", states="2:confused B/8, 3:not read")
+    named = replace(
+        DOUBT, flags="unread: places 1 to 3 (look at the part)", states="2:confused B/8, 4:not read"
+    )
+    assert notes(named).startswith("unread: places 1 to 3 (look at the part); place 4: not read; may")
     assert notes(asked).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
 
 

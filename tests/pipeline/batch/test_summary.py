@@ -60,6 +60,16 @@ def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
         ("most strokes are missing: I at place 1 (clean it and scan it again)", "most strokes are missing"),
         ("too shallow for R: 7 at place 2 0.061 mm (at least 0.0762)", "too shallow for R"),
         ("no character can be made out: places 3 and 4 (clean it)", "no character can be made out"),
+        ("0 or O at place 4: the strokes fit both", "0 or O at place #: the strokes fit both"),
+        (
+            "confidence 0.965 is below the threshold 0.98: 1 or I at place 3?",
+            "confidence # is below the threshold #",
+        ),
+        (
+            "confidence 0.5 is below the threshold 0.98: K at place 1 is the least sure",
+            "confidence # is below the threshold #",
+        ),
+        ("it does not fit the format AA9999", "it does not fit the format AA9999"),
         ("place 5: touch has 3, the camera 8", "place #: touch has #, the camera #"),
     ],
 )

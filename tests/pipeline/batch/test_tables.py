@@ -148,7 +148,7 @@ def test_an_empty_run_is_an_empty_table(suffix: str, tmp_path: Path) -> None:
 
 def test_a_table_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"\.csv, \.jsonl, \.parquet"):
-        check_output(tmp_path / "t.xlsx")
+        check_output(tmp_path / "t.ods")
     with pytest.raises(FileError, match="cannot be written"):
         check_output(tmp_path / "none" / "t.csv")
     (tmp_path / "folder.csv").mkdir()

@@ -56,7 +56,7 @@ def test_inspect_says_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixt
     asked = ("--font", "gothic", "--height-mm", "5", "--min-depth-mm", "0.2", "--out", "a.png")
     assert main(["inspect", str(part), *asked]) == 0
     printed = capsys.readouterr().out
-    assert "mm at least" in printed
+    assert "shallowest mark 0." in printed
     assert "too shallow for min_depth_mm" in printed
     assert Path("a.png").is_file()
 

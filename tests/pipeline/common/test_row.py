@@ -37,7 +37,7 @@ def test_states_name_the_places_that_are_not_plainly_read() -> None:
 
 
 def test_alternatives_have_some_belief() -> None:
-    assert row(place(("8", 0.7), ("B", 0.2), ("S", 0.001)), place()).alternatives == "1:B"
+    assert row(place(("8", 0.7), ("B", 0.2), ("S", 0.001)), place()).alternatives == "1: B 0.20"
 
 
 def test_grades_and_the_worst() -> None:

@@ -17,8 +17,8 @@ from pipeline.common.serial_rules import (
     SerialAlarm,
     SerialRules,
     counted,
-    read_order,
 )
+from pipeline.files.order_file import read_order
 
 
 def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:
@@ -118,8 +118,8 @@ def test_an_order_is_read_from_a_list_a_table_or_ranges(tmp_path: Path) -> None:
     assert against.why == "KX9 is not in lot-7.csv"
     for text, says in (
         ("# none\n", "holds no serial"),
-        ("KX1..AB9\n", "is no range"),
-        ("A1..A99\n", "is no range"),
+        ("KX1..AB9\n", "is not a range"),
+        ("A1..A99\n", "is not a range"),
     ):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(FileError, match=says):

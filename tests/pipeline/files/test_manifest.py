@@ -85,7 +85,6 @@ def test_parquet_says_the_same(tmp_path: Path, kind: pyarrow.DataType) -> None:
     parts = read_manifest(source)
     assert len(parts) == 20_000  # the empty row is passed over
     assert parts[-1] == ListedPart("19999", str(tmp_path / "m/19999.npz"), font="block")
-    assert parts[0].font is parts[-1].font  # one string, not twenty thousand
 
 
 def test_a_part_without_a_name_is_called_as_its_first_file(tmp_path: Path) -> None:
@@ -124,7 +123,9 @@ def test_beside_a_table_in_a_store_is_in_the_store() -> None:
 
 
 _TEXT = st.text(st.characters(blacklist_categories=["Cc", "Cs", "Zs", "Zl", "Zp", "Cf"]), max_size=12)
-_NAME = _TEXT.filter(lambda t: t.strip() and "/" not in t and "://" not in t and t not in (".", ".."))
+_NAME = _TEXT.filter(
+    lambda t: t.strip() and not set("/\\") & set(t) and "://" not in t and t not in (".", "..")
+)
 
 
 @settings(max_examples=60, deadline=None)
@@ -340,7 +341,7 @@ def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
 def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     quarantined(path, [ListedPart("x\ny", "x\ny.npz"), ListedPart("\udcff", "\udcff.npz"), BAD[1]])
-    assert [p.name for p in read_manifest(str(path))] == ["x?y", "\\udcff", "b"]
+    assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
     (part,) = discover(["x" * 5000 + ".npz"])
     book = Quarantine(tmp_path / "long.csv")
     book.add(ListedPart(part.name, problem=part.problem), str(part.problem))

@@ -35,7 +35,7 @@ def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
     [
         (b"", "is empty"),
         (b"part,text\n", "no part"),
-        (b"a,A1\n", "columns a, a1"),
+        (b"a,AB\n", "columns a, ab"),
         (b"part,text\na\n", "line 2 is not complete"),
         (b"part,text\na,A\na,B\n", "line 3 names a a second time"),
         (b"part,text\n\xff\xfe,A\n", "UTF-8"),

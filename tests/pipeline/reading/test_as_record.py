@@ -118,7 +118,7 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     )
     assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
     assert row.depths == "1 0.212/0.231 1 ?"
-    assert row.alternatives == "1:X 2:X"
+    assert row.alternatives == "1: X 0.08; 2: X 0.08"
     # what nobody asked for is empty
     assert (row.expected, row.verdict, row.verify_probability) == ("", "", None)
     assert (row.states, row.grade, row.grades, row.action) == ("", "", "", "")

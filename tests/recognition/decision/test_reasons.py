@@ -43,6 +43,26 @@ def test_low_confidence_names_the_places_worst_first() -> None:
     assert doubtful.messages() == ("low confidence: 1 or I at place 3, B or 8 at place 2?",)
 
 
+def test_a_confidence_below_the_threshold_is_told_in_numbers() -> None:
+    made = replace(review(SURE, CLOSE, flags=UNSURE, confidence=0.965), threshold=0.98)
+    assert made.messages() == ("confidence 0.965 is below the threshold 0.98: 1 or I at place 2?",)
+    # the confidence of now counts, and it never looks like the threshold
+    made = replace(made, characters=(SURE,), confidence=0.97996)
+    assert made.messages() == ("confidence 0.97996 is below the threshold 0.98",)
+    assert replace(made, flags=ReadingFlag.AMBIGUOUS, characters=(SURE, CLOSE)).messages() == (
+        "two characters are almost equally likely: 1 or I at place 2?",
+    )
+
+
+def test_findings_of_one_kind_are_one_reason() -> None:
+    made = review(SURE, CLOSE, flags=ReadingFlag.NONE).found(
+        Finding(ReadingFlag.STROKES_UNDECIDED, "K or X at place 1: not felt (clean it)"),
+        Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
+        Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
+    )
+    assert made.messages() == ("K or X at place 1, 1 or I at place 2: not felt (clean it)",)
+
+
 def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
     made = review(SURE, CLOSE, UNREAD, UNREAD, flags=UNSURE)
     assert made.messages() == (

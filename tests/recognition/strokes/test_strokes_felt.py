@@ -225,6 +225,13 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
     made = strokes_asked(replace(junk, decision=Decision.REJECT).found(Finding(ReadingFlag.AMBIGUOUS, "?")))
     assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
+    # what is surely read there, and is no serial of the format, is named
+    short = "found 1 character (“8”) where the format has 4 (check the part and the format)"
+    refused = replace(junk, decision=Decision.REJECT).found(Finding(ReadingFlag.FORMAT_OVERRULED, short))
+    for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
+        openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
+        made = strokes_asked(refused.traced(open_lattice=openly))
+        assert (made.text, made.messages()) == ("", words)
     # felt, and yet not read: a person may
     felt = replace(junk, decision=Decision.REJECT).traced(strokes=tuple(replace(p, felt=0.8) for p in bare))
     assert strokes_asked(felt).text == "K7B2"

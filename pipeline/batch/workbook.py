@@ -1,0 +1,163 @@
+"""An Excel workbook of a run: a short sheet for a person first, then everything.
+
+Parts        part, serial, decision, confidence, why it is not accepted: a line a part
+All columns  the columns of the CSV
+Characters   a line a character, its candidates and their probabilities side by side
+Run          time, program and settings
+
+Serials and names are text cells: Excel neither drops their zeros nor calculates them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError
+from glyphs.plain_text import visible
+from pipeline.batch.read_table import notes
+from pipeline.batch.tables import CSV_COLUMNS, WORKBOOK, plain_values
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.row import Row
+
+MOST_PARTS = 1_048_575
+"""Lines of a sheet below its headings, a limit of Excel."""
+# characters of a cell, a limit of Excel
+_MOST_TEXT = 32_767
+_CANDIDATES = 5
+_PARTS = {"Part": 28, "Serial": 18, "Decision": 11, "Confidence": 12, "Why": 90}
+_CHARACTERS = (
+    "Part", "Place", "Read", "Probability",
+    *(name for k in range(2, _CANDIDATES + 1) for name in (f"Candidate {k}", f"Probability {k}")),
+    "State", "Grade", "Action", "Shallowest mm", "Mean depth mm",
+)  # fmt: skip
+_COLOURS = {"accept": "C6EFCE", "review": "FFEB9C", "reject": "FFC7CE", "error": "FFC7CE"}
+_UNSAFE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+
+
+def check_number(path: Path, parts: int) -> None:
+    """Refuse, before the work starts, a workbook for more parts than it holds.
+
+    Raises:
+        FileError: there are more.
+    """
+    if path.suffix.lower() == WORKBOOK and parts > MOST_PARTS:
+        raise FileError(
+            path, f"holds {MOST_PARTS:,} parts, and there are {parts:,}", "end it in .csv or .parquet"
+        )
+
+
+def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[str, Any]) -> None:
+    """Write records as they come; what is made of them waits on the disk, not in memory.
+
+    Args:
+        records: at most `MOST_PARTS`.
+        path: of the workbook.
+        about: what is told of the run, by name; the settings are a mapping of their own.
+
+    Raises:
+        OSError: it cannot be written.
+        ValueError: a record that no table holds.
+    """
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    parts = _Sheet(book, "Parts", list(_PARTS), widths=list(_PARTS.values()))
+    columns = _Sheet(book, "All columns", CSV_COLUMNS)
+    characters = _Sheet(book, "Characters", _CHARACTERS)
+    for record in records:
+        row = Row.of(record)
+        decision = row.decision or "error"
+        confidence = None if row.error else record.confidence
+        parts.add((row.part, row.text, decision, confidence, row.error or notes(row)), decision=decision)
+        columns.add(tuple(plain_values(row).values()))
+        for cells in _characters(record):
+            if characters.lines < MOST_PARTS:
+                characters.add(cells)
+    run = _Sheet(book, "Run", ("What", "Value"), widths=(24, 100))
+    for line in _about(about):
+        run.add(line)
+    for sheet in (parts, columns, characters):
+        sheet.close()
+    book.save(path)
+
+
+class _Sheet:
+    """A sheet that grows by a line at a time, with headings that stay in view."""
+
+    def __init__(self, book: Any, title: str, headings: Sequence[str], *, widths: Sequence[int] = ()) -> None:
+        from openpyxl.styles import Font, PatternFill
+        from openpyxl.utils import get_column_letter
+
+        self.lines, self._width = 0, len(headings)
+        self._sheet = book.create_sheet(title)
+        self._sheet.freeze_panes = "A2"
+        self._last = get_column_letter(len(headings))
+        for place, width in enumerate(widths or [14] * len(headings), start=1):
+            self._sheet.column_dimensions[get_column_letter(place)].width = width
+        self._fills = {word: PatternFill("solid", fgColor=colour) for word, colour in _COLOURS.items()}
+        bold = Font(bold=True)
+        cells = [self._cell(heading) for heading in headings]
+        for cell in cells:
+            cell.font = bold
+        self._sheet.append(cells)
+
+    def add(self, values: Sequence[Any], *, decision: str = "") -> None:
+        """Append a line; the cell that holds the decision has its colour."""
+        cells = [self._cell(value) for value in values]
+        for cell, value in zip(cells, values, strict=True):
+            if decision and value == decision:
+                cell.fill = self._fills.get(decision, self._fills["review"])
+        self._sheet.append(cells)
+        self.lines += 1
+
+    def close(self) -> None:
+        """Give its headings filters."""
+        self._sheet.auto_filter.ref = f"A1:{self._last}{self.lines + 1}"
+
+    def _cell(self, value: Any) -> Any:
+        from openpyxl.cell import WriteOnlyCell
+
+        if not isinstance(value, str):
+            cell = WriteOnlyCell(self._sheet, value=value)
+            if isinstance(value, float):
+                cell.number_format = "0.0000"
+            return cell
+        text = _UNSAFE.sub(lambda match: visible(match[0]), value)[:_MOST_TEXT]
+        cell = WriteOnlyCell(self._sheet, value=text or None)
+        if text:
+            cell.data_type, cell.number_format = "s", "@"  # text, whatever it begins with
+        return cell
+
+
+def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
+    """The lines of a part's characters."""
+    for number, place in enumerate(record.characters, start=1):
+        candidates: list[Any] = []
+        for one in islice(place.candidates, _CANDIDATES):
+            candidates += [one.char, one.probability]
+        candidates += [None] * (2 * _CANDIDATES - len(candidates))
+        yield (
+            record.part, number, *candidates,
+            place.state, place.grade, place.action, place.depth_min_mm, place.depth_mean_mm,
+        )  # fmt: skip
+
+
+def _about(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What is told of the run, line by line."""
+    settings = about.get("settings", {})
+    yield "written", datetime.now(UTC).isoformat(timespec="seconds")
+    for name, value in about.items():
+        if name != "settings" and value not in (None, "", [], ()):
+            yield name, _text(value)
+    for name, value in settings.items():
+        yield f"setting {name}", _text(value)
+    yield "all other settings", "defaults"
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
