@@ -164,7 +164,7 @@ class RunJournal:
                 records = map(record_of_json, self._records(numbers))
                 with replacing(self.path) as temporary:
                     if self.path.suffix.lower() == WORKBOOK:
-                        write_workbook(records, temporary, {"begun": self.begun, **self.description})
+                        write_workbook(records, temporary, self.description)
                     else:
                         write_parquet(records, temporary)
                 if self.path.suffix.lower() != WORKBOOK:  # what a workbook holds cannot be taken up again

@@ -69,8 +69,11 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
     parts = _Sheet(book, "Parts", list(_PARTS), widths=list(_PARTS.values()))
     columns = _Sheet(book, "All columns", CSV_COLUMNS)
     characters = _Sheet(book, "Characters", _CHARACTERS)
+    times: list[datetime] = []
     for record in records:
         row = Row.of(record)
+        if record.at is not None:
+            times = [min([*times, record.at]), max([*times, record.at])]
         decision = row.decision or "error"
         confidence = None if row.error else record.confidence
         parts.add((row.part, row.text, decision, confidence, row.error or notes(row)), decision=decision)
@@ -79,7 +82,7 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
             if characters.lines < MOST_PARTS:
                 characters.add(cells)
     run = _Sheet(book, "Run", ("What", "Value"), widths=(24, 100))
-    for line in _about(about):
+    for line in _about(about, times):
         run.add(line)
     for sheet in (parts, columns, characters):
         sheet.close()
@@ -147,9 +150,16 @@ def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
         )  # fmt: skip
 
 
-def _about(about: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What is told of the run, line by line."""
+def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tuple[str, str]]:
+    """What is told of the run, line by line.
+
+    Args:
+        about: as `write_workbook`.
+        times: of the first and the last reading.
+    """
     settings = about.get("settings", {})
+    for name, at in zip(("first part read", "last part read"), times, strict=False):
+        yield name, at.isoformat(timespec="seconds")
     yield "written", datetime.now(UTC).isoformat(timespec="seconds")
     for name, value in about.items():
         if name != "settings" and value not in (None, "", [], ()):
