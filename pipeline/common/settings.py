@@ -176,7 +176,8 @@ def _lines(value: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"two lines are called {name}; give each a name of its own")
-    _formats(tuple(line.format for line in lines))
+    for line in lines:
+        _formats((line.format,))
     return tuple(map(str, lines))
 
 
@@ -214,8 +215,10 @@ def _few(value: Any) -> Any:
 
 
 def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
+    from recognition.language.format_text import parts_of
     from recognition.language.grammar import Grammar
 
+    parts_of(value)  # together they can have one of each kind: found before any is prepared
     for text in value:
         Grammar.parse(text)
     return value

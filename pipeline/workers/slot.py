@@ -197,11 +197,11 @@ class Slot:
             message = self._received(_LOOK_S)
             self.not_warm()
         self.warm = isinstance(message, Answer)
-        if isinstance(message, Exception):
-            return _cause(message)
         if self.warm:
             return ""
         limit = f"; it may use {self.order.memory_mb} MB of memory" if self.order.memory_mb else ""
+        if isinstance(message, Exception):
+            return _cause(message) + limit
         return self._fate(f"it was not ready after {_WARM_UP_S:.0f} s" if alive else "") + limit
 
     def _do(self, task: Task) -> None:

@@ -107,6 +107,7 @@ def test_a_whole_glyph_database_is_taken(service: RunningService, database: byte
     ("settings", "why"),
     [
         ({"format": [f"re:.*A.{{10}}+exclude={chr(0x391 + k)}" for k in range(40)]}, "give 16 at most"),
+        ({"format": [f"re:.*A.{{10}}+exclude={chr(0x391 + k)}" for k in range(16)]}, "two of re"),
         ({"line": {f"line{k}": "A9" for k in range(40)}}, "give 16 at most"),
         ({"check": ["luhn"] * 40}, "give 16 at most"),
         ({"format": "A" * 2001}, "give 2,000 at most"),

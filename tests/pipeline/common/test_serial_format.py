@@ -53,8 +53,8 @@ def test_what_cannot_be_met_is_told_by_key() -> None:
     Path("known.txt").write_text("AB123\n", encoding="utf-8")
     with pytest.raises(SettingsError, match="format and lexicon cannot be met: no serial meets mask:AA99"):
         grammar(format=("AA99",), lexicon=Path("known.txt"))
-    with pytest.raises(SettingsError, match="format cannot be met: the format has two of mask"):
-        grammar(format=("AA99", "AA999"))
+    with pytest.raises(SettingsError, match=r"format is \('AA99', 'AA999'\): the format has two of mask"):
+        ReadSettings.of(format=("AA99", "AA999"))
 
 
 @pytest.mark.parametrize(
