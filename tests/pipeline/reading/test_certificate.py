@@ -75,6 +75,22 @@ def test_it_holds_for_the_settings_that_it_was_made_with(tmp_path: Path) -> None
     assert acceptance_of(SETTINGS) is None
 
 
+@pytest.mark.parametrize(
+    ("made_with", "read_with"),
+    [({"orientation": "upright"}, {}), ({}, {"orientation": "upright"}), ({}, {"rows": "top-first"})],
+)
+def test_it_holds_for_one_orientation(
+    made_with: dict[str, str], read_with: dict[str, str], tmp_path: Path
+) -> None:
+    path = written(tmp_path / "c.json", SETTINGS.model_copy(update=made_with))
+    same, other = (
+        SETTINGS.model_copy(update={"certificate": path, **more}) for more in (made_with, read_with)
+    )
+    assert certificate_of(same) is not None
+    with pytest.raises(SettingsError, match="orientation|rows"):
+        certificate_of(other)
+
+
 def test_a_lexicon_counts_by_what_it_holds(tmp_path: Path) -> None:
     for name, text in (("a.txt", "AB12\n"), ("same.txt", "AB12\n"), ("other.txt", "AB13\n")):
         (tmp_path / name).write_text(text, encoding="utf-8")
