@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import x3pio
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
@@ -18,7 +17,7 @@ from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecor
 from pipeline.common.record_json import from_json, to_json
 from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import MapSettings, ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
@@ -54,21 +53,15 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
 
 
 class FakeReader:
-    """Reads the mean height of the top row as a number."""
+    """Reads the number of columns."""
 
     def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, **_: object) -> Any:
-        value = round(float(height_map.z_mm[0].mean()))
+        value = height_map.shape[1]
         if value == 13:
             raise RuntimeError("a fault\nin the reader")
         if value == 14:
             raise MapError("no such thing")
-        if value == 15:
-            unsure = reading("15", confidence=0.2, decision=Decision.REVIEW)
-            return replace(unsure, flags=ReadingFlag.LOW_CONFIDENCE)
         return reading(str(value))
-
-    def weighed(self, found: Reading, **_: object) -> Reading:
-        return found
 
     def read_scan(self, scan: object) -> Any:
         raise AssertionError("no scan in these tests")
@@ -76,7 +69,7 @@ class FakeReader:
 
 def fake_reader() -> PartReader:
     reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, certified=lambda found: found)
-    return PartReader(reader)
+    return PartReader(reader, maps=MapSettings(unit="mm"))
 
 
 def record_of(part: Part, reader: PartReader | None = None) -> ReadingRecord:
@@ -87,7 +80,7 @@ def record_of(part: Part, reader: PartReader | None = None) -> ReadingRecord:
 
 def stamped(folder: Path, *values: int) -> Path:
     for value in values:
-        write_npz(folder / f"part-{value}.npz", HeightMap(np.full((3, 4), value, np.float32), 0.1))
+        write_npz(folder / f"part-{value}.npz", HeightMap(np.zeros((9, value), np.float32), 0.1))
     return folder
 
 
@@ -163,17 +156,6 @@ def test_codes_stand_in_the_record_with_what_they_say_of_the_serial() -> None:
     assert (first.box_mm, first.box_px) == (None, (0.0, 0.0, 1.0, 1.0))
     nothing = replace(reading("11"), characters=(), codes=codes)
     assert reading_record(nothing, ReadSettings(), None, part="p", seconds=0.1).codes[0].same is None
-
-
-def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:
-    z = np.full((4, 5), 15.0)
-    z[-1], z[0] = 15.0, 17.0  # by the standard the last row is the top
-    x3pio.write(tmp_path / "a.x3p", z * 1e-3, x_scale=1e-4, y_scale=1e-4)
-    (row,) = map(record_of, discover([tmp_path]))
-    assert (row.text, row.confidence) == ("17", 0.97)
-    write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 1.0))
-    (row,) = map(record_of, discover([tmp_path / "a.npz"]))
-    assert row.text == "15"
 
 
 # ---------------------------------------------------------------------------------------------------- rivals

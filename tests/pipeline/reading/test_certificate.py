@@ -87,7 +87,7 @@ def test_it_holds_for_one_orientation(
         SETTINGS.model_copy(update={"certificate": path, **more}) for more in (made_with, read_with)
     )
     assert certificate_of(same) is not None
-    with pytest.raises(SettingsError, match="orientation|rows"):
+    with pytest.raises(SettingsError, match=r"orientation|rows"):
         certificate_of(other)
 
 

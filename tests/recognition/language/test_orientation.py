@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recognition.language.grammar import Grammar
@@ -55,7 +55,7 @@ def test_images_are_mutual(way: Way) -> None:
     st.sampled_from(Way),
     st.sampled_from(["*" * 7, "A999999", "9999AAA", None]),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_another_text_is_one_of_the_format_and_reads_back(text: str, way: Way, mask: str | None) -> None:
     grammar = None if mask is None else Grammar(format=mask[: len(text)])
     other = other_text(text, way, grammar)
