@@ -433,14 +433,25 @@ def _stage(settings: ServiceSettings) -> Stage:
         from pipeline.service.stage.bench_stage import BenchStage
 
         return BenchStage(read_bench(settings.bench))
-    return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()
+    return NoStage() if settings.stage is None else SimulatedStage(_there(settings.stage, "height maps"))
 
 
 def _camera(settings: ServiceSettings) -> Camera:
     if settings.camera_driver:
         driver: Camera = load_driver(settings.camera_driver, verbs=("take",))
         return driver
-    return FolderCamera(settings.camera) if settings.camera is not None else NoCamera()
+    return NoCamera() if settings.camera is None else FolderCamera(_there(settings.camera, "photographs"))
+
+
+def _there(folder: Path, what: str) -> Path:
+    """The folder of a simulated device.
+
+    Raises:
+        FileError: there is none.
+    """
+    if not folder.is_dir():
+        raise FileError(folder, "is no folder", f"name the folder of the parts' {what}, or make it first")
+    return folder
 
 
 def check_folder(settings: ServiceSettings) -> Path:

@@ -106,7 +106,7 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
 
 def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool) -> None:
     """Heights by touch, the depth of every character, and the characters if they are to be named."""
-    depths = ", each character's least and mean depth" if reading.depth_min_mm is not None else ""
+    depths = "\nleast and mean depth of each character" if reading.depth_min_mm is not None else ""
     axes.set_title(f"height by touch{depths}", fontsize=9, loc="left")
     z = relief.height_mm
     extent = _extent(z.shape, relief.pitch_mm, relief.origin_mm)
@@ -132,7 +132,7 @@ def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
     """How steep the surface is, by touch; the relief has slopes."""
     known = "assumed" if relief.friction_sd is None else "measured"
     axes.set_title(
-        f"steepness by touch, |slope|, friction {relief.friction:.3f} {known}", fontsize=9, loc="left"
+        f"steepness by touch, |slope|\nfriction {relief.friction:.3f} {known}", fontsize=9, loc="left"
     )
     steep = relief.steepness
     extent = _extent(steep.shape, relief.pitch_mm, relief.origin_mm)
@@ -143,7 +143,7 @@ def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
 def moment_panel(axes: Axes, *, sweep: Sweep) -> None:
     """The raw moments of one direction; characters are not shown, the tip lags."""
     axes.set_title(
-        f"raw moment, traced {int(sweep.plan.direction)}°, {sweep.plan.line_mm.size} lines",
+        f"raw moment, traced {int(sweep.plan.direction)}°\n{sweep.plan.line_mm.size} lines",
         fontsize=9,
         loc="left",
     )

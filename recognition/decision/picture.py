@@ -13,6 +13,8 @@
 +-------------------------------------------+
   what to know about the reading
 
+Of a part that is less than twice as wide as high four panels stand in a row.
+
 Only what there is has a panel. Of a scan there is no height map; its moments come last.
 """
 
@@ -52,23 +54,37 @@ def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None =
         panels.append(partial(photo_panel, photo=photo, reading=_shown_on(photo, reading)))
     if touch is not None:
         panels += _touch_panels(touch.trace, reading)
-    rows = (len(panels) + 1) // 2
+    columns = 2 if _is_long(reading) else 4
+    rows = -(-len(panels) // columns)
     figure = figure if figure is not None else Figure(dpi=110)
     figure.set_size_inches(12.0, 3.5 + 2.1 * rows)
     figure.set_layout_engine("constrained")
     figure.suptitle(
         f"{title}: {reading}" if title else str(reading), fontsize=12, fontweight="bold", wrap=True
     )
-    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [1.05])
+    grid = figure.add_gridspec(rows + 1, columns, height_ratios=[1.0] * rows + [1.05])
     for k, draw in enumerate(panels):
-        alone = k == len(panels) - 1 and k % 2 == 0
-        draw(figure.add_subplot(grid[k // 2, :] if alone else grid[k // 2, k % 2]))
+        row, column = divmod(k, columns)
+        alone = k == len(panels) - 1 and column == 0
+        draw(figure.add_subplot(grid[row, :] if alone else grid[row, column]))
     candidate_panel(figure.add_subplot(grid[rows, :]), reading)
     if reading.characters and reading.messages():
         figure.supxlabel(
             "\n".join(reading.messages()), fontsize=9.5, color=BOX_COLOUR, x=0.01, ha="left", parse_math=False
         )
     return figure
+
+
+def _is_long(reading: Reading) -> bool:
+    """Whether the part is at least twice as wide as high: two panels fill a row, of others four."""
+    photo, edges = reading.trace.photo, None if reading.touch is None else reading.touch.trace.edge_map
+    if edges is not None:
+        rows, columns = edges.valid.shape
+    elif photo is not None:
+        rows, columns = photo.shape
+    else:
+        return True
+    return bool(columns >= 2 * rows)
 
 
 def _shown_on(photo: Photo, reading: Reading) -> Reading | None:

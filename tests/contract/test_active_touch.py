@@ -9,7 +9,7 @@ import pytest
 from glyphs import HeightMap, stamp
 from pipeline import PartReader, discover
 from recognition import Reader
-from tests.contract.front_doors import Command, save_height_map
+from tests.contract.front_doors import Command, run_process, save_height_map
 
 
 def test_no_text_is_accepted_before_lines_tell_it_from_its_rivals(command: Command, tmp_path: Path) -> None:
@@ -50,3 +50,14 @@ def test_a_character_that_the_scan_cuts_is_neither_graded_nor_accepted(cut_heigh
     assert cut.characters[-1].grade is None
     assert cut.characters[-1].depth is None
     assert any("not felt to the edge: 8 at place 2" in message for message in cut.messages())
+
+
+@pytest.mark.parametrize("option", ["--stage", "--camera"])
+def test_a_service_does_not_start_without_the_folder_of_its_devices(tmp_path: Path, option: str) -> None:
+    ended = run_process(
+        "serve", "--port", "0", "--folder", tmp_path / "service", option, tmp_path / "not-there", "--jobs", "1",
+        "--tokens", "off",
+    )  # fmt: skip
+    assert ended.status == 1
+    assert "not-there: is no folder" in ended.err
+    assert "Traceback" not in ended.err

@@ -52,6 +52,7 @@ def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> Done:
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
+    (tmp_path / "camera").mkdir()
     with inline_service(tmp_path, camera=tmp_path / "camera") as (service, client):
         service.pool.instead = by_format  # type: ignore[attr-defined]
         yield service, client
@@ -72,7 +73,6 @@ def test_a_part_is_read_by_the_job_that_it_names(served: tuple[Service, TestClie
     # a scan that comes later is read by the same
     client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")})
     assert service.pool.jobs[-1][2].format == ("A9",)  # type: ignore[attr-defined]
-    (tmp_path / "camera").mkdir()
     (tmp_path / "camera" / "P-1.png").write_bytes(PNG["photo"][1])
     felt = triggered(served, "P-1", "left")
     assert (felt.text, felt.job, felt.state) == ("A9", "left", PartState.ACCEPTED)
