@@ -13,7 +13,8 @@ import pytest
 
 from tests.contract.front_doors import Command, Ended
 
-READ = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1")
+AS_GIVEN = ("--orientation", "upright", "--rows", "top-first")
+READ = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1", *AS_GIVEN)
 Composed = Literal["NFC", "NFD"]
 FORMS: dict[str, Callable[[str], bytes]] = {
     "comma": lambda text: text.encode(),

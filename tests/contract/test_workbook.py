@@ -13,7 +13,8 @@ import pytest
 
 from tests.contract.front_doors import Command, save_height_map
 
-READ = ("--format", "9999", "--font", "gothic", "--height-mm", "4", "--jobs", "1")
+AS_GIVEN = ("--orientation", "upright", "--rows", "top-first")
+READ = ("--format", "9999", "--font", "gothic", "--height-mm", "4", "--jobs", "1", *AS_GIVEN)
 
 
 @pytest.fixture(scope="module")
