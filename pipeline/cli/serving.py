@@ -98,13 +98,14 @@ def check_tls(settings: ServiceSettings) -> None:
     Raises:
         CommandError: they cannot be used.
     """
+    given = (settings.tls_cert, settings.tls_key, settings.opcua_certificate, settings.opcua_key)
+    for path in filter(None, given):
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise CommandError(f"serve: {path} is not a file", hint="name a PEM file", status=USAGE)
     if settings.tls_cert is None:
         if settings.tls_key is not None:
             raise CommandError("serve: tls_key without tls_cert", hint="give both", status=USAGE)
         return
-    for path in filter(None, (settings.tls_cert, settings.tls_key)):
-        if path.exists() and not path.is_file():  # a pipe would be waited for
-            raise CommandError(f"serve: {path} is not a file", hint="name a PEM file", status=USAGE)
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
             settings.tls_cert, settings.tls_key, password=_no_password

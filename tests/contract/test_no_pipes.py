@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import Command, environment
+from tests.contract.front_doors import PATIENCE_S, Command, environment
 
 FILES = ("config", "database", "lexicon", "job", "truth", "order", "certificate")
+
+
+def _waits(*_: object) -> None:
+    raise TimeoutError("it waits for the pipe")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes have names here")
@@ -26,6 +31,7 @@ FILES = ("config", "database", "lexicon", "job", "truth", "order", "certificate"
         ("serve", "--config", "PIPE"),
         ("serve", "--database", "PIPE"),
         ("serve", "--port", "0", "--tls-cert", "PIPE"),
+        ("serve", "--port", "0", "--opcua-certificate", "PIPE"),
         ("serve", "--port", "0", "--bench", "PIPE"),
         ("glyphs", "list", "--database", "PIPE"),
     ],
@@ -41,7 +47,12 @@ def test_a_pipe_is_no_file(
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe")
     given = {"PLATE": str(height_map), "PIPE": "pipe"}
-    ended = command(*(given.get(argument, argument) for argument in arguments))
+    signal.signal(signal.SIGALRM, _waits)
+    signal.alarm(round(PATIENCE_S))
+    try:
+        ended = command(*(given.get(argument, argument) for argument in arguments))
+    finally:
+        signal.alarm(0)
     assert ended.status in (1, 2)
     assert "pipe" in ended.err
     assert len(ended.err.splitlines()) == 1
