@@ -317,9 +317,9 @@ class Dispatcher:
         """Note whether a target can be reached, and log it where that has changed."""
         before = self.states[target]
         if error and not before.error:
-            _log.warning("%s cannot be reached, its results wait: %s", target, error)
+            _log.warning("%s is away, its results wait: %s", target, error)
         elif before.error and not error:
-            _log.info("%s can be reached again", target)
+            _log.info("%s is back", target)
         since = before.since if bool(error) == bool(before.error) else datetime.now(UTC)
         self.states[target] = replace(before, since=since, error=error)
 

@@ -677,3 +677,16 @@ def test_a_job_is_taught_on_a_phone_and_by_keyboard(
     assert line.startswith("lot@")
     assert line.endswith("=AA99")
     assert line.split(",")[1] == "0.125"
+
+
+def test_on_a_phone_the_charts_begin_at_the_newest_hour(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    service.add("KX407251")
+    page = sit_down(viewport={"width": 390, "height": 800}).page
+    page.goto(f"{service.url}/dashboard")
+    shown = page.evaluate(
+        "(({left, right}) => [left, right])(document.querySelector('.chart').getBoundingClientRect())"
+    )
+    assert shown[0] < 0.0
+    assert 300.0 < shown[1] <= 390.0
