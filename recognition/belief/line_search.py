@@ -12,18 +12,21 @@ import numpy as np
 
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import believed
-from recognition.belief.part_lines import ReadLine, Region, stands_in
+from recognition.belief.part_lines import ReadLine, Region, about_region, stands_in
 from recognition.belief.weights import weights_of
 from recognition.experts import recogniser
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
+from recognition.lines.tiles import find_in_tiles
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View
+from recognition.views.view import View, ViewKind
 
 MOST_LINES = 6
 """That are looked at, most promising first."""
+MOST_SMALL = 40
+"""Small ones that are looked at: among a machine's edges many are none."""
 MOST_COLUMNS = 4000
 """Of a strip, some 200 characters: what is longer is no line."""
 LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
@@ -94,7 +97,7 @@ class LineSearch:
 
     def lines(self, view: View) -> list[ReadLine]:
         """Lines of a view by a look each; what is less usual is tried where the usual says little."""
-        found = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
+        found = self._usual(view)
         seen = self.looks(view, _straight_and_bent(found[:1]))
         if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
             # the same ink seen otherwise has no more to say; other lines on the part may. Without a format nobody
@@ -110,13 +113,14 @@ class LineSearch:
         others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
         crops = whole_view(view) if self.height_mm is None else []
         seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
-        tries = (
+        tries = [
             (self._upside_down, PLAIN),
             (self._faint, SURE),
             (self._running_down, SOME),
             (self._slanted, SOME),
-            (self._small, SOME),
-        )
+        ]
+        # of what was scanned the line is a large part; of what a camera sees it may be small
+        tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, SOME))
         for candidates, enough in tries:
             if says_much(self.meant(view, seen), enough):
                 break
@@ -127,13 +131,23 @@ class LineSearch:
         """The lines that the serial's may be, by where they stand."""
         return [one for one in seen if stands_in(self.region, one.line, view)]
 
+    def _usual(self, view: View) -> list[FoundLine]:
+        """The lines of the region first, then those of the whole view, each by its promise."""
+        whole = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
+        near = about_region(self.region, view)
+        if near is view:
+            return whole
+        inside = find_lines(near, height_mm=self.height_mm)[:MOST_LINES]
+        return [*inside, *(one for one in whole if not any(overlap(one.line, o.line) for o in inside))]
+
     def _faint(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
 
     def _small(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = [] if self.height_mm is not None else find_lines(view, small=True)[:MOST_LINES]
-        return [one.line for one in found]
+        found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm)[:MOST_SMALL]
+        lines = [one.line for one in found]
+        return [*lines, *(line.reversed for line in lines)]
 
     def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return [one.line.reversed for one in seen[:MOST_TURNED]]

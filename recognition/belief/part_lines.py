@@ -16,6 +16,10 @@ from recognition.views.view import View
 
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""
+REGION_MARGINS = (0.5, 1.0)
+"""Of a region's width and height, that are looked at on either side: the line's middle lies in it, not its ends."""
+MOST_OF_VIEW = 0.6
+"""Share of a view from which its part about a region is not worth a search of its own."""
 Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
 """Lattices of other experts, of the places that are believed."""
 Place = Callable[[View, Sequence[TextLine], LineBelief], TextLine | None]
@@ -60,6 +64,21 @@ def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
     x, y = (line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm
     left, top, right, bottom = region
     return bool(left <= x <= right and top <= y <= bottom)
+
+
+def about_region(region: Region | None, view: View) -> View:
+    """The part of a view in which a line lies whose middle is in a region; the view itself where that is most of it."""
+    if region is None:
+        return view
+    left, top, right, bottom = region
+    wide, high = REGION_MARGINS[0] * (right - left), REGION_MARGINS[1] * (bottom - top)
+    across, down = (
+        (max(left - wide, 0.0), min(right + wide, 1.0)),
+        (max(top - high, 0.0), min(bottom + high, 1.0)),
+    )
+    if (across[1] - across[0]) * (down[1] - down[0]) > MOST_OF_VIEW:
+        return view
+    return view.cut(across, down)
 
 
 NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})

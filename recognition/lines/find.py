@@ -6,6 +6,7 @@ view --at several scales--> findings of cells --joined--> lines --best of those 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,8 +28,8 @@ FINDER_ROWS, CELL = 12, 4
 """Pixels to a character's height that the network knows, and to a cell."""
 _OCTAVES = 0.7
 """Between two scales."""
-_TALLEST, _LOW, _LOWEST = 0.95, 0.13, 0.0305
-"""Characters looked for, of the view's smaller side: the usual ones down to the second, small ones to the third."""
+_TALLEST, _LOW = 0.95, 0.13
+"""Characters looked for, of the view's smaller side; `recognition.lines.tiles` finds smaller ones."""
 _LEAST_PIXELS = 6.0
 _MIDDLE, _FAINT = 0.5, 0.2
 """Belief that a cell lies in the middle of a line, from which it does; of faint lines."""
@@ -63,7 +64,6 @@ def find_lines(
     view: View,
     *,
     height_mm: float | None = None,
-    small: bool = False,
     faint: bool = False,
     turned_deg: float = 0.0,
 ) -> list[FoundLine]:
@@ -72,7 +72,6 @@ def find_lines(
     Args:
         view: as it lies; lines that run within some 30 degrees of level are found.
         height_mm: of the characters, if known.
-        small: look for characters that are small beside the view instead.
         faint: take less for a line.
         turned_deg: look for lines that are turned by about as much, clockwise as seen, instead.
     """
@@ -86,18 +85,14 @@ def find_lines(
             for one in find_lines(turned(view, turned_deg), height_mm=height_mm)
         ]
     found: list[FoundLine] = []
-    for scale_mm in _scales(view, height_mm, small=small):
+    for scale_mm in _scales(view, height_mm):
         found += _at_scale(view, scale_mm, _FAINT if faint else _MIDDLE)
     if height_mm is not None:
         found = [
             replace(one, line=_as_high(one.line, height_mm), bent=one.bent and _as_high(one.bent, height_mm))
             for one in found
         ]
-    found.sort(key=lambda one: -one.score)
-    kept: list[FoundLine] = []
-    for one in found:
-        if not any(overlap(one.line, other.line) for other in kept):
-            kept.append(one)
+    kept = without_doubles(found)
     whole = [
         made
         for k, one in enumerate(kept)
@@ -131,14 +126,12 @@ def _joined(one: FoundLine, other: FoundLine) -> FoundLine | None:
     return FoundLine(TextLine(straight, height), one.score + other.score)
 
 
-def _scales(view: View, height_mm: float | None, *, small: bool) -> list[float]:
+def _scales(view: View, height_mm: float | None) -> list[float]:
     if height_mm is not None:
         return [height_mm * 2.0 ** (-_OCTAVES * k) for k in (1.0, 0.5, 0.0)]
     side = min(view.size_mm)
     least = _LEAST_PIXELS * view.pitch_mm
-    low, high = (max(share * side, least) for share in ((_LOWEST, _LOW) if small else (_LOW, _TALLEST)))
-    if small and high <= low * 1.01:
-        return []
+    low, high = (max(share * side, least) for share in (_LOW, _TALLEST))
     count = max(1, math.ceil(math.log2(high / low) / _OCTAVES))
     return [high * 2.0 ** (-_OCTAVES * (k + 0.5)) for k in range(count)]
 
@@ -149,7 +142,24 @@ def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
     layers[HEIGHTS] /= scale_mm
     rows, columns = layers.shape[1:]
     fed = np.pad(layers, ((0, 0), (0, -rows % CELL), (0, -columns % CELL)))
-    found = _session().run(None, {"view": fed[None]})[0][0]
+    return joined_cells(findings(fed[None])[0], pitch_mm, view, least=least)
+
+
+def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What the network finds in (n, LAYERS, rows, columns), whole cells: (n, FINDINGS, rows / CELL, columns / CELL)."""
+    found: NDArray[np.float32] = _session().run(None, {"view": views})[0]
+    return found
+
+
+def joined_cells(found: NDArray[np.float32], pitch_mm: float, view: View, *, least: float) -> list[FoundLine]:
+    """The lines that cells belong to.
+
+    Args:
+        found: (FINDINGS, rows, columns) of the cells.
+        pitch_mm: of the pixels, CELL of which are a cell.
+        view: whose cells they are.
+        least: belief from which a cell lies in the middle of a line.
+    """
     belief = 1.0 / (1.0 + np.exp(-found[0]))
     # words of a line are one: cells a gap apart are joined
     reach = max(1, round(_GAP * FINDER_ROWS / CELL / 2))
@@ -161,6 +171,15 @@ def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
         if u.size >= _LEAST_CELLS:
             lines.append(_line(u, v, found[:, v, u], belief[v, u], pitch_mm, view))
     return lines
+
+
+def without_doubles(found: Sequence[FoundLine]) -> list[FoundLine]:
+    """The lines that are no other's ink seen at another scale, most promising first."""
+    kept: list[FoundLine] = []
+    for one in sorted(found, key=lambda one: -one.score):
+        if not any(overlap(one.line, other.line) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def _line(

@@ -224,7 +224,8 @@ class TactileReader:
             depths = mark_depths(relief, line, shapes.cells, chars)
             characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
             reading = replace(reading, characters=characters)
-        reading = replace(reading, raised=line.raised)
+        if relief is None:
+            reading = replace(reading, raised=line.raised)
         if shapes.lattice is not None:
             settled = replace(
                 reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
@@ -237,7 +238,9 @@ def _stroked(reading: Reading, main: ReadLine, line: FeltLine) -> Reading:
     """The reading with what was felt of its characters' strokes and of their rivals'."""
     strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice)
     resized = line.line is not main.line and reading.height_mm == main.line.height_mm
-    sized = replace(reading, height_mm=line.line.height_mm) if resized else reading
+    sized = replace(
+        reading, height_mm=line.line.height_mm if resized else reading.height_mm, raised=line.raised
+    )
     return only_whole(sized.traced(felt_line=line, strokes=strokes))
 
 
@@ -252,10 +255,12 @@ class _Shapes:
 
     def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
         reader, columns = self.reader, belief.columns
+        raised: bool | None = None
         if self.relief is not None:
             text = [belief.lattice.chars[k] for k in belief.lattice.log_belief.argmax(axis=1)]
             felt = FeltLine(self.relief, line, columns, raised=False, fonts=reader.strokes_of)
-            self.felt_line = felt.sized(text)
+            raised = felt.stands_out(text)
+            self.felt_line = replace(felt, raised=bool(raised)).sized(text)
             line, columns = self.felt_line.line, self.felt_line.columns
         found = judged(
             self.part,
@@ -264,10 +269,11 @@ class _Shapes:
             belief.lattice,
             columns,
             named=reader.named,
+            raised=raised,
             gaps=reader.gaps,
         )
         self.judged = found
-        if found is not None and found.line.raised and self.felt_line is not None:
+        if raised is None and found is not None and found.line.raised and self.felt_line is not None:
             self.felt_line = replace(self.felt_line, raised=True)
         return {} if found is None or found.lattice is None else {"templates": found.lattice}
 

@@ -153,6 +153,15 @@ class FeltLine:
             if len(text) == self.columns.size and all(c in font.glyphs for c in text)
         }
 
+    def stands_out(self, text: Sequence[str]) -> bool | None:
+        """Whether the strokes of its text are ridges rather than grooves; None where no font has them all.
+
+        Strokes are laid over the relief and over its negative. Ridges must fit as well as felt strokes do: under dirt a
+        text that is not read well fits neither, and dies strike grooves.
+        """
+        ridges, grooves = (replace(self, raised=raised)._fits(text) for raised in (True, False))
+        return ridges > max(grooves, LEAST_FIT) if math.isfinite(ridges + grooves) else None
+
     def sized(self, text: Sequence[str]) -> FeltLine:
         """The line at the height at which the strokes of its text lie best, its places where they are.
 

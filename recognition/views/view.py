@@ -14,6 +14,7 @@ What a view has not, and what it does not know, is 0.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -99,6 +100,16 @@ class View:
         )
         layers[[forward, back]] = layers[[back, forward]]
         return replace(self, layers=layers)
+
+    def cut(self, across: tuple[float, float], down: tuple[float, float]) -> View:
+        """The part of it between two shares of its columns and of its rows, in the same frame."""
+        (top, bottom), (left, right) = (
+            (math.floor(a * n), max(math.ceil(b * n), math.floor(a * n) + 8))
+            for (a, b), n in zip((down, across), self.layers.shape[1:], strict=True)
+        )
+        x, y = self.origin_mm
+        layers = self.layers[:, top:bottom, left:right].copy()
+        return replace(self, layers=layers, origin_mm=(x + left * self.pitch_mm, y + top * self.pitch_mm))
 
     def strip(
         self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0

@@ -41,8 +41,10 @@ def lot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_kind_is_read_and_what_was_done_is_noted(lot: Path, command: Command, tmp_path: Path) -> None:
     _heic(lot / "phone.HEIC")
     ended = command("read", lot, "--format", FORMAT, "--jobs", "1", "--out", tmp_path / "out.csv")
+    assert (tmp_path / "out.csv").exists(), ended.out + ended.err
     with (tmp_path / "out.csv").open(encoding="utf-8-sig") as stream:
         texts = {row["part"]: row["text"] for row in csv.DictReader(stream)}
+    assert ended.status in (0, 1), ended.out + ended.err
     assert texts == dict.fromkeys(("clear", "deep", "gif", "jfif", "pages", "webp"), TEXT)
     assert "page 2 of the file's 2 was read" in ended.out
     assert "laid on white" in ended.out

@@ -34,7 +34,7 @@ SAME_PLACE_HEIGHTS = 0.3
 FEWEST_TURN = 4
 """Characters that tell how their line turns."""
 STRUCK_SCORE = 0.7
-"""Mean correlation of marks sunk by a flat die below which dotted and raised ones are tried."""
+"""Mean correlation of marks of a flat die below which dotted ones are tried."""
 _SLIGHT = 1e-6
 OWN_SCORE = 0.75
 """Mean correlation of what was read with a font that nobody named, from which it has a say."""
@@ -73,6 +73,7 @@ def judged(
     columns: NDArray[np.float64],
     *,
     named: bool,
+    raised: bool | None = None,
     gaps: frozenset[int] = frozenset(),
 ) -> JudgedLine | None:
     """The line as the font has it that suits it best; None where it is bent, or no font has its characters.
@@ -84,21 +85,25 @@ def judged(
         lattice: what others believe of it.
         columns: of its strip, where the places stand.
         named: somebody says that it is one of these fonts.
+        raised: whether the marks stand out; by the correlations where nobody knows.
         gaps: places of the format before a word gap.
     """
     if _sag(line) > MOST_SAG_HEIGHTS * line.height_mm or columns.size == 0:
         return None
     guess = _Guess(part, line, columns, [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)])
-    best = guess.best(fonts, _Guise(), rough=not named)
+    best = max(
+        (
+            one
+            for out in ((False, True) if raised is None else (raised,))
+            if (one := guess.best(fonts, _Guise(raised=out), rough=not named)) is not None
+        ),
+        key=_score,
+        default=None,
+    )
     if best is None or best[0] < STRUCK_SCORE:
         struck = [font for font in fonts if font.stroke_ratio > 0.0]
-        dotted = guess.best(struck, _Guise(face=Face.DOTTED), rough=not named)
-        # raised marks suit any font better raised; then the others are asked as well
-        same = fonts if best is None else [best[1].font]
-        raised = guess.best(same, _Guise(raised=True), rough=not named)
-        if best is not None and raised is not None and raised[0] > best[0]:
-            raised = guess.best(fonts, _Guise(raised=True), rough=not named)
-        best = max((one for one in (best, dotted, raised) if one is not None), key=_score, default=None)
+        dotted = guess.best(struck, _Guise(face=Face.DOTTED, raised=bool(raised)), rough=not named)
+        best = max((one for one in (best, dotted) if one is not None), key=_score, default=None)
     if best is None:
         return None
     score, placed = best

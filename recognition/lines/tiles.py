@@ -1,0 +1,129 @@
+"""Small lines of a wide view: the finder looks at tiles one by one, so that clutter beside a line does not hide it.
+
+view --at several scales--> contrast evened out --tiles--> the surest findings of each cell --joined--> lines
+
+The network has learned parts that fill their picture: edges a character's height or two away from a line make it miss
+it. A tile shows little more than a line and the land about it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.lines.find import CELL, FINDER_ROWS, FoundLine, findings, joined_cells, without_doubles
+from recognition.views.resample import resampled
+from recognition.views.view import GREY, HEIGHTS, View
+
+Floats = NDArray[np.float32]
+
+TALLEST, LOWEST = 0.16, 0.0305
+"""Heights of characters looked for, of the view's smaller side: taller ones are found in the whole view."""
+OCTAVES = 0.7
+"""Between two scales."""
+LEAST_PIXELS = 8.0
+"""To a character's height: what is smaller cannot be read."""
+TILE_HEIGHTS, TILE_WIDTHS = 3.4, 10.0
+"""Size of a tile, character heights: on 16 cluttered frames these find more than 4 x 9 or 3.4 x 8."""
+STEP_DOWN, STEP_ACROSS = 1.0, 4.0
+"""From one tile to the next, character heights."""
+MOST_TILES = 2000
+"""Of a view, at all scales: some two seconds. Scales beyond, which are the finest, are left out."""
+_BATCH = 64
+_MIDDLE = 0.5
+"""Belief that a cell lies in the middle of a line, from which it does."""
+_FINE, _WIDE = 0.25, 1.5
+"""Sigma of what is no stroke, and of the neighbourhood whose contrast is evened out, character heights."""
+_STRONG_PERCENT, _LEAST_CONTRAST = 90.0, 0.004
+"""Percentile to which contrast is cut before it is averaged, and the least of it, of full brightness: grain."""
+
+
+def find_in_tiles(view: View, *, height_mm: float | None = None) -> list[FoundLine]:
+    """The small lines of a view, most promising first; they run within some 30 degrees of level.
+
+    Args:
+        view: as it lies.
+        height_mm: of the characters, if known.
+    """
+    found: list[FoundLine] = []
+    left = MOST_TILES
+    for scale_mm in _scales(view) if height_mm is None else (height_mm,):
+        pitch_mm = scale_mm / FINDER_ROWS
+        layers = resampled(view, pitch_mm)
+        layers[HEIGHTS] /= scale_mm
+        layers[GREY] = _evened(layers[GREY])
+        tiles = _tiles(layers.shape[1:])
+        left -= len(tiles)
+        if left < 0:
+            break
+        found += joined_cells(_surest(layers, tiles), pitch_mm, view, least=_MIDDLE)
+    return without_doubles(found)
+
+
+def _scales(view: View) -> list[float]:
+    side = min(view.size_mm)
+    high, low = TALLEST * side, max(LOWEST * side, LEAST_PIXELS * view.pitch_mm)
+    count = math.floor(math.log2(high / low) / OCTAVES) + 1 if high >= low else 0
+    return [high * 2.0 ** (-OCTAVES * k) for k in range(count)]
+
+
+def _evened(grey: Floats) -> Floats:
+    """Brightness whose strokes are about as strong everywhere: edges of a machine are no stronger than a mark's."""
+    from glyphs.opencv import cv2
+
+    if not grey.any():
+        return grey
+    flat = grey - cv2.GaussianBlur(grey, (0, 0), _FINE * FINDER_ROWS)
+    size = np.abs(flat)
+    cut = np.minimum(size, np.percentile(size, _STRONG_PERCENT))
+    usual = cv2.GaussianBlur(cut, (0, 0), _WIDE * FINDER_ROWS) + np.float32(_LEAST_CONTRAST)
+    return np.asarray(0.5 + 0.5 * flat / (size + 2.0 * usual), dtype=np.float32)
+
+
+def _pixels(heights: float) -> int:
+    """Whole cells of about so many character heights."""
+    return round(heights * FINDER_ROWS / CELL) * CELL
+
+
+_ROWS, _COLUMNS = _pixels(TILE_HEIGHTS), _pixels(TILE_WIDTHS)
+_DOWN, _ACROSS = _pixels(STEP_DOWN), _pixels(STEP_ACROSS)
+
+
+def _tiles(shape: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Upper left corners of the tiles of (rows, columns), which begin half a tile before the first pixel."""
+    rows, columns = (
+        n + 2 * (tile // 2 // CELL * CELL) for n, tile in zip(shape, (_ROWS, _COLUMNS), strict=True)
+    )
+    down = range(0, max(rows - _ROWS + _DOWN, 1), _DOWN)
+    across = range(0, max(columns - _COLUMNS + _ACROSS, 1), _ACROSS)
+    return [(y, x) for y in down for x in across]
+
+
+def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
+    """(FINDINGS, rows, columns) of the cells, each from the tile in whose middle band it is surest of a line."""
+    before_y, before_x = (tile // 2 // CELL * CELL for tile in (_ROWS, _COLUMNS))
+    fed = np.pad(
+        layers, ((0, 0), (before_y, before_y + _ROWS + _DOWN), (before_x, before_x + _COLUMNS + _ACROSS))
+    )
+    surest: Floats | None = None
+    # rims of a tile are seen with nothing beyond them
+    rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
+    for start in range(0, len(tiles), _BATCH):
+        some = tiles[start : start + _BATCH]
+        told = findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some]))
+        if surest is None:
+            surest = np.full(
+                (told.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32
+            )
+        inner = told[:, :, rim_y : told.shape[2] - rim_y, rim_x : told.shape[3] - rim_x]
+        for (y, x), one in zip(some, inner, strict=True):
+            top, first = y // CELL + rim_y, x // CELL + rim_x
+            here = surest[:, top : top + one.shape[1], first : first + one.shape[2]]
+            better = one[0] > here[0]
+            here[:, better] = one[:, better]
+    assert surest is not None
+    top, first = before_y // CELL, before_x // CELL
+    rows, columns = (-(-n // CELL) for n in layers.shape[1:])
+    return surest[:, top : top + rows, first : first + columns]
