@@ -9,19 +9,28 @@ BEGINS = "compiling kernels, once on this machine: about 15 s"
 NOT_KEPT = "compiling kernels, about 15 s at every start: no folder for them can be written; set NUMBA_CACHE_DIR to one"
 
 
+PROGRESS_S = 5.0
+"""Seconds of compiling from one line about it to the next."""
+LEAST_S = 1.0
+"""Seconds of compiling that are told once the first kernels are there."""
+
+
 class _Watch:
-    """Who watches, and for how long kernels have been compiled since the last part."""
+    """The listener, seconds of compiling since the last part, those told already, and whether it was announced."""
 
     show: Callable[[str], None] | None = None
     at_it = False
     seconds = 0.0
+    told_s = 0.0
+    announced = False
 
 
 @contextmanager
 def compiling_shown(show: Callable[[str], None]) -> Iterator[None]:
-    """Show a line before kernels are compiled within the block, and one when the part that needed them is done."""
+    """Show a line before the first kernels are compiled within the block, progress, and their time at a part's end."""
     before, _Watch.show = _Watch.show, show
     _Watch.at_it, _Watch.seconds = False, 0.0  # what was compiled unseen is no news
+    _Watch.told_s, _Watch.announced = 0.0, False
     try:
         yield
     finally:
@@ -35,18 +44,23 @@ def compiling_begins(*, kept: bool = True) -> None:
     Args:
         kept: whether it will be.
     """
-    if not _Watch.at_it and _Watch.show is not None:
+    if not _Watch.announced and _Watch.show is not None:
         _Watch.show(BEGINS if kept else NOT_KEPT)
+        _Watch.announced = True
+        _Watch.told_s = -LEAST_S  # its end is told however short it was
     _Watch.at_it = True
 
 
 def compiling_ends(seconds: float) -> None:
     """It is compiled; another may follow."""
     _Watch.seconds += seconds
+    if _Watch.show is not None and _Watch.seconds - max(_Watch.told_s, 0.0) >= PROGRESS_S:
+        _Watch.show(f"compiling kernels: {_Watch.seconds:.0f} s so far")
+        _Watch.told_s = _Watch.seconds
 
 
 def part_done() -> None:
     """A piece of work is done, and with it what was compiled for it."""
-    if _Watch.at_it and _Watch.show is not None:
+    if _Watch.at_it and _Watch.show is not None and (_Watch.told_s or _Watch.seconds >= LEAST_S):
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")
-    _Watch.at_it, _Watch.seconds = False, 0.0
+    _Watch.at_it, _Watch.seconds, _Watch.told_s = False, 0.0, 0.0

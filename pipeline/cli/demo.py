@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_reported
@@ -62,7 +63,7 @@ def demo(
             raise CommandError(
                 f"{out} cannot be made ({error.strerror})", hint="name another folder"
             ) from error
-        result = run_demo(out, on_part=show)
+        result = run_demo(out, on_part=show, say=lambda line: print(line, file=sys.stderr, flush=True))
     print(f"\npicture: {result.overview.resolve()}")
     print(f"page:    {result.page.resolve()}  (open it in a browser)")
     return 0 if result.all_right else FAILED

@@ -69,10 +69,20 @@ class DemoResult:
         return all(same_text(p.reading.text, p.truth) for p in self.parts)
 
 
-def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None) -> DemoResult:
+def run_demo(
+    folder: Path,
+    *,
+    on_part: Callable[[SheetPart], None] | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> DemoResult:
     """Make, scan, calibrate and read the plates; write them, an overview and a page into the folder.
 
     The reader knows neither font nor height, only that a serial has eight letters or figures.
+
+    Args:
+        folder: for all of it.
+        on_part: called with each plate once it is read.
+        say: called with what is done next, in words.
 
     Raises:
         FileError: the folder or a recording cannot be written.
@@ -80,13 +90,16 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
     reader = Reader(format="********", orientation=Orientation.UPRIGHT)
     done = []
     for number, demo in enumerate(DEMO_PARTS):
+        say(f"{demo.name}: stamping and scanning ...")
         part = _stamped(demo, number)
         write_npz(folder / f"{demo.name}.npz", part.height_map)
         scan = _recorded(part, folder / f"{demo.name}.h5", number)
+        say(f"{demo.name}: reading ...")
         reading = reader.read(scan).traced(height_map=level(part.height_map))
         done.append(SheetPart(demo.name, demo.text, reading))
         if on_part is not None:
             on_part(done[-1])
+    say("drawing the overview and the page ...")
     overview, page = folder / "overview.png", folder / "overview.html"
     save_figure(overview_figure(done), overview)
     with replacing(page) as temporary:

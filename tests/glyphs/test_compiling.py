@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.compiled import kernel, read_only
-from glyphs.compiling import BEGINS, compiling_shown, part_done
+from glyphs.compiling import BEGINS, compiling_begins, compiling_ends, compiling_shown, part_done
 from glyphs.soiling.soiled import Soiling
 from pipeline.files.synth import SynthSpec, write_part
 
@@ -53,6 +53,27 @@ def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
     assert lines[0] == BEGINS
     assert len(lines) == 2
     assert lines[1].startswith("kernels compiled in ")
+
+
+def test_compiling_is_announced_once_and_its_progress_shown() -> None:
+    lines: list[str] = []
+    with compiling_shown(lines.append):
+        for seconds in (3.0, 4.0, 0.5):
+            compiling_begins()
+            compiling_ends(seconds)
+        part_done()
+        compiling_begins()
+        compiling_ends(0.2)
+        part_done()  # too short to be worth a line
+        compiling_begins()
+        compiling_ends(2.0)
+        part_done()
+    assert lines == [
+        BEGINS,
+        "compiling kernels: 7 s so far",
+        "kernels compiled in 8 s",
+        "kernels compiled in 2 s",
+    ]
 
 
 def test_read_only_views_are_of_one_type_and_leave_the_array_alone() -> None:
