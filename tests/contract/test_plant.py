@@ -6,12 +6,17 @@ import shutil
 import socket
 from collections.abc import Iterator
 from typing import Any
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
 from tests.contract.front_doors import wait_until
 from tests.contract.plant import Plant, run_plant
+from tests.support.programs import program
+
+CHROMIUM = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+SETTLED_MS = 400  # the page ignores an Enter that was meant for the page before
 
 
 @pytest.fixture(scope="module")
@@ -207,3 +212,34 @@ def test_a_receiver_that_fails_at_first_gets_every_result_in_order(plant: Plant,
     assert [one["text"] for one in arrived] == [plant.truth["clean"], "B78"]
     numbers = [one["delivery_id"] for one in arrived]
     assert numbers == sorted(numbers, key=str)
+
+
+def test_an_operator_reviews_by_keyboard(plant: Plant, http: httpx.Client) -> None:
+    """In a real browser at phone width; nothing goes wrong on the page, and no other host is asked."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    sent = http.post(
+        "/v1/parts", files=plant.scan("clean"), data={"name": "desk-7", "expected": "Q00"}
+    ).json()
+    assert sent["state"] == "review"
+    wrong: list[str] = []
+    hosts: set[str | None] = set()
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program("chromium"), args=CHROMIUM)
+        page = browser.new_page(viewport={"width": 390, "height": 844})  # a phone
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("request", lambda request: hosts.add(urlsplit(request.url).hostname))
+        page.goto(f"{plant.service.url}/review/{sent['id']}")
+        page.wait_for_load_state("load")
+        assert page.input_value("#text") == plant.truth["clean"]
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        page.fill("input[name=who]", "Anna")
+        page.focus("#text")
+        page.wait_for_timeout(SETTLED_MS)
+        page.keyboard.press("Enter")
+        page.wait_for_url(lambda url: "done=" in url)
+        browser.close()
+    history = http.get(f"/v1/parts/{sent['id']}/history").json()
+    (kept,) = history["reviews"]
+    assert (kept["after"], kept["who"]) == (plant.truth["clean"], "Anna")
+    assert wrong == []
+    assert hosts == {"127.0.0.1"}
