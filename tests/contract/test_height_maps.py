@@ -358,7 +358,9 @@ def test_shallow_marks_in_micrometres_below_the_width_of_the_plate_are_asked_abo
     z = np.random.default_rng(1).normal(0.0, 0.8, (360, 360))
     z[100:200, 100:110] -= 30.0
     np.savez(tmp_path / "a.npz", z_mm=z, pitch_mm=0.1)
-    with pytest.raises(FileError, match=r"36 mm x 36 mm .*; are the heights micrometres\? then give --unit um"):
+    with pytest.raises(
+        FileError, match=r"36 mm x 36 mm .*; are the heights micrometres\? then give --unit um"
+    ):
         read_height_map(tmp_path / "a.npz")
 
 
