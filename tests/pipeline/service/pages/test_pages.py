@@ -589,3 +589,20 @@ def test_passes_are_told_without_their_picture_too(shop: Shop) -> None:
 def test_signing_in_leads_nowhere_else(to: str) -> None:
     assert own_address(to) == "/review"
     assert own_address("/parts?text=a") == "/parts?text=a"
+
+
+def test_a_part_that_waits_for_touch_says_so(shop: Shop) -> None:
+    empty = reading("", source="vision", decision="reject")
+    waiting = shop.add(name="W", state=PartState.TOUCH_NEEDED, readings=(empty,))
+    for path in ("/parts", f"/parts/{waiting}"):
+        page = shop.client.get(path).text
+        assert "waiting for touch" in page
+        assert "nothing read" not in page
+    shop.add(name="R", readings=(empty,))
+    assert "nothing read" in shop.client.get("/parts").text
+
+
+def test_a_candidate_has_its_probability_once(shop: Shop) -> None:
+    page = shop.client.get(f"/review/{shop.add()}").text
+    assert "probability as bar and figure. Letter" in page
+    assert "score" not in page.partition('<ol class="places')[2].partition("</ol>")[0]
