@@ -3,9 +3,10 @@
     python tests/benchmarks/orientation.py plates [--texts 4] [--seed 1] [--fonts gothic,timesr] [--senses touch]
     python tests/benchmarks/orientation.py characters [--texts 150] [--seed 2]
 
-`plates` stamps texts of characters that turn or mirror into one another, shows each plate as given, upside down, with
-its rows in the other order and left to right, and reads it by touch and by photograph. Nothing wrong may be accepted
-unless the settings state what is not so. `characters` prints the likely images of `recognition.language.orientation`.
+`plates` stamps texts of characters that turn or mirror into one another (with --format any serials), shows each plate
+as given, upside down, with its rows in the other order and left to right, and reads it by touch and by photograph.
+Nothing wrong may be accepted unless the settings state what is not so. `characters` prints the likely images of
+`recognition.language.orientation`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from glyphs.fonts.serials import random_text
 from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
 from pipeline.reading.part_reader import read_surface
@@ -74,8 +76,11 @@ def plates(options: argparse.Namespace) -> None:
     rng = np.random.default_rng(options.seed)
     counts: dict[tuple[str, ...], Counter[str]] = defaultdict(Counter)
     senses = set(options.senses.split(","))
-    for alphabet, mask in ALPHABETS:
-        for number, text in enumerate(texts_of(alphabet, options.texts, rng)):
+    lots = [(texts_of(alphabet, options.texts, rng), mask) for alphabet, mask in ALPHABETS]
+    if options.format:
+        lots = [([random_text(options.format, rng=rng) for _ in range(options.texts)], options.format)]
+    for texts, mask in lots:
+        for number, text in enumerate(texts):
             for font in options.fonts.split(","):
                 part = stamp(text, font=font, height_mm=HEIGHT_MM, seed=(options.seed, number))
                 for orientation in Orientation:
@@ -145,6 +150,7 @@ def main() -> None:
     )
     parser.add_argument("what", choices=("plates", "characters"))
     parser.add_argument("--texts", type=int, default=4, help="of each alphabet")
+    parser.add_argument("--format", default="", help="serials of this format, in place of those that turn")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fonts", default=FONTS)
     parser.add_argument("--senses", default="touch,photograph")
