@@ -127,6 +127,8 @@ class MqttSender:
                 await asyncio.wait({connection.lost}, timeout=_LOOK_S)
                 if not connection.lost.done():
                     continue
+                if connection.over_a_message:
+                    continue  # the message is refused, and the broker is there
                 report(f"the broker has gone: {connection.lost.result()}")
             await asyncio.sleep(_LOOK_S)
 

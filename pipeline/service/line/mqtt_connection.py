@@ -187,6 +187,11 @@ class MqttConnection:
         self._drop()
         await asyncio.to_thread(self._client.loop_stop)
 
+    @property
+    def over_a_message(self) -> bool:
+        """Whether the broker has ended it because of a message, and not because it is going away."""
+        return self._blamed >= 0
+
     def _hint(self, code: Any, topic: str) -> str:
         if code.value == _NOT_AUTHORISED:
             return f"let the user {self._broker.user or 'without a name'} write to {topic}"

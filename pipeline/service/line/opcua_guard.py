@@ -288,6 +288,7 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
 
         async def _sign_in(self, serve: Callable[..., Any], *arguments: Any) -> bool:
             await asyncio.sleep(sign_ins.delay_s(self.address))
+            user_manager.denied = ""
             try:
                 return bool(await serve(*arguments))
             except Exception as error:
@@ -295,7 +296,7 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
                     sign_ins.failed(self.address)
                     user = user_manager.denied[:40]
                     who = f"{user!r} from {self.address}"
-                    log.say(f"sign-in {self.address}", f"sign-in denied to {who}: wrong user or password")
+                    log.say(f"sign-in {who}", f"sign-in denied to {who}: wrong user or password")
                 raise
 
         async def _called(
