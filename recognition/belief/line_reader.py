@@ -56,6 +56,10 @@ OTHER_BELIEF, OTHER_PLACES = 0.8, 3
 """Mean belief, and places, from which another line on the part is text that nobody has claimed."""
 
 
+MOST_CANDIDATES, MOST_ACROSS = 4, 0.9
+"""Lines that are named to a person where none was read, and share of the view's width that they may take."""
+
+
 class LineReader:
     """Reads views; knows the format and the characters that may occur."""
 
@@ -146,7 +150,7 @@ class LineReader:
         for line in rest:
             if _is_text(line) and all(apart(line, other) for other in unclaimed):
                 unclaimed.append(line)
-        return PartLines(main, MappingProxyType(named), tuple(unclaimed))
+        return PartLines(main, MappingProxyType(named), tuple(unclaimed), _candidates(view, meant))
 
     def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
         """The line of these that this format and region mean; None where none does."""
@@ -251,6 +255,16 @@ class LineReader:
 
 def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:
     return [replace(one, view=number) for one in looks]
+
+
+def _candidates(view: View, meant: Sequence[ReadLine]) -> tuple[TextLine, ...]:
+    """Lines that lie apart, as many as a person may want to look at, without those tried across the whole view."""
+    kept: list[ReadLine] = []
+    for one in meant:
+        across = one.line.length_mm > MOST_ACROSS * view.size_mm[0]
+        if not across and len(kept) < MOST_CANDIDATES and all(apart(one, other) for other in kept):
+            kept.append(one)
+    return tuple(one.line for one in kept)
 
 
 def apart(one: ReadLine, other: ReadLine) -> bool:

@@ -108,8 +108,10 @@ class PartLines:
         main: the line that the format means; None where there is none.
         named: other lines that were asked for, by name, as far as they were found.
         others: lines that can be read as well, and that nobody has asked for.
+        candidates: places that look like the serial's line, the most promising first; they lie apart.
     """
 
     main: ReadLine | None
     named: Mapping[str, ReadLine] = field(default_factory=lambda: MappingProxyType({}))
     others: tuple[ReadLine, ...] = ()
+    candidates: tuple[TextLine, ...] = ()

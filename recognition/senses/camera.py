@@ -104,7 +104,13 @@ class VisionReader:
             source="vision",
             asked=self.settings.asked,
         )
-        notes = (*made.notes, *_file_notes(photo), *(LEFT_OUT.format(number) for number in left_out))
+        places = () if made.characters else part.candidates
+        notes = (
+            *made.notes,
+            *_file_notes(photo),
+            *_candidate_notes(places, views[0]),
+            *(LEFT_OUT.format(number) for number in left_out),
+        )
         made = replace(
             made,
             unit="mm" if scaled else "px",
@@ -164,6 +170,18 @@ class _Pictures:
 def _file_notes(photo: Photo) -> tuple[str, ...]:
     """Remarks on the files of a photograph and its others, each once."""
     return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
+
+
+def _candidate_notes(lines: Sequence[TextLine], view: View) -> tuple[str, ...]:
+    """Where to look in a photograph in which no text was read, if more than one place may be its line."""
+    if len(lines) < 2:
+        return ()
+    shares = [(line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm for line in lines]
+    places = ", ".join(f"{x:.2f} {y:.2f}" for x, y in shares)
+    return (
+        f"several candidates: {len(lines)} places look like a line of text, with their middles at {places} (shares of "
+        "the photograph's width and height); give the right one with --region",
+    )
 
 
 def _first(one: tuple[float, list[Lattice]]) -> float:

@@ -49,6 +49,15 @@ def test_a_small_line_is_found_among_clutter(photo: Photo) -> None:
     assert y < (box.y0_mm + box.y1_mm) / 2 < y + 67
 
 
+def test_where_none_is_read_the_candidates_are_named(photo: Photo) -> None:
+    pixels = photo.pixels.copy()
+    x, y = SERIAL_AT
+    pixels[y : y + 67, x : x + 260] = 128
+    reading = Reader(format=FORMAT).read(Photo(pixels))
+    assert (reading.text, reading.decision) == ("", "reject")
+    assert any("several candidates" in note and "--region" in note for note in reading.notes)
+
+
 def test_a_region_is_searched_first(photo: Photo) -> None:
     reading = Reader(format=FORMAT, region=(0.45, 0.5, 0.7, 0.7)).read(photo)
     assert reading.text == TEXT
