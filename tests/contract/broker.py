@@ -24,6 +24,7 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
+SERVICE_OPTIONS = ("--jobs", "1", "--format", "A9", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 USER, PASSWORD = "marks", "geheim"
 READER = "reader"
 

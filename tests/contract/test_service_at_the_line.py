@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.contract.broker import Broker, Listener, free_port
-from tests.contract.conftest import SERVICE_OPTIONS
+from tests.contract.broker import SERVICE_OPTIONS, Broker, Listener, free_port
 from tests.contract.front_doors import RunningService, run_service, status_of, wait_until
 
 PAGES = ("/", "/review", "/parts", "/dashboard", "/jobs", "/shadow", "/docs", "/nothing/here")

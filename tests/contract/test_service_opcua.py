@@ -18,8 +18,7 @@ import pytest
 from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
-from tests.contract.broker import free_port
-from tests.contract.conftest import SERVICE_OPTIONS
+from tests.contract.broker import SERVICE_OPTIONS, free_port
 from tests.contract.front_doors import RunningService, environment, run_service, status_of, wait_until
 
 pytestmark = pytest.mark.anyio
