@@ -82,9 +82,9 @@ def warnings(line: RunningService, beginning: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_every_link_of_a_page_holds_under_the_prefix_of_a_proxy(service: RunningService, path: str) -> None:
+def test_every_link_of_a_page_holds_under_the_prefix_of_a_proxy(line: RunningService, path: str) -> None:
     answer = httpx.get(
-        f"{service.url}{path}", headers={"Accept": "text/html"}, follow_redirects=True, timeout=120.0
+        f"{line.url}{path}", headers={"Accept": "text/html"}, follow_redirects=True, timeout=120.0
     )
     links = set(re.findall(r'\b(?:href|src|action|data-[a-z]+)="([^"#]+)"', answer.text))
     addresses = {html.unescape(one) for one in links if one.startswith((".", "/"))}
@@ -92,13 +92,13 @@ def test_every_link_of_a_page_holds_under_the_prefix_of_a_proxy(service: Running
     assert not [one for one in addresses if one.startswith("/")]
     for one in addresses:
         there = urljoin(str(answer.url), one)
-        assert there.startswith(service.url)
+        assert there.startswith(line.url)
         assert status_of(there) in (200, 303, 405), there
 
 
-def test_redirects_hold_under_the_prefix_of_a_proxy(service: RunningService) -> None:
+def test_redirects_hold_under_the_prefix_of_a_proxy(line: RunningService) -> None:
     for path in ("/", "/review/next"):
-        location = httpx.get(f"{service.url}{path}").headers["location"]
+        location = httpx.get(f"{line.url}{path}").headers["location"]
         assert urljoin(f"https://plant.example/marks{path}", location) == "https://plant.example/marks/review"
 
 
@@ -114,22 +114,22 @@ def test_a_prefix_may_be_passed_on_or_taken_off_and_stands_in_links(
 
 
 @pytest.mark.parametrize("path", ["/healthz", "/readyz", "/metrics", "/v1/jobs", "/parts"])
-def test_head_is_answered_as_get_without_a_body(service: RunningService, path: str) -> None:
-    answer = httpx.head(f"{service.url}{path}")
+def test_head_is_answered_as_get_without_a_body(line: RunningService, path: str) -> None:
+    answer = httpx.head(f"{line.url}{path}")
     assert (answer.status_code, answer.content) == (200, b"")
     assert int(answer.headers["content-length"]) > 0
 
 
 @pytest.mark.parametrize("encoded", ["filename*=utf-8''%D1%84.png", "filename*0=fo; filename*1=to.png"])
 def test_a_file_that_is_named_in_the_extended_form_alone_is_read(
-    service: RunningService, tmp_path: Path, encoded: str
+    line: RunningService, tmp_path: Path, encoded: str
 ) -> None:
     noise = np.random.default_rng(5).integers(90, 160, (120, 240), dtype=np.uint8)
     Image.fromarray(noise).save(tmp_path / "photo.png")
     head = f'Content-Disposition: form-data; name="photo"; {encoded}\r\nContent-Type: image/png\r\n\r\n'
     body = b"--XyZ\r\n" + head.encode() + (tmp_path / "photo.png").read_bytes() + b"\r\n--XyZ--\r\n"
     kind = {"Content-Type": "multipart/form-data; boundary=XyZ"}
-    answer = httpx.post(f"{service.url}/v1/parts", content=body, headers=kind, timeout=120.0)
+    answer = httpx.post(f"{line.url}/v1/parts", content=body, headers=kind, timeout=120.0)
     assert answer.status_code == 201, answer.text
 
 
