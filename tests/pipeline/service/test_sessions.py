@@ -77,9 +77,9 @@ def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def plan(plates: Path) -> ScanPlanRecord:
     """Of the whole plate, in a frame whose middle is elsewhere."""
-    from pipeline.files.npz import read_npz
+    from pipeline import read_height_map
 
-    width, height = read_npz(plates / "part.npz").size_mm
+    width, height = read_height_map(plates / "part.npz").size_mm
     region = (100.0, 50.0, 100.0 + width, 50.0 + height)
     return replace(PLAN, region_mm=region, middle_mm=(100.0 + 0.5 * width, 50.0 + 0.5 * height))
 

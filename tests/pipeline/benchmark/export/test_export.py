@@ -12,11 +12,12 @@ import pytest
 from PIL import Image
 
 from glyphs.errors import FileError
+from pipeline import read_height_map
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.export.exported_part import ExportOrder, polygon_px
 from pipeline.benchmark.export.folder import ExportError, check, export
-from pipeline.files.npz import read_npz, read_soil
+from pipeline.files.npz import read_soil
 from tests.factories import designed_parts
 
 EMPTY_MM = 0.06
@@ -39,7 +40,7 @@ def test_a_part_is_written_as_it_is_made(exam: tuple[ExportOrder, Path]) -> None
     order, folder = exam
     for item in order.parts.items():
         made, path = order.parts.make(item), folder / "parts" / f"{item.part}.npz"
-        np.testing.assert_array_equal(read_npz(path).z_mm, made.height_map.z_mm)
+        np.testing.assert_array_equal(read_height_map(path).z_mm, made.height_map.z_mm)
         assert (read_soil(path) is None) == (made.soil is None) == (item.condition.severity == 0.0)
         with Image.open(folder / "ideal" / f"{item.part}.png") as picture:
             step, zero = float(picture.text["step"]), int(picture.text["zero"])  # type: ignore[attr-defined]
