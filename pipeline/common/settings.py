@@ -76,7 +76,7 @@ _MODES = {
     **dict.fromkeys(("camera", "photo", "visual"), "vision"),
     **dict.fromkeys(("both", "fusion"), "fused"),
 }
-"""Words that people type for a mode, and the mode."""
+"""Everyday words for a mode, which is kept by its own name."""
 
 
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
@@ -102,9 +102,7 @@ def _by_commas(value: Any) -> Any:
 
 
 def _mode(value: Any) -> Any:
-    if value in _MODES:
-        raise ValueError(f"that is called {_MODES[value]} here")
-    return value
+    return _MODES.get(value, value) if isinstance(value, str) else value
 
 
 def _one(value: Any) -> Any:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from glyphs import GlyphDatabase, load_font, save_database
+from pipeline import ReadSettings
 from tests.contract.front_doors import ROOT, Command, environment
 
 READ = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1")
@@ -67,10 +68,8 @@ def test_an_operator_in_a_format_of_places_is_refused(text: str, command: Comman
 
 
 @pytest.mark.parametrize(("word", "meant"), [("touch", "tactile"), ("camera", "vision"), ("both", "fused")])
-def test_a_mode_by_another_word_is_named(word: str, meant: str, command: Command) -> None:
-    done = command("read", "part.npz", "--mode", word)
-    assert done.status == 2
-    assert f"that is called {meant} here" in done.err
+def test_everyday_words_for_a_mode_are_understood(word: str, meant: str) -> None:
+    assert ReadSettings.of(mode=word).mode == meant
 
 
 def test_the_fonts_of_a_database_are_drawn(
