@@ -7,11 +7,12 @@ names that the four packages export, so that every room behind them can be rebui
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import Command, Ended, main, save_height_map
+from tests.contract.front_doors import Command, Ended, RunningService, main, run_service, save_height_map
 
 
 @pytest.fixture(autouse=True)
@@ -37,3 +38,13 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
 def height_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clean plate stamped `K7` in gothic, 4 mm high, as an npz file. Do not change it."""
     return save_height_map(tmp_path_factory.mktemp("plate") / "K7.npz", "K7")
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
+    """A service that this worker's tests share; it reads `A9` in gothic, 4 mm high, without tokens."""
+    reading = ("--format", "A9", "--font", "gothic", "--height-mm", "4")
+    with run_service(
+        tmp_path_factory.mktemp("service"), "--jobs", "1", "--tokens", "off", *reading
+    ) as running:
+        yield running
