@@ -280,7 +280,7 @@ class _Parts:
 
     def __init__(self, root: Path) -> None:
         self.evidence, self.store = EvidenceFolder(root / "evidence"), Store.open(_url(root))
-        self.orders = SimpleNamespace(work_folder=self._work_folder)
+        self.orders = SimpleNamespace(work_folder=self._work_folder, busy=None, trouble=lambda _job: "")
 
     @contextlib.contextmanager
     def _work_folder(self) -> Iterator[Path]:
@@ -340,8 +340,7 @@ def _watch(root: Path, *, looks: int = 4) -> WatchJournal:
 
     async def look() -> None:
         for _ in range(looks):
-            with contextlib.suppress(ExceptionGroup):  # as the loop of looks goes on
-                await watched.look()
+            await watched.look()
 
     asyncio.run(look())
     parts.store.close()

@@ -22,7 +22,7 @@ def test_an_error_is_one_line_of_where_what_and_hint() -> None:
     [
         MarksError("is empty", where="a.npz", hint="record it again"),
         FileError("a.npz", "is empty", "record it again"),
-        MissingExtraError("MQTT", "aiomqtt", "mqtt"),
+        MissingExtraError("MQTT", "paho-mqtt", "mqtt"),
     ],
 )
 def test_an_error_comes_back_whole_from_another_process(error: MarksError) -> None:

@@ -21,8 +21,8 @@ def test_a_library_of_an_extra_is_told_with_what_to_install(monkeypatch: pytest.
 
 
 def test_a_part_that_names_its_own_extra_is_believed() -> None:
-    with pytest.raises(CommandError, match=r"MQTT needs aiomqtt; .*\[mqtt\]"), failures_reported():
-        raise MissingExtraError("MQTT", "aiomqtt", "mqtt")
+    with pytest.raises(CommandError, match=r"MQTT needs paho-mqtt; .*\[mqtt\]"), failures_reported():
+        raise MissingExtraError("MQTT", "paho-mqtt", "mqtt")
 
 
 def test_a_fault_of_the_program_is_not_taken_for_a_missing_extra() -> None:

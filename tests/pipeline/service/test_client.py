@@ -415,7 +415,7 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     for module, extra, make in (
         ("httpx", "service", lambda: Client("http://127.0.0.1")),
         ("httpx", "service", lambda: WebhookSender("http://127.0.0.1")),
-        ("aiomqtt", "mqtt", lambda: MqttSender("mqtt://127.0.0.1")),
+        ("paho.mqtt.client", "mqtt", lambda: MqttSender("mqtt://127.0.0.1")),
         ("asyncua", "opcua", lambda: OpcUaPort(None)),  # type: ignore[arg-type]
     ):
         with monkeypatch.context() as without:

@@ -240,7 +240,8 @@ def test_programs_of_other_users_need_a_token_where_nobody_else_does(
     refused = client.get("/v1/parts")
     assert refused.status_code == 401
     assert "of another user" in refused.json()["detail"]
-    assert client.get("/review", follow_redirects=False).headers["location"].startswith("/login")
+    turned = client.get("/review", follow_redirects=False)
+    assert turned.headers["location"] == "./login?to=%2Freview"
     assert client.put("/v1/jobs/left", json={"format": "A9"}).status_code == 401
     assert client.get("/healthz").status_code == 200
     secret = service.store.add_token("proxied", [Scope.READ])
