@@ -28,6 +28,7 @@ from pipeline.files.order_file import read_order
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.alerts import AlertWatch
+from pipeline.service.api.answers import problems
 from pipeline.service.api.export import export_router
 from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
@@ -374,7 +375,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         tags=["service"],
         summary="Whether parts can be read",
         response_model=dict[str, str],
-        responses={503: {"description": "not yet; the detail says why"}},
+        responses={503: {**problems(503)[503], "description": "not yet; the detail says why"}},
     )
     def readyz() -> Any:
         why = service.why_not_ready()

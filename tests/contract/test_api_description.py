@@ -62,6 +62,19 @@ def description(own_service: RunningService, tmp_path: Path) -> Any:
     return schema
 
 
+def test_every_failure_is_described_as_a_problem(own_service: RunningService) -> None:
+    paths = httpx.get(f"{own_service.url}/openapi.json").json()["paths"]
+    described = {
+        f"{verb.upper()} {path} {status}": set(response.get("content", {}))
+        for path, operations in paths.items()
+        for verb, operation in operations.items()
+        for status, response in operation["responses"].items()
+        if status[0] in "45"
+    }
+    assert "DELETE /v1/jobs/{name} 422" in described
+    assert {key: kinds for key, kinds in described.items() if kinds != {"application/problem+json"}} == {}
+
+
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)
 def test_every_request_is_answered_as_described(description: Any, mode: GenerationMode) -> None:
     asked = []

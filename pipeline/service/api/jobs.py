@@ -37,7 +37,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         "/jobs/{name}",
         response_model=JobAnswer,
         summary="One job",
-        responses=problems(401, 403, 404),
+        responses=problems(401, 403, 404, 422),
     )
     def one_job(name: JobName, caller: Caller = Reads) -> Any:
         found = next((job for job in jobs.listed() if job.name == name), None)
@@ -49,7 +49,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         "/jobs/{name}",
         status_code=204,
         summary="Delete a job; parts that were read by it stay as they are",
-        responses=problems(401, 403, 404, 409, 503),
+        responses=problems(401, 403, 404, 409, 422, 503),
     )
     def delete_job(name: JobName, caller: Caller = Reviews) -> None:
         jobs.delete(name)
