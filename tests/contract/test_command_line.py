@@ -85,7 +85,7 @@ def test_bad_usage_is_one_line_and_status_2(
     ("arguments", "message"),
     [
         (["read", "empty"], "no height map"),
-        (["read", "a.npz", "--out", "t.xlsx"], "t.xlsx"),
+        (["read", "a.npz", "--out", "t.ods"], "t.ods"),
         (["read", "a.npz", "--out", "none/t.csv"], "none/t.csv"),
         (["read", "a.npz", "--truth", "none.csv"], "none.csv"),
         (["scan", "none.npz", "--out", "a.h5", "--height-mm", "3"], "none.npz"),

@@ -45,7 +45,7 @@ def test_bash_completes_commands_options_choices_and_files(
     lines = {
         "tactile-marks rea": "read",
         "tactile-marks glyphs ": "list show build",
-        "tactile-marks read --hei": "--height-mm",
+        "tactile-marks read --height-m": "--height-mm",
         "tactile-marks read --mode f": "fused",
         "tactile-marks read part.npz --fidelity ": "pointwise contact",
         "tactile-marks read --truth tr": "truth.csv",
