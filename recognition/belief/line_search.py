@@ -27,6 +27,8 @@ MOST_LINES = 6
 """That are looked at, most promising first."""
 MOST_SMALL = 40
 """Small ones that are looked at: among a machine's edges many are none."""
+SMALL_PROMISE = 0.0
+"""Of a small line, up to which it is a guess: the best of many tiles of noise seems to say more than the whole does."""
 MOST_COLUMNS = 4000
 """Of a strip, some 200 characters: what is longer is no line."""
 LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
@@ -96,7 +98,10 @@ class LineSearch:
         return kept
 
     def lines(self, view: View) -> list[ReadLine]:
-        """Lines of a view by a look each; what is less usual is tried where the usual says little."""
+        """Lines of a view by a look each, most promising first; small lines that are a guess come last.
+
+        The less usual is tried where the usual says little.
+        """
         found = self._usual(view)
         seen = self.looks(view, _straight_and_bent(found[:1]))
         if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
@@ -121,11 +126,16 @@ class LineSearch:
         ]
         # of what was scanned the line is a large part; of what a camera sees it may be small
         tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, SOME))
+        guesses: list[ReadLine] = []
         for candidates, enough in tries:
             if says_much(self.meant(view, seen), enough):
                 break
-            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
-        return seen
+            looked = self.looks(view, candidates(view, seen))
+            if candidates == self._small:
+                guesses = [one for one in looked if promise_of(one) <= SMALL_PROMISE]
+                looked = looked[: len(looked) - len(guesses)]
+            seen = _ranked([*seen, *looked])
+        return [*seen, *guesses]
 
     def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
         """The lines that the serial's may be, by where they stand."""
