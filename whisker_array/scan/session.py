@@ -122,8 +122,9 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
         own_moment[..., at], own_flags[..., at] = sweep.moment_n_mm, sweep.flags
         # run-in and run-out of a stretch within the line are no part of it
         lead = sweep.plan.n_lead
-        if lead:
+        if at.start > 0:
             own_flags[..., at.start : at.start + lead] |= np.uint8(SampleFlag.OUTSIDE)
+        if at.stop < n:
             own_flags[..., at.stop - lead : at.stop] |= np.uint8(SampleFlag.OUTSIDE)
         moment.append(own_moment)
         flags.append(own_flags)

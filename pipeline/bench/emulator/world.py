@@ -187,7 +187,7 @@ def on_plate(part: HeightMap, soil: Soil | None, bench: BenchSettings) -> tuple[
     """A part in the middle of a plate as large as the bench's field, its rim gone on; a larger one stays as it is."""
     _, _, width, height = bench.plate.field_mm
     rows, cols = part.shape
-    lacking = [max(0, math.ceil(size / part.pitch_mm) - n) for size, n in ((height, rows), (width, cols))]
+    lacking = [max(0, math.ceil(size / part.pitch_mm) + 1 - n) for size, n in ((height, rows), (width, cols))]
     around = [(one // 2, one - one // 2) for one in lacking]
     if soil is not None:
         wider = (

@@ -84,8 +84,10 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
     bench.write_text(toml + gains, encoding="utf-8")  # [daq] is the last table
     with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
         write_bench(Path("emulated.toml"), marked.settings)
-        for command in commands[5:7]:
-            said(command)
+        said(commands[5])
+        rows = said(commands[6]).splitlines()[2:-1]
+    assert ["never on the land" in row for row in rows] == [False] * 6 + [True] * 2
+    assert [float(row.split()[1]) for row in rows] == pytest.approx([1.0] * 8, abs=0.02)
     with EmulatedBench(piece_in_the_field(), read_bench(bench), seed=0) as known:
         write_bench(Path("emulated.toml"), known.settings)
         said(commands[7])

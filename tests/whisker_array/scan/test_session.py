@@ -79,6 +79,14 @@ def test_a_stretch_lies_within_the_whole_line() -> None:
     assert not outside[:, 50:91].any()
 
 
+def test_passes_of_one_stretch_keep_the_land_on_which_they_run_in() -> None:
+    stage, order = session(), PLAN.passes()[0]
+    beside = replace(order, line_mm=tuple(v + 0.125 for v in order.line_mm))
+    (together,) = gathered([stage.feel(order), stage.feel(beside)])
+    assert together.plan.n_lead == order.n_lead > 0
+    assert not (together.flags[..., : order.n_lead] & np.uint8(SampleFlag.OUTSIDE)).any()
+
+
 def test_passes_of_other_steps_do_not_go_together() -> None:
     stage, one = session(), PLAN.passes()[0]
     with pytest.raises(ValueError, match="steps"):
