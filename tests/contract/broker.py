@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import socket
 import subprocess
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +36,7 @@ class Broker:
 
     def __init__(self, folder: Path, settings: str = "", *, rights: str = "topic readwrite #") -> None:
         folder.mkdir()
-        self.port, self._folder = free_port(), folder
+        self.port, self._folder, self._rights = free_port(), folder, rights
         self.url = f"mqtt://{USER}:{PASSWORD}@127.0.0.1:{self.port}"
         for user, new in ((USER, ("-c",)), (READER, ())):
             command = [program("mosquitto_passwd"), "-b", *new, str(folder / "passwords"), user, PASSWORD]
@@ -61,8 +63,16 @@ class Broker:
             self._process.wait()
             self._process = None
 
-    def allow(self, rights: str) -> None:
-        """Change what the user marks may do, while it runs."""
+    @contextlib.contextmanager
+    def allowed(self, rights: str) -> Iterator[None]:
+        """Let the user marks do no more than `rights` until the block is left, while the broker runs."""
+        self._change_rights(rights)
+        try:
+            yield
+        finally:
+            self._change_rights(self._rights)
+
+    def _change_rights(self, rights: str) -> None:
         assert self._process is not None
         self._write_rights(rights)
         self._process.send_signal(signal.SIGHUP)
