@@ -135,7 +135,8 @@ class LineSearch:
                 guesses = [one for one in looked if promise_of(one) <= SMALL_PROMISE]
                 looked = looked[: len(looked) - len(guesses)]
             seen = _ranked([*seen, *looked])
-        return [*seen, *guesses]
+        # on what was felt a guess would have a blank plate scanned as finely as small marks
+        return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
 
     def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
         """The lines that the serial's may be, by where they stand."""
