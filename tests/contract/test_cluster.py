@@ -71,36 +71,6 @@ def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) 
         assert [bad["part"] for bad in csv.DictReader(stream)] == ["gone"]
 
 
-def test_a_benchmark_is_the_same_on_a_cluster(tmp_path: Path) -> None:
-    (logs := tmp_path / "logs").mkdir()
-    arguments = (
-        *("benchmark", "--out", "there", "--parts", "8", "--dirt", "0", "--mode", "tactile"),
-        # templates of one font and height, which both workers and the run make for themselves
-        *("--format", "A9", "--height-mm", "4", "--give", "font,height,format"),
-    )
-    with cluster_process(logs) as cluster:
-        process = run(cluster, tmp_path, *arguments)
-        wait_for_lines(tmp_path / "there" / "trials.jsonl", 2, process)
-        cluster.lose(cluster.workers[1])
-        _, error = process.communicate(timeout=WAIT_S)
-        assert process.returncode == 0, error + cluster.told()
-    here = ("here" if a == "there" else a for a in arguments)
-    subprocess.run(
-        [sys.executable, "-m", "pipeline", *here],
-        cwd=tmp_path,
-        env=environment(),
-        check=True,
-        timeout=WAIT_S,
-    )
-    assert answers(tmp_path / "there") == answers(tmp_path / "here")
-
-
-def answers(folder: Path) -> list[tuple[str, ...]]:
-    with (folder / "benchmark.csv").open(newline="") as stream:
-        kept = ("part", "mode", "truth", "text", "decision", "error")
-        return [tuple(row[k] for k in kept) for row in csv.DictReader(stream)]
-
-
 def test_no_scheduler_is_one_line(tmp_path: Path, parts: Path) -> None:
     nowhere = subprocess.run(
         [sys.executable, "-m", "pipeline", "read", str(parts / "part-00.npz"), "--cluster", "tcp://127.0.0.1:9"],

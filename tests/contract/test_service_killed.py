@@ -17,7 +17,7 @@ import pytest
 
 from tests.contract.front_doors import RunningService, children, is_alive, run_service, synth
 
-ROUNDS = 3
+ROUNDS = 2
 SENDERS = 3
 PARTS = 6
 OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")

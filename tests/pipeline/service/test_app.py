@@ -74,19 +74,6 @@ def unsure(served: tuple[Service, TestClient], parts: Path) -> dict[str, object]
     return part
 
 
-def test_a_clean_part_is_accepted_on_the_cameras_word(client: TestClient, parts: Path) -> None:
-    answer = client.post("/v1/parts", files=photo(parts, CLEAN), data={"name": "tray-1"})
-    assert answer.status_code == 201
-    part = answer.json()
-    assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
-    assert part["plan"] is None
-    assert part["reading"]["source"] == "vision"
-    assert client.get(part["links"]["self"]).json() == part
-    for picture in ("photo", "boxes"):
-        assert client.get(part["links"][picture]).headers["content-type"].startswith("image/")
-    assert client.get(part["links"]["edges"]).status_code == 404  # nothing was felt
-
-
 def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts: Path) -> None:
     files = [*photo(parts, CLEAN).items(), ("photo", ("again.png", (parts / f"{CLEAN}.png").read_bytes()))]
     part = client.post("/v1/parts", files=files).json()
@@ -97,37 +84,6 @@ def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts
     refused = client.post("/v1/parts", files=[*photo(parts, CLEAN).items()] * 13)
     assert refused.status_code == 422
     assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
-
-
-def test_an_unsure_camera_asks_for_touch_with_a_plan(unsure: dict[str, object]) -> None:
-    plan = unsure["plan"]
-    assert isinstance(plan, dict)
-    x0, y0, x1, y1 = plan["region_mm"]
-    assert x1 - x0 > 20.0  # eight characters of 5 mm
-    assert y1 - y0 > 5.0
-    assert plan["directions_deg"]
-    assert plan["passes"] > 0
-    assert plan["seconds"] > 0.0
-    assert "camera" in plan["reason"]
-
-
-def test_the_stage_settles_what_the_camera_could_not(
-    client: TestClient, unsure: dict[str, object], parts: Path
-) -> None:
-    answer = client.post(f"/v1/parts/{unsure['id']}/touch")
-    assert answer.status_code == 200, answer.text
-    part = answer.json()
-    assert part["reading"]["source"] == "fused"
-    assert part["reading"]["passes"]
-    assert part["reading"]["stage_s"] == part["reading"]["passes"][-1]["stage_s"]
-    assert part["reading"]["stopped"] in ("sure", "no gain", "budget", "all felt")
-    assert (part["state"], part["text"]) in (("accepted", truth(parts, FILTHY)), ("review", part["text"]))
-    history = client.get(f"/v1/parts/{part['id']}/history").json()
-    assert [r["source"] for r in history["readings"]] == ["vision", "fused"]
-    kinds = [event["kind"] for event in history["events"]]
-    assert kinds[:3] == ["received", "read", "touch_needed"]
-    assert {e["kind"] for e in history["evidence"]} >= {"photo", "scan", "edges_picture", "photo_picture"}
-    assert client.get(part["links"]["boxes"]).content.startswith(b"\x89PNG")
 
 
 def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
@@ -145,61 +101,6 @@ def test_a_height_map_can_be_added_to_a_part(client: TestClient, parts: Path) ->
     answer = client.post(f"/v1/parts/{waiting['id']}/scan", files=height_map(parts, FILTHY))
     assert answer.status_code == 200, answer.text
     assert answer.json()["reading"]["source"] == "fused"
-
-
-def test_both_at_once_are_fused_in_one_request(client: TestClient, parts: Path) -> None:
-    answer = client.post("/v1/parts", files={**photo(parts, CLEAN), **height_map(parts, CLEAN)})
-    assert answer.status_code == 201, answer.text
-    part = answer.json()
-    assert (part["reading"]["source"], part["text"], part["state"]) == (
-        "fused",
-        truth(parts, CLEAN),
-        "accepted",
-    )
-
-
-@pytest.mark.parametrize(
-    ("right", "verdict", "state"), [(True, "confirmed", "accepted"), (False, "refuted", "review")]
-)
-def test_an_expected_serial_is_held_against_what_is_felt(
-    client: TestClient, parts: Path, right: bool, verdict: str, state: str
-) -> None:
-    text = truth(parts, CLEAN)
-    expected = text if right else text[:-1] + str((int(text[-1]) + 5) % 10)
-    answer = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"expected": expected})
-    part = answer.json()
-    assert (part["reading"]["verdict"], part["state"]) == (verdict, state)
-
-
-def test_a_key_makes_one_part_however_often_it_is_sent(client: TestClient, parts: Path) -> None:
-    headers = {"Idempotency-Key": "once-and-for-all"}
-    first = client.post("/v1/parts", files=photo(parts, CLEAN), headers=headers)
-    again = client.post("/v1/parts", files=photo(parts, CLEAN), headers=headers)
-    assert (first.status_code, again.status_code) == (201, 200)
-    assert again.headers["Idempotent-Replayed"] == "true"
-    assert again.json()["id"] == first.json()["id"]
-    other = client.post("/v1/parts", files=photo(parts, FILTHY), headers=headers)
-    assert other.status_code == 422
-    assert "Idempotency-Key" in other.json()["detail"]
-
-
-def test_a_review_is_kept_with_what_stood_before_and_never_overwritten(
-    client: TestClient, parts: Path
-) -> None:
-    part = client.post("/v1/parts", files=height_map(parts, CLEAN)).json()
-    address = f"/v1/parts/{part['id']}/review"
-    corrected = {"action": "correct", "text": "ZZ000000", "who": "Anna", "before": part["text"]}
-    assert client.post(address, json=corrected).json()["text"] == "ZZ000000"
-    late = client.post(address, json={**corrected, "text": "AA111111", "who": "Ben"})
-    assert late.status_code == 409
-    again = {"action": "correct", "text": part["text"], "who": "Ben", "before": "ZZ000000"}
-    assert client.post(address, json=again).status_code == 200
-    reviews = client.get(f"/v1/parts/{part['id']}/history").json()["reviews"]
-    assert [(r["who"], r["before"], r["after"]) for r in reviews] == [
-        ("Anna", part["text"], "ZZ000000"),
-        ("Ben", "ZZ000000", part["text"]),
-    ]
-    assert client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, CLEAN)).status_code == 409
 
 
 def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(
@@ -435,17 +336,6 @@ def _whole_plate() -> ScanPlanRecord:
         region_mm=(0.0, 0.0, 60.0, 15.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
         sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=1.0, height_mm=5.0, reason="to try it",
     )  # fmt: skip
-
-
-def test_health_readiness_metrics_and_request_ids(client: TestClient) -> None:
-    assert client.get("/healthz").json() == {"status": "alive"}
-    assert client.get("/readyz").json()["status"] == "ready"
-    assert client.get("/v1/parts", headers={"X-Request-ID": "abc-1"}).headers["X-Request-ID"] == "abc-1"
-    assert client.get("/v1/parts", headers={"X-Request-ID": "a b\n"}).headers["X-Request-ID"] != "a b"
-    page = client.get("/metrics").text
-    assert 'tactile_marks_readings_total{decision="accept",source="vision"}' in page
-    assert 'route="/v1/parts"' in page
-    assert client.get("/no/such/place").json()["status"] == 404
 
 
 def test_the_description_of_the_interface_stands_and_has_examples(client: TestClient) -> None:
