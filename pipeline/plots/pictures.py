@@ -64,8 +64,8 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
             edge_panel(right, edges=trace.edge_map, layer=0, reading=reading, colour_bar=False)
         verdict = "right" if same_text(reading.text, part.truth) else "WRONG"
         right.set_title(
-            f"by touch: “{reading.text}”, {verdict}, {reading.decision.value}, confidence {reading.confidence:.3f}, "
-            f"{reading.font}",
+            f"by touch: “{reading.text}”, {verdict}, {reading.decision.value}, confidence {reading.confidence:.3f}"
+            f"{reading.font and f', {reading.font}'}",
             fontsize=9,
             loc="left",
         )
