@@ -62,7 +62,7 @@ class MissingExtraError(MarksError):
 
 
 def is_of_the_machine(error: BaseException) -> bool:
-    """Whether the disk, the system or the memory is at the bottom of an error, whatever file it was met at."""
+    """Check whether disk, system or memory caused an error, whichever file it occurred at."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):

@@ -57,7 +57,7 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
     Args:
         records: at most `MOST_PARTS`.
         path: of the workbook.
-        about: what is told of the run, by name; the settings are a mapping of their own.
+        about: facts of the run by name; `settings` is a nested mapping.
 
     Raises:
         OSError: it cannot be written.

@@ -59,7 +59,7 @@ def is_scan(path: PurePath) -> bool:
 
 
 def is_photo(path: PurePath) -> bool:
-    """Whether the suffix is that of a photograph that is read."""
+    """Check whether a suffix is that of a supported photograph."""
     return path.suffix.lower() in PHOTO_SUFFIXES
 
 
