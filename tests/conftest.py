@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
+import structlog
 from hypothesis import HealthCheck, settings
+
+# before anything imports NumPy: the suite runs in as many processes as there are cores, and threads of theirs that wait
+# for each other take several times the time; children take this over
+for _library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 # the same examples in every run, and no judgement of time: a busy machine must not fail a test
 settings.register_profile(
     "steady", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("steady")
+# plain tracebacks: those with pictures of every variable take seconds each
+structlog.configure(
+    processors=[
+        structlog.contextvars.merge_contextvars,
+        structlog.processors.add_log_level,
+        structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback),
+    ]
+)
 
 
 def pytest_configure() -> None:

@@ -34,7 +34,7 @@ READER = "reader"
 class Broker:
     """A broker that can be stopped and started on its port; `rights` are lines of its ACL for the user marks."""
 
-    def __init__(self, folder: Path, settings: str = "", *, rights: str = "topic readwrite #") -> None:
+    def __init__(self, folder: Path, *, rights: str = "topic readwrite #") -> None:
         folder.mkdir()
         self.port, self._folder, self._rights = free_port(), folder, rights
         self.url = f"mqtt://{USER}:{PASSWORD}@127.0.0.1:{self.port}"
@@ -44,7 +44,7 @@ class Broker:
         self._write_rights(rights)
         (folder / "mosquitto.conf").write_text(
             f"listener {self.port} 127.0.0.1\nuser root\nallow_anonymous false\n"
-            f"password_file {folder / 'passwords'}\nacl_file {folder / 'acl'}\n{settings}\n"
+            f"password_file {folder / 'passwords'}\nacl_file {folder / 'acl'}\n"
         )
         self._process: subprocess.Popen[bytes] | None = None
         self.start()
@@ -71,6 +71,21 @@ class Broker:
             yield
         finally:
             self._change_rights(self._rights)
+
+    @contextlib.contextmanager
+    def limited(self, setting: str) -> Iterator[None]:
+        """Run it with one more line in its settings until the block is left; it starts anew before and after."""
+        kept = (self._folder / "mosquitto.conf").read_text()
+        self._restart(f"{kept}{setting}\n")
+        try:
+            yield
+        finally:
+            self._restart(kept)
+
+    def _restart(self, settings: str) -> None:
+        self.stop()
+        (self._folder / "mosquitto.conf").write_text(settings)
+        self.start()
 
     def _change_rights(self, rights: str) -> None:
         assert self._process is not None

@@ -183,7 +183,7 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen[bytes] |
     while not condition():
         assert process is None or process.poll() is None, f"the process ended with {process.returncode}"
         assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.05)
+        time.sleep(0.01)
 
 
 def save_height_map(

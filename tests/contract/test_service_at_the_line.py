@@ -187,37 +187,28 @@ def test_a_broker_that_is_down_is_shown_and_logged_once(
     assert len(warnings(line, "mqtt is away")) == before + 1
 
 
-def test_the_status_stays_online_while_one_of_the_services_with_the_prefix_runs(
-    line: RunningService, broker: Broker, tmp_path: Path
-) -> None:
-    wait_until(lambda: ready(line)["mqtt"] == "works")
-    with run_service(tmp_path / "other", *SERVICE_OPTIONS, "--mqtt", broker.url, ready=False) as other:
-        wait_until(lambda: warnings(other, "ready") != [] or status_of(f"{other.url}/readyz") == 200)
-        wait_until(lambda: '"mqtt":"works"' in httpx.get(f"{other.url}/readyz").text.replace(" ", ""))
-    with contextlib.closing(Listener(broker)) as late:  # hears what is retained
-        wait_until(lambda: late.statuses()[-1:] == ["online"])
-
-
 @pytest.mark.parametrize("limit", ["message_size_limit 500", "max_packet_size 500"])
 def test_a_result_that_is_too_large_for_the_broker_waits(
-    tmp_path: Path, height_map: Path, limit: str
+    line: RunningService, broker: Broker, height_map: Path, limit: str
 ) -> None:
-    small = Broker(tmp_path / "broker", limit)
-    try:
-        with run_service(tmp_path / "service", *SERVICE_OPTIONS, "--mqtt", small.url) as line:
-            send_part(line, height_map)
-            wait_until(lambda: ready(line)["mqtt"].startswith("refuses 1 result"))
-            assert "1 results wait" in ready(line)["mqtt"]
-            assert len(warnings(line, "mqtt does not take the result")) == 1
-    finally:
-        small.stop()
+    wait_until(lambda: (ready(line)["mqtt"], in_outbox(line)) == ("works", 0.0))
+    before = len(warnings(line, "mqtt does not take the result"))
+    with broker.limited(limit):
+        send_part(line, height_map)
+        wait_until(lambda: ready(line)["mqtt"].startswith("refuses 1 result"))
+        assert "1 results wait" in ready(line)["mqtt"]
+        assert len(warnings(line, "mqtt does not take the result")) == before + 1
+    wait_until(lambda: (ready(line)["mqtt"], in_outbox(line)) == ("works", 0.0))
 
 
-def test_mqtt_3_1_1_is_spoken_if_asked_for_and_said_to_lose_what_is_refused(
-    tmp_path: Path, broker: Broker, listener: Listener, height_map: Path
+def test_another_service_by_mqtt_3_1_1_says_that_it_may_lose_results_and_leaves_the_status_online(
+    line: RunningService, tmp_path: Path, broker: Broker, listener: Listener, height_map: Path
 ) -> None:
+    wait_until(lambda: ready(line)["mqtt"] == "works")
     old = ("--mqtt", broker.url, "--mqtt-version", "3.1.1")
-    with run_service(tmp_path / "service", *SERVICE_OPTIONS, *old) as line:
-        sent = send_part(line, height_map)["id"]
+    with run_service(tmp_path / "other", *SERVICE_OPTIONS, *old) as other:
+        sent = send_part(other, height_map)["id"]
         wait_until(lambda: sent in [one["id"] for one in listener.results()])
-        assert len(warnings(line, "MQTT 3.1.1: the broker cannot say that it refuses")) == 1
+        assert len(warnings(other, "MQTT 3.1.1: the broker cannot say that it refuses")) == 1
+    with contextlib.closing(Listener(broker)) as late:  # hears what is retained
+        wait_until(lambda: late.statuses()[-1:] == ["online"])

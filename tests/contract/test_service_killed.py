@@ -9,6 +9,7 @@ import signal
 import sqlite3
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -17,7 +18,6 @@ import pytest
 
 from tests.contract.front_doors import RunningService, children, is_alive, run_service, synth
 
-ROUNDS = 2
 SENDERS = 3
 PARTS = 6
 OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
@@ -28,6 +28,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     made_so = ("--seed", "3", "--height-mm", "4", "--no-photo")
     folder = synth(tmp_path_factory.mktemp("parts"), "A99", *made_so, parts=PARTS)
     return [path.read_bytes() for path in sorted(folder.glob("*.npz"))]
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
+    """A service of which workers are killed, and that the last test asks to end."""
+    with run_service(tmp_path_factory.mktemp("service"), *OPTIONS, "--drain-s", "5") as service:
+        yield service
 
 
 class Senders:
@@ -79,29 +86,31 @@ def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, file
     rng = np.random.default_rng(8)
     senders = Senders(files)
     folder = tmp_path / "service"
-    for turn in range(ROUNDS):
-        with run_service(folder, *OPTIONS) as service:
-            stop = threading.Event()
-            threads = [
-                threading.Thread(
-                    target=senders.keep_sending, args=(service.url, stop, f"turn{turn}-sender{k}")
-                )
-                for k in range(SENDERS)
-            ]
-            for thread in threads:
-                thread.start()
-            before = len(senders.answered)
-            until = time.monotonic() + 60.0
-            # under load: at least a few answers, then at any moment of the next
-            while len(senders.answered) < before + 3 and time.monotonic() < until:
-                time.sleep(0.02)
-            time.sleep(float(rng.uniform(0.0, 0.4)))
-            kill(service)
-            stop.set()
-            for thread in threads:
-                thread.join()
-        assert len(senders.answered) >= before + 3
-        _whole(folder)
+    with run_service(folder, *OPTIONS) as service:
+        workers = children(service.process.pid)
+        assert workers
+        stop = threading.Event()
+        threads = [
+            threading.Thread(target=senders.keep_sending, args=(service.url, stop, f"sender{k}"))
+            for k in range(SENDERS)
+        ]
+        for thread in threads:
+            thread.start()
+        until = time.monotonic() + 60.0
+        # under load: at least a few answers, then at any moment of the next
+        while len(senders.answered) < 5 and time.monotonic() < until:
+            time.sleep(0.01)
+        time.sleep(float(rng.uniform(0.0, 0.4)))
+        kill(service)
+        stop.set()
+        for thread in threads:
+            thread.join()
+    assert len(senders.answered) >= 5
+    _whole(folder)
+    until = time.monotonic() + 20.0
+    while any(is_alive(w) for w in workers) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert not [w for w in workers if is_alive(w)]  # workers end with a killed service
     answered = dict(senders.answered)
     with (
         run_service(folder, *OPTIONS) as service,
@@ -138,12 +147,11 @@ def _whole(folder: Path) -> None:
         assert hashlib.sha256(data).hexdigest() == sha256
 
 
-def test_a_killed_worker_is_replaced_and_the_service_goes_on(tmp_path: Path, files: list[bytes]) -> None:
-    with (
-        run_service(tmp_path / "service", *OPTIONS) as service,
-        httpx.Client(base_url=service.url, timeout=60.0) as http,
-    ):
-        workers = children(service.process.pid)
+def test_a_killed_worker_is_replaced_and_the_service_goes_on(
+    running: RunningService, files: list[bytes]
+) -> None:
+    with httpx.Client(base_url=running.url, timeout=60.0) as http:
+        workers = children(running.process.pid)
         assert workers
         for worker in workers:
             with contextlib.suppress(ProcessLookupError):
@@ -156,43 +164,44 @@ def test_a_killed_worker_is_replaced_and_the_service_goes_on(tmp_path: Path, fil
         assert http.get("/healthz").status_code == 200
 
 
-def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, files: list[bytes]) -> None:
+def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(
+    running: RunningService, files: list[bytes]
+) -> None:
     """Four senders of one part; then a service that is asked to end while it reads."""
-    with run_service(tmp_path / "service", *OPTIONS, "--drain-s", "5") as service:
-        answers: list[httpx.Response] = []
+    answers: list[httpx.Response] = []
 
-        def send(key: str, data: bytes) -> None:
-            headers = {"Idempotency-Key": key}
-            scan = {"scan": ("part.npz", data)}
-            answers.append(httpx.post(f"{service.url}/v1/parts", files=scan, headers=headers, timeout=60.0))
+    def send(key: str, data: bytes) -> None:
+        headers = {"Idempotency-Key": key}
+        scan = {"scan": ("part.npz", data)}
+        answers.append(httpx.post(f"{running.url}/v1/parts", files=scan, headers=headers, timeout=60.0))
 
-        at_once = [threading.Thread(target=send, args=("one", files[0])) for _ in range(4)]
-        for thread in at_once:
-            thread.start()
-        for thread in at_once:
-            thread.join()
-        assert sorted(a.status_code for a in answers) == [200, 200, 200, 201]
-        assert len({a.json()["id"] for a in answers}) == 1
-        answers.clear()
-        last = [threading.Thread(target=send, args=(f"last-{k}", data)) for k, data in enumerate(files[:4])]
-        for thread in last:
-            thread.start()
-        until = time.monotonic() + 30.0
-        # a sender that has not connected when the service ends is refused: all four are to be known to it
-        while len(answers) + _jobs(service) < len(last) and time.monotonic() < until:
-            time.sleep(0.01)
-        service.process.send_signal(signal.SIGTERM)
-        drained = _refused_ready(service)
-        late = httpx.post(f"{service.url}/v1/parts", files={"scan": ("part.npz", files[0])}, timeout=60.0)
-        for refused in (drained, late):
-            assert (refused.status_code, refused.headers["content-type"]) == (503, "application/problem+json")
-            assert int(refused.headers["retry-after"]) > 0
-        for thread in last:
-            thread.join()
-        assert [a.status_code for a in answers] == [201] * 4
-        # the signal is passed on once everything is closed
-        assert service.process.wait(30.0) in (0, -signal.SIGTERM)
-        assert "Application shutdown complete" in service.log
+    at_once = [threading.Thread(target=send, args=("one", files[0])) for _ in range(4)]
+    for thread in at_once:
+        thread.start()
+    for thread in at_once:
+        thread.join()
+    assert sorted(a.status_code for a in answers) == [200, 200, 200, 201]
+    assert len({a.json()["id"] for a in answers}) == 1
+    answers.clear()
+    last = [threading.Thread(target=send, args=(f"last-{k}", data)) for k, data in enumerate(files[:4])]
+    for thread in last:
+        thread.start()
+    until = time.monotonic() + 30.0
+    # a sender that has not connected when the service ends is refused: all four are to be known to it
+    while len(answers) + _jobs(running) < len(last) and time.monotonic() < until:
+        time.sleep(0.01)
+    running.process.send_signal(signal.SIGTERM)
+    drained = _refused_ready(running)
+    late = httpx.post(f"{running.url}/v1/parts", files={"scan": ("part.npz", files[0])}, timeout=60.0)
+    for refused in (drained, late):
+        assert (refused.status_code, refused.headers["content-type"]) == (503, "application/problem+json")
+        assert int(refused.headers["retry-after"]) > 0
+    for thread in last:
+        thread.join()
+    assert [a.status_code for a in answers] == [201] * 4
+    # the signal is passed on once everything is closed
+    assert running.process.wait(30.0) in (0, -signal.SIGTERM)
+    assert "Application shutdown complete" in running.log
 
 
 def _refused_ready(service: RunningService) -> httpx.Response:
@@ -210,14 +219,3 @@ def _jobs(service: RunningService) -> float:
     names = ("tactile_marks_jobs_waiting", "tactile_marks_jobs_running")
     figures = dict(line.split() for line in page.splitlines() if line.startswith(names))
     return sum(float(figures[name]) for name in names)
-
-
-def test_workers_end_with_a_killed_service(tmp_path: Path) -> None:
-    with run_service(tmp_path / "service", *OPTIONS) as service:
-        workers = children(service.process.pid)
-        assert workers
-        kill(service)
-        until = time.monotonic() + 20.0
-        while any(is_alive(w) for w in workers) and time.monotonic() < until:
-            time.sleep(0.05)
-        assert not [w for w in workers if is_alive(w)]

@@ -101,7 +101,7 @@ def save_photo(folder: Path, name: str) -> None:
     import numpy as np
     from PIL import Image
 
-    noise = np.random.default_rng(5).integers(90, 160, (1200, 1600), dtype=np.uint8)
+    noise = np.random.default_rng(5).integers(90, 160, (900, 1200), dtype=np.uint8)
     Image.fromarray(noise).save(folder / f"{name}.png")
 
 

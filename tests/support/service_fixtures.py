@@ -17,7 +17,7 @@ from pipeline.service.app import Service, create_app
 from pipeline.service.settings import ServiceSettings
 from pipeline.workers.pool import BusyError
 
-FORMAT = "AA999999"
+FORMAT = "AA99"
 
 
 class InlinePool:

@@ -19,7 +19,7 @@ from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
-TEXT = "KX407251"
+TEXT = "KX40"
 DEAD = "whisker 3, dead whisker: gives"
 
 
@@ -38,7 +38,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_inspect_reads_on_and_says_what_to_do(
     recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    named = ["--format", "AA999999", "--font", "gothic", "--height-mm", "5"]
+    named = ["--format", "AA99", "--font", "gothic", "--height-mm", "5"]
     picture = tmp_path / "dead.png"
     assert main(["inspect", str(recordings / "dead.h5"), *named, "--out", str(picture)]) == 0
     printed = capsys.readouterr().out

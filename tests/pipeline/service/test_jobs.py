@@ -287,7 +287,7 @@ def test_a_name_for_the_job_of_a_part() -> None:
 
 
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
-    write_part(SynthSpec(format=FORMAT, seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
+    write_part(SynthSpec(format="AA999999", seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
     read = [
         read_order(
             PartOrder(tmp_path, photos=(tmp_path / "part.png",)), ReadSettings(region=region), Limits()
