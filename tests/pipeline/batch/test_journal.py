@@ -702,10 +702,10 @@ def _finish_peak(table: Path, n: int) -> int:
 
 @pytest.mark.usefixtures("_no_sync")
 def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
-    few, many = 4_000, 12_000
+    few, many = (3_000, 9_000) if table.suffix == ".parquet" else (1_000, 4_000)
     write_records(rows_of(1), table)  # whatever libraries load, once
     # Buffers of files, and a record; of Parquet a group of 2,000 rows of some 1 kB each as Python has them, twice
-    # while they are turned into columns. All rows of the larger table as objects would take 13 MB.
+    # while they are turned into columns. All rows of the larger table as objects would take 9 MB, or 4.
     fixed_bytes = 6_000_000 if table.suffix == ".parquet" else 400_000
     # Of the order: a byte to tick a row off, 8 of its number, up to 16 while the array grows by copying itself.
     row_bytes = 25
@@ -718,7 +718,7 @@ def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
 
 def test_streaming_an_open_book_takes_no_memory(tmp_path: Path) -> None:
     with RunJournal.open(tmp_path / "t.csv", RUN) as book:
-        for r in rows_of(20_000):
+        for r in rows_of(4_000):
             book.add(r)
-        # a record and the buffer of a file; the rows as objects would take 20 MB
+        # a record and the buffer of a file; the rows as objects would take 4 MB
         assert _peak(lambda: sum(1 for _ in book.rows())) < 200_000

@@ -8,32 +8,8 @@ import pytest
 
 from pipeline.cli.design import design
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
-from pipeline.files.whisker_file import read_whisker_file
-from whisker_array.whisker.shapes import LShaped
 
 ASKED = {"alpha": "30:60", "mu": "0.1:0.5", "depth_mm": 0.2, "height_mm": 5.0}
-
-
-def test_a_design_is_told_written_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out, picture = tmp_path / "whisker.toml", tmp_path / "design.png"
-    assert design(**ASKED, out=out, picture=picture) == 0
-    told = capsys.readouterr().out
-    read = read_whisker_file(out)
-    assert isinstance(read.whisker, LShaped)
-    assert f"l1 {read.whisker.l1_mm:.2f} mm" in told
-    assert f"preload {read.touch.preload_mm:.3f} mm" in told
-    for words in (
-        "worst edge contrast",
-        "binds",
-        "sideways slide allowed, mm",
-        "scan speed, mm/s",
-        "as designed",
-    ):
-        assert words in told
-    assert read.touch.friction == 0.2
-    assert read.speed_mm_s >= 50.0
-    assert picture.stat().st_size > 10_000
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["design.png", "whisker.toml"]
 
 
 def test_one_inclination_is_singled_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 
 import matplotlib
 import numpy as np
@@ -31,13 +32,18 @@ SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
 WHEN = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
 
 
+@cache
+def stamped(number):
+    return make_part(SPEC, number)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Parts of an unknown die, and the table of what a person says of them."""
     path = tmp_path_factory.mktemp("reviewed")
     lines = ["part,text"]
     for k in range(8):
-        part = make_part(SPEC, k)
+        part = stamped(k)
         write_npz(path / f"part-{k}.npz", part.height_map)
         lines.append(f"part-{k},{part.text}")
     (path / "truth.csv").write_text("\n".join(lines) + "\n")
@@ -46,7 +52,7 @@ def folder(tmp_path_factory):
 
 def reviewed(folder, *numbers, text=None):
     return [
-        ReviewedPart(f"part-{k}", text or make_part(SPEC, k).text, height_map=folder / f"part-{k}.npz")
+        ReviewedPart(f"part-{k}", text or stamped(k).text, height_map=folder / f"part-{k}.npz")
         for k in numbers
     ]
 
@@ -62,7 +68,7 @@ def taught(folder, tmp_path_factory):
 def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     """Parts that were not enrolled; by templates, for the network reads any font."""
     path, _ = taught
-    parts = [make_part(SPEC, k) for k in (1004, 1002)]
+    parts = [stamped(k) for k in (1004, 1002)]
     fonts = tuple(load_database(path).fonts.values())
     given = ReaderSettings(format="9999", height_mm=5.0, experts=("templates",))
     before, after = Reader(given, fonts=("gothic",)), Reader(given, fonts=fonts)
@@ -125,10 +131,10 @@ def test_the_database_holds_exemplars_and_where_they_are_from(taught):
     assert not kept.fonts["gothic"].learned
     first = kept.exemplars[0]
     assert (first.char, first.font_name, first.part, first.note) == (
-        make_part(SPEC, 0).text[0],
+        stamped(0).text[0],
         "press-7",
         "part-0",
-        make_part(SPEC, 0).text,
+        stamped(0).text,
     )
     assert first.enrolled_at == WHEN.isoformat(timespec="seconds")
     assert first.height_mm == pytest.approx(5.0, rel=0.05)
@@ -145,13 +151,13 @@ def test_the_same_part_twice_is_enrolled_once(taught, folder):
     # a copy under another name is the same evidence
     copy = path.parent / "copy.npz"
     copy.write_bytes((folder / "part-0.npz").read_bytes())
-    renamed = [ReviewedPart("other", make_part(SPEC, 0).text, height_map=copy)]
+    renamed = [ReviewedPart("other", stamped(0).text, height_map=copy)]
     assert enrol(renamed, path, font="press-7", settings=SETTINGS).known == ("other",)
 
 
 def test_a_part_reviewed_anew_replaces_what_it_taught(folder, tmp_path):
     path = tmp_path / "press.glyphs"
-    right = make_part(SPEC, 1).text
+    right = stamped(1).text
     wrong = right[:-1] + ("8" if right[-1] != "8" else "3")
     enrol(reviewed(folder, 1, text=wrong), path, font="press-7", settings=SETTINGS)
     report = enrol(reviewed(folder, 1), path, font="press-7", settings=SETTINGS)
@@ -262,7 +268,7 @@ def reviewed_store(folder, root, *, actions):
         evidence = [kept] if k != 3 else []
         store.add_part(part_id=ids[-1], name="", state=PartState.REVIEW, readings=[read], evidence=evidence)
         if action is not None:
-            store.review(ids[-1], action=action, text=make_part(SPEC, k).text, who="Ann")
+            store.review(ids[-1], action=action, text=stamped(k).text, who="Ann")
     store.close()
     return ids
 
@@ -286,4 +292,4 @@ def test_the_command_takes_reviewed_parts_of_the_store(folder, tmp_path, monkeyp
     store = Store.open(f"sqlite:///{service / 'store.db'}")
     enrolled = [e for e in store.history(ids[0]) if e.kind == "enrolled"]
     store.close()
-    assert [dict(e.data) for e in enrolled] == [{"font": "press-7", "characters": make_part(SPEC, 0).text}]
+    assert [dict(e.data) for e in enrolled] == [{"font": "press-7", "characters": stamped(0).text}]
