@@ -22,7 +22,7 @@ READ_SO = (
     "--height-mm",
     "4",
     "--experts",
-    "own,templates",
+    "own",
     "--jobs",
     "1",
 )
@@ -56,7 +56,7 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made["bound"] <= 0.2
     assert made["sources"] == ["tactile"]
     assert made["threshold"] >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["own", "templates"]}
+    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["own"]}
     assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made["data_sha256"] in page
@@ -93,7 +93,7 @@ def test_too_few_parts_say_how_many_are_missing(workshop: Path, capsys: pytest.C
 
 
 def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    few = [str(workshop / f"part-0{k:02d}.npz") for k in range(12)]
+    few = [str(workshop / f"part-0{k:02d}.npz") for k in range(8)]
     given = ["certify", *few, "--truth", str(workshop / "truth.csv"), *READ_SO]
     unfinished = Path("certificate.json.unfinished")
     running = start_process(*given)
@@ -104,11 +104,11 @@ def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.Cap
     assert "start the same command again" in error
     assert main(["5" if a == "4" else a for a in given]) == 1
     assert "holds another certification" in capsys.readouterr().err
-    assert main(given) == 1  # twelve parts are too few for a risk of 0.001
+    assert main(given) == 1  # eight parts are too few for a risk of 0.001
     shown = capsys.readouterr().out
     (done,) = re.findall(r"continuing a broken-off certification: (\d+) parts", shown)
     assert 2 <= int(done) < len(few)
-    assert "12 labelled parts" in shown
+    assert "8 labelled parts" in shown
     assert not unfinished.exists()
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tests.contract.front_doors import main
 
-FORMAT = "AA99"
+FORMAT = "A9"
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_a_part_under_several_lights(tmp_path: Path) -> None:
         "--seed",
         "11",
         "--dirt",
-        "0.2",
+        "0",
         "--lights",
         "3",
     ]

@@ -205,7 +205,7 @@ class Clients:
                 sending.append(both.submit(self._posted, http, key, int(rng.integers(2))))
             part_id, *_ = [one.result() for one in sending]
             for number in range(2):
-                body = {"action": "correct", "text": f"KX4{number}", "who": "Anna"}
+                body = {"action": "correct", "text": f"KX40725{number}", "who": "Anna"}
                 self._asked(http, f"/v1/parts/{part_id}/review", int(rng.integers(2)), json=body)
             if rng.random() < 0.3:
                 self._posted(http, key, int(rng.integers(2)))

@@ -16,13 +16,13 @@ from tests.support.programs import program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 
-ALL, SOME, FEW = 1.0, 0.05, 0.008
+HALF, SOME, FEW = 0.5, 0.03, 0.004
 
 
 @pytest.mark.parametrize(
     ("share", "subjects"),
     [
-        (ALL, ("journal of lines", "jobs")),
+        (HALF, ("journal of lines", "jobs")),
         (SOME, ("rows.csv", "rows.jsonl", "tokens")),
         (FEW, ("evidence", "rows.parquet", "run into a store", "watched folder")),
     ],

@@ -61,21 +61,6 @@ def test_tasks_are_taken_as_they_are_needed(cluster: ClusterProcess) -> None:
                 break
 
 
-def test_a_worker_lost_in_the_middle_costs_nothing(tmp_path: Path) -> None:
-    calls, logs = tmp_path / "calls", tmp_path / "logs"
-    calls.mkdir()
-    logs.mkdir()
-    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as executor:
-        wait_for(executor, 2)
-        outcomes = []
-        for outcome in executor.calls(noted, str(calls), range(COUNT)):
-            outcomes.append(outcome)
-            if len(outcomes) == COUNT // 4:
-                cluster.lose(cluster.workers[0])
-        assert sorted(o.task for o in outcomes) == list(range(COUNT)), cluster.told()
-        assert [o.error for o in outcomes if o.result != o.task] == [], cluster.told()
-
-
 def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> None:
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()

@@ -141,7 +141,7 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    outbox, parts, each = MemoryOutbox(), 5, 60
+    outbox, parts, each = MemoryOutbox(), 5, 40
 
     class WhileSeen:
         """Sends only while the listener listens: it has no session, so what is acknowledged before it cannot see."""
