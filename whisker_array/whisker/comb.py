@@ -120,11 +120,13 @@ def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
 
 def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     """Least distance of points from a line of segments."""
-    a, d = line[:-1], np.diff(line, axis=0)
-    length = np.maximum((d**2).sum(axis=1), 1e-30)
-    rel = points[:, None] - a
-    t = np.clip((rel * d).sum(axis=2) / length, 0.0, 1.0)
-    return float(np.sqrt(((rel - t[..., None] * d) ** 2).sum(axis=2)).min())
+    starts, steps = line[:-1], np.diff(line, axis=0)
+    length = np.maximum((steps**2).sum(axis=1), 1e-30)
+    x, y = (points[:, k, None] - starts[:, k] for k in (0, 1))
+    along = np.clip((x * steps[:, 0] + y * steps[:, 1]) / length, 0.0, 1.0)
+    x -= along * steps[:, 0]
+    y -= along * steps[:, 1]
+    return math.sqrt(float((x * x + y * y).min()))
 
 
 def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: float) -> bool:

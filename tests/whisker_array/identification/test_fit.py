@@ -26,7 +26,7 @@ from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
 
 PIECE = Piece(angle_deg=(45.0, 30.0), floor_mm=1.0, land_mm=1.5)
-COARSE_MM = 0.02
+COARSE_MM, FINER_MM = 0.02, 0.01
 """For what does not ask how near the numbers are."""
 
 
@@ -51,7 +51,7 @@ def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
 
 def test_a_bench_that_creeps_and_has_play_is_found_all_the_same() -> None:
     scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27, memory=True)
-    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0))
+    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=FINER_MM)
     assert found.settled
     assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.08, rel=0.1)
     assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
