@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,11 @@ def cross_matrix(r: Vector) -> Matrix:
     Returns:
         (3, 3) or (n, 3, 3) float64.
     """
-    x, y, z = np.moveaxis(np.asarray(r, dtype=np.float64), -1, 0)
-    o = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))]
-    return np.stack(rows, axis=-2)
+    r = np.asarray(r, dtype=np.float64)
+    made = np.zeros((*r.shape, 3))
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        made[..., a, b], made[..., b, a] = -r[..., c], r[..., c]
+    return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +85,12 @@ class Segment:
                 f"segment at {self.start_mm} mm has no length", hint="leave it out of the chain"
             )
 
-    @property
+    @cached_property
     def length_mm(self) -> float:
         """Length, mm."""
         return float(np.linalg.norm(self.end_mm - self.start_mm))
 
-    @property
+    @cached_property
     def axes(self) -> Matrix:
         """(3, 3) rows: along the segment, lateral, vertical (right-handed unit vectors).
 
@@ -99,7 +101,8 @@ class Segment:
         if np.linalg.norm(lateral) < 1e-9:
             lateral = _WORLD_X - along * along[0]
         lateral = lateral / np.linalg.norm(lateral)
-        return np.stack([along, lateral, np.cross(along, lateral)])
+        (x, y, z), (u, v, w) = along, lateral
+        return np.array([along, lateral, [y * w - z * v, z * u - x * w, x * v - y * u]])
 
     def section_at(self, t: float) -> Section:
         """The section at the share t of the length, 0 = start."""
