@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy import integrate, optimize, special
 
@@ -276,7 +276,10 @@ whiskers = st.builds(
 @given(whisker=whiskers, share=st.floats(0.01, 0.2), mu=st.floats(0.0, 0.4), alpha=st.floats(-0.6, 0.5))
 def test_bent_line_is_in_equilibrium(whisker: LShaped, share: float, mu: float, alpha: float) -> None:
     lift = share * whisker.l1_mm
-    exact = large_deflection(whisker, lift_mm=lift, mu=mu, alpha_rad=alpha)
+    try:
+        exact = large_deflection(whisker, lift_mm=lift, mu=mu, alpha_rad=alpha)
+    except ElasticaError:
+        reject()  # it slips through, jams or folds: `test_no_solution_is_told`
     push = rotation(alpha) @ contact_direction(mu)
     np.testing.assert_allclose(np.cross(exact.force_n, push), 0.0, atol=1e-12 * np.linalg.norm(exact.force_n))
     assert exact.tip_shift_mm[1] == lift
