@@ -63,8 +63,10 @@ def is_server_fault(answer: Any) -> bool:
     )
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO])
-@pytest.mark.parametrize("where", ["mkdtemp", "replace", "fsync"])
+@pytest.mark.parametrize(
+    ("where", "code"),
+    [("mkdtemp", errno.ENOSPC), ("replace", errno.EROFS), ("fsync", errno.ENOSPC), ("fsync", errno.EIO)],
+)
 def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
     served: tuple[Service, TestClient], plate: bytes, monkeypatch: pytest.MonkeyPatch, where: str, code: int
 ) -> None:
