@@ -702,16 +702,16 @@ def _finish_peak(table: Path, n: int) -> int:
 
 @pytest.mark.usefixtures("_no_sync")
 def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
-    few, many = (3_000, 9_000) if table.suffix == ".parquet" else (1_000, 4_000)
+    few, many = 1_000, 4_000
     write_records(rows_of(1), table)  # whatever libraries load, once
-    # Buffers of files, and a record; of Parquet a group of 2,000 rows of some 1 kB each as Python has them, twice
-    # while they are turned into columns. All rows of the larger table as objects would take 9 MB, or 4.
-    fixed_bytes = 6_000_000 if table.suffix == ".parquet" else 400_000
+    # Buffers of files, and a record; of Parquet a group of 500 rows of some 5 kB each while they are turned into
+    # columns. All rows of the larger table as objects would take 4 MB, and 20 on their way into columns.
+    fixed_bytes = 3_500_000 if table.suffix == ".parquet" else 400_000
     # Of the order: a byte to tick a row off, 8 of its number, up to 16 while the array grows by copying itself.
     row_bytes = 25
     finish_few, finish_many = _finish_peak(table, few), _finish_peak(table, many)
     assert finish_many < fixed_bytes + row_bytes * many
-    # a group of 2,000 rows takes a little more where its numbers are longer
+    # a group of 500 rows takes a little more where its numbers are longer
     assert finish_many - finish_few < row_bytes * (many - few) + fixed_bytes / 20
     assert _peak(lambda: sum(1 for _ in read_rows(table))) < fixed_bytes
 
