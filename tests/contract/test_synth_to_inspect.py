@@ -14,7 +14,7 @@ from whisker_array import load_scan
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "parts"
-    assert main(["synth", str(folder), "--parts", "2", "--format", "A9", "--seed", "3"]) == 0
+    assert main(["synth", str(folder), "--parts", "2", "--format", "AA99", "--seed", "3"]) == 0
     return folder
 
 
@@ -25,10 +25,10 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.parametrize("fidelity", ["pointwise", "contact"])
 def test_stamped_parts_are_read(fidelity: str, parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["read", str(parts), "--font", "gothic", "--format", "A9", "--fidelity", fidelity]
+    arguments = ["read", str(parts), "--font", "gothic", "--format", "AA99", "--fidelity", fidelity]
     assert main([*arguments, "--truth", str(parts / "truth.csv"), "--out", "t.parquet"]) == 0
     shown = capsys.readouterr().out
-    assert "characters 100.00% (0 edits in 4), serials 100.00% (2 of 2)" in shown
+    assert "characters 100.00% (0 edits in 8), serials 100.00% (2 of 2)" in shown
     table = pyarrow.parquet.read_table("t.parquet").to_pylist()
     assert [row["part"] for row in table] == ["part-000", "part-001"]
     assert all(row["error"] == "" and row["source"] == "tactile" for row in table)
@@ -52,7 +52,7 @@ def test_a_part_is_scanned_calibrated_read_and_drawn(parts: Path, capsys: pytest
     assert calibrated is not None
     assert abs(calibrated.gain - 1.0).max() < 0.12
     settings = Path("tactile-marks.toml")
-    settings.write_text('font = "gothic"\nformat = "A9"\nheight_mm = 5.0\n', encoding="utf-8")
+    settings.write_text('font = "gothic"\nformat = "AA99"\nheight_mm = 5.0\n', encoding="utf-8")
     assert main(["read", "part-000.h5", "--out", "t.jsonl"]) == 0
     assert f'"text": "{truth["part-000"]}"' in Path("t.jsonl").read_text(encoding="utf-8")
     assert main(["inspect", "part-000.h5", "--out", "part.png"]) == 0
