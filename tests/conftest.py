@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 
 import structlog
 from hypothesis import HealthCheck, settings
-from hypothesis.internal.conjecture import providers
 
 # before anything imports NumPy: the suite runs in as many processes as there are cores, and threads of theirs that wait
 # for each other take several times the time; children take this over
@@ -22,7 +22,11 @@ settings.register_profile(
 settings.load_profile("steady")
 # nor any of the constants in modules that happen to be imported: with them a test's examples would depend on the tests
 # before it, and on every number in the sources
-providers._get_local_constants = lambda: providers._local_constants
+with contextlib.suppress(ImportError):  # Hypothesis has no setting for it, and may rename it
+    from hypothesis.internal.conjecture import providers
+
+    if hasattr(providers, "_get_local_constants") and hasattr(providers, "_local_constants"):
+        providers._get_local_constants = lambda: providers._local_constants
 # plain tracebacks: those with pictures of every variable take seconds each
 structlog.configure(
     processors=[
