@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ THREADS = 1
 
 def opened(path: Path) -> Any:
     """The session of an ONNX file, on the processor."""
+    # before the library is loaded: from 1.29 on it reports to its maker otherwise, and leaves a device number at home
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
