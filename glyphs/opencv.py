@@ -16,12 +16,12 @@ __all__ = ["cv2"]
 PACKAGE: Final = "opencv-contrib-python-headless"
 
 
-class OpenCvError(MarksError):
-    """OpenCV is damaged."""
+_TOO_LITTLE_MEMORY: Final = ("failed to map segment", "cannot allocate memory")
+"""Words of Linux's loader where the memory that a process may use does not hold a library."""
 
 
-def _damaged(reason: str) -> OpenCvError:
-    return OpenCvError(
+def _damaged(reason: str) -> MarksError:
+    return MarksError(
         f"OpenCV is damaged ({reason}), as happens when one of two packages of it is removed",
         hint=f"install it again: pip install --force-reinstall --no-deps {PACKAGE}",
     )
@@ -30,6 +30,10 @@ def _damaged(reason: str) -> OpenCvError:
 try:
     import cv2
 except ImportError as error:
+    if any(words in str(error).lower() for words in _TOO_LITTLE_MEMORY):
+        raise MarksError(
+            "too little memory to load OpenCV", hint="let the program use more memory"
+        ) from error
     raise _damaged(str(error)) from error
 if not hasattr(cv2, "GaussianBlur"):
     raise _damaged("its functions are missing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import os
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.contract.front_doors import environment, run_process
 from tests.contract.test_packaging import PACKAGES, ROOT, missing
 
 OURS, BROUGHT = "opencv-contrib-python-headless", "opencv-python-headless"
@@ -75,6 +77,16 @@ def test_one_opencv_remains_and_its_loss_is_explained(tmp_path: Path) -> None:
     assert broken.returncode == 1
     assert "OpenCV is damaged (its functions are missing)" in broken.stderr
     assert f"pip install --force-reinstall --no-deps {OURS}" in broken.stderr
+
+
+def test_too_little_memory_is_not_taken_for_a_damaged_opencv(tmp_path: Path, height_map: Path) -> None:
+    words = "cv2.abi3.so: failed to map segment from shared object"
+    (tmp_path / "cv2.py").write_text(f"raise ImportError({words!r})\n", encoding="utf-8")
+    env = environment(PYTHONPATH=f"{tmp_path}{os.pathsep}{ROOT}")
+    done = run_process("read", height_map, "--format", "A9", "--jobs", "1", env=env)
+    assert done.status == 1
+    assert "too little memory to load OpenCV; let the program use more memory" in done.out
+    assert "damaged" not in done.out
 
 
 def test_opencv_is_imported_in_one_place() -> None:
