@@ -411,6 +411,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         tags=["service"],
         summary="Glyph databases that a part may be read with",
         response_model=list[dict[str, Any]],
+        responses=problems(401, 403),
     )
     def databases(request: Request) -> Any:
         from pipeline.common.records import Scope

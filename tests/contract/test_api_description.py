@@ -73,6 +73,11 @@ def test_every_failure_is_described_as_a_problem(own_service: RunningService) ->
     }
     assert "DELETE /v1/jobs/{name} 422" in described
     assert {key: kinds for key, kinds in described.items() if kinds != {"application/problem+json"}} == {}
+    # every answer needs the store, which may fail
+    operations = {
+        f"{verb.upper()} {path}" for path, verbs in paths.items() for verb in verbs if "/v1/" in path
+    }
+    assert {name for name in operations if f"{name} 503" not in described} == set()
 
 
 @pytest.mark.parametrize("mode", list(GenerationMode), ids=lambda mode: mode.value)

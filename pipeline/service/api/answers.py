@@ -26,7 +26,7 @@ _PROBLEMS = {
     415: "files of this kind are not read",
     422: "a file or value that cannot be used; the detail says which and what to do",
     500: "a file that was kept is damaged on the service's disk",
-    503: "the queue is full; the header Retry-After tells when to ask again",
+    503: "the queue is full, or the store does not answer; the header Retry-After tells when to ask again",
 }
 PICTURES = {
     "photo": EvidenceKind.PHOTO_PICTURE,
@@ -84,10 +84,10 @@ class ReviewBody(BaseModel):
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The problems of a route, for the description of the interface."""
+    """The problems of a route, for the description of the interface; every route needs the store, which may fail."""
     return {
         status: {"description": _PROBLEMS[status], "content": {MEDIA_TYPE: {"schema": _PROBLEM_SCHEMA}}}
-        for status in statuses
+        for status in (*statuses, 503)
     }
 
 

@@ -47,7 +47,7 @@ def golden_router(golden: GoldenPart, evidence: EvidenceFolder, access: Access) 
         status_code=201,
         summary="A scan of the golden part, which shows how the whiskers wear",
         description="It is no part: it is in no list, no figure and no result. The first one is the reference.",
-        responses=problems(400, 401, 403, 409, 413, 415, 422, 503),
+        responses=problems(400, 401, 403, 409, 413, 415, 422),
     )
     async def scan_golden(
         scan: UploadFile,

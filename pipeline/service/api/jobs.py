@@ -49,7 +49,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         "/jobs/{name}",
         status_code=204,
         summary="Delete a job; parts that were read by it stay as they are",
-        responses=problems(401, 403, 404, 409, 422, 503),
+        responses=problems(401, 403, 404, 409, 422),
     )
     def delete_job(name: JobName, caller: Caller = Reviews) -> None:
         jobs.delete(name)
@@ -63,7 +63,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         responses={
             200: {"model": JobAnswer, "description": "written over the job that was there"},
             201: {"description": "a new job"},
-            **problems(400, 401, 403, 422, 503),
+            **problems(400, 401, 403, 422),
         },
     )
     def write_job(

@@ -63,7 +63,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
                 "model": PartAnswer,
                 "description": "the same request was answered before; the part as it stands",
             },
-            **problems(400, 401, 403, 413, 415, 422, 503),
+            **problems(400, 401, 403, 413, 415, 422),
         },
     )
     async def read_part(
@@ -117,7 +117,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
         summary="Add a scan; the answer is the fused reading",
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
-            **problems(400, 401, 403, 404, 409, 413, 415, 422, 503),
+            **problems(400, 401, 403, 404, 409, 413, 415, 422),
         },
     )
     async def add_scan(
@@ -147,7 +147,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
         max_body_size=SMALL_BODY,
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
-            **problems(401, 403, 404, 409, 422, 503),
+            **problems(401, 403, 404, 409, 422),
         },
     )
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> Any:
