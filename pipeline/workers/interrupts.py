@@ -29,6 +29,10 @@ def interrupts_noted() -> Iterator[None]:
     finally:
         if ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+        if _SEEN.is_set():
+            # the interpreter remembers an interrupt in a string that it was executing, as data classes and named tuples
+            # are made, until it executes another: `python -m` would end by the signal, not with our status
+            exec("")
 
 
 def raise_interrupt() -> None:

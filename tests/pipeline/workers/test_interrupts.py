@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -64,3 +67,18 @@ def test_another_thread_has_nothing_to_note() -> None:
     thread.start()
     thread.join()
     assert failed == []
+
+
+def test_a_program_that_took_an_interrupt_ends_with_its_own_status(tmp_path: Path) -> None:
+    (tmp_path / "interrupted.py").write_text(
+        "import sys\n"
+        "from pipeline.workers.interrupts import interrupts_noted\n"
+        "try:\n"
+        "    with interrupts_noted():\n"
+        "        exec('import os, signal; os.kill(os.getpid(), signal.SIGINT)')\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(130)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    done = subprocess.run([sys.executable, "-m", "interrupted"], env=environment, check=False)
+    assert done.returncode == 130
