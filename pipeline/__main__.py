@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from pipeline.cli.main import main
+if __name__ == "__main__":  # workers import this module, too, and need nothing of the command
+    from pipeline.cli.main import main
 
-if __name__ == "__main__":
     sys.exit(main())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 
@@ -14,6 +15,9 @@ from hypothesis import HealthCheck, settings
 for _library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
+
+# no search for garbage among the modules and tests that collection makes: all of them stay
+gc.disable()
 
 # the same examples in every run, and no judgement of time: a busy machine must not fail a test
 settings.register_profile(
@@ -41,3 +45,9 @@ def pytest_configure() -> None:
     """Take up interrupts: where a shell runs the suite behind its back they are ignored, here and by every child."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage again, but not among what is there before the first test."""
+    gc.freeze()
+    gc.enable()

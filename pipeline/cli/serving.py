@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import ssl
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.service.app import Service, check_folder, create_app
 from pipeline.service.logs import set_up_logs
 from pipeline.service.web.web_server import KEEP_ALIVE_S, MOST_CONNECTIONS, DrainingServer, patient_protocol
-from pipeline.store.store import StoreError
+from pipeline.store.store import Store, StoreError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
@@ -37,6 +38,7 @@ def run(
     """
     check_folder(settings)
     check_tls(settings)
+    check_tokens(settings)
     bound = listening(settings.host, settings.port, option="--port")
     for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
         if port:
@@ -48,18 +50,6 @@ def run(
     except StoreError as error:
         bound.close()
         raise CommandError(str(error)) from error
-    if settings.tokens_asked and not service.store.tokens():
-        service.close()
-        bound.close()
-        where = "" if settings.store else f" --store {settings.store_url}"
-        raise CommandError(
-            "serve: callers need a token, and there is none yet",
-            hint=(
-                "make one with: tactile-marks tokens add NAME --scope read --scope write --scope "
-                f"review{where}"
-            ),
-            status=USAGE,
-        )
     set_up_logs(settings.log)
     server = DrainingServer(
         uvicorn.Config(
@@ -90,6 +80,28 @@ def run(
         )
     server.run(sockets=[bound])
     return 0 if server.started else 1
+
+
+def check_tokens(settings: ServiceSettings) -> None:
+    """Look for a token where callers need one, before any worker is started.
+
+    Raises:
+        CommandError: there is none, or the store cannot be opened.
+    """
+    if not settings.tokens_asked:
+        return
+    try:
+        with contextlib.closing(Store.open(settings.store_url)) as store:
+            if store.tokens():
+                return
+    except StoreError as error:
+        raise CommandError(str(error)) from error
+    where = "" if settings.store else f" --store {settings.store_url}"
+    raise CommandError(
+        "serve: callers need a token, and there is none yet",
+        hint=f"make one with: tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
+        status=USAGE,
+    )
 
 
 def check_tls(settings: ServiceSettings) -> None:

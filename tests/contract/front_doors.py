@@ -12,17 +12,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from http.client import HTTPConnection, HTTPException
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
+from urllib.parse import urlsplit
 
-import httpx
 import numpy as np
 
 from glyphs import stamp
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 120.0  # for what must happen at all; the first start on a machine compiles the kernels
+LOOK_S = 0.05  # between two looks whether it has happened: what is waited for needs the processor
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,13 @@ def run_service(
 
 def status_of(url: str) -> int:
     """The status of a GET; 0 where nothing answers."""
-    try:
-        return httpx.get(url, timeout=10.0).status_code
-    except httpx.TransportError:
-        return 0
+    asked = urlsplit(url)
+    with contextlib.closing(HTTPConnection(asked.netloc, timeout=10.0)) as connection:
+        try:
+            connection.request("GET", asked._replace(scheme="", netloc="").geturl() or "/")
+            return connection.getresponse().status
+        except (OSError, HTTPException):
+            return 0
 
 
 def wait_until(condition: Callable[[], bool], process: subprocess.Popen[bytes] | None = None) -> None:
@@ -183,7 +188,7 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen[bytes] |
     while not condition():
         assert process is None or process.poll() is None, f"the process ended with {process.returncode}"
         assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.01)
+        time.sleep(LOOK_S)
 
 
 def save_height_map(

@@ -23,7 +23,7 @@ from schemathesis.specs.openapi.checks import (
 
 from tests.contract.front_doors import RunningService, run_service
 
-EXAMPLES = 5
+EXAMPLES = 3
 CHECKS = [
     not_a_server_error,
     status_code_conformance,

@@ -62,7 +62,8 @@ def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None
 def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path, out: str) -> None:
     table = tmp_path / (out + (".rows.jsonl" if out.endswith("parquet") else ""))
     before: dict[str, float] = {}
-    for rows in (3,) if out.endswith("parquet") else (2, 4):
+    # a table of lines twice, for what was continued must be continued again
+    for rows in (3,) if out.endswith("parquet") else (1, 3):
         killed_after(started(parts, tmp_path, out), table, rows + (out == "rows.csv"))
         kept = read_lines(table)
         assert len(kept) >= rows
