@@ -74,7 +74,18 @@ def test_a_part_under_several_lights(tmp_path: Path) -> None:
     lit = Path("lit")
     assert len(list(lit.glob("part-00?.light-[123].png"))) == 6
     (lit / "part-001.light-2.png").write_bytes(b"no picture")
-    told = ["--mode", "vision", "--format", FORMAT, "--font", "gothic", "--truth", "lit/truth.csv", "--jobs", "1"]
+    told = [
+        "--mode",
+        "vision",
+        "--format",
+        FORMAT,
+        "--font",
+        "gothic",
+        "--truth",
+        "lit/truth.csv",
+        "--jobs",
+        "1",
+    ]
     assert main(["read", "lit", *told, "--out", "t.jsonl"]) == 0
     with (lit / "truth.csv").open(newline="", encoding="utf-8") as stream:
         truth = {row["part"]: row["text"] for row in csv.DictReader(stream)}

@@ -163,7 +163,9 @@ def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(place: Path) -> N
     for path in (left, swept):
         path.touch()
         os.utime(path, (1e9, 1e9))  # as if ten years and more had passed since the last sweep
-    with run_service(place / "late", *OPTIONS, "--font", "gothic", "--drain-s", "0.2", ready=False) as running:
+    with run_service(
+        place / "late", *OPTIONS, "--font", "gothic", "--drain-s", "0.2", ready=False
+    ) as running:
         wait_until(lambda: status_of(f"{running.url}/healthz") == 200, running.process)
         wait_until(lambda: "not swept" in running.log, running.process)
         assert left.exists()
