@@ -10,6 +10,8 @@ import signal
 import structlog
 from hypothesis import HealthCheck, settings
 
+from tests.support.forked_workers import fork_workers
+
 # before anything imports NumPy: the suite runs in as many processes as there are cores, and threads of theirs that wait
 # for each other take several times the time; children take this over
 for _library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
@@ -18,6 +20,8 @@ os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 # no search for garbage among the modules and tests that collection makes: all of them stay
 gc.disable()
+
+fork_workers()
 
 # the same examples in every run, and no judgement of time: a busy machine must not fail a test
 settings.register_profile(

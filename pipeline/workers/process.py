@@ -33,7 +33,7 @@ class Answer:
 
 
 def serve_jobs(
-    pipe: Connection, life: Connection, parent: int, memory_mb: int, warm_up: Callable[[], object] | None
+    pipe: Connection, life: Connection, memory_mb: int, warm_up: Callable[[], object] | None
 ) -> None:
     """Call the functions that come through the pipe, and send back `Answer` or the exception.
 
@@ -41,11 +41,10 @@ def serve_jobs(
         pipe: (function, arguments) in, answers out; the first answer says that the worker is warm, or is the exception
             that kept it from it.
         life: nothing ever comes through it; it closes when the parent ends.
-        parent: process that started this one.
         memory_mb: to keep to; 0: no limit.
         warm_up: called first.
     """
-    _end_with(parent, life)
+    _end_with_parent(life)
     # the parent gets the signal; it then ends its workers
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
@@ -105,7 +104,7 @@ def _sendable(error: Exception) -> Exception:
     return RuntimeError(f"{type(error).__name__}: {error}")
 
 
-def _end_with(parent: int, life: Connection) -> None:
+def _end_with_parent(life: Connection) -> None:
     """End this process when its parent does, even by `kill -9`."""
 
     def watch() -> None:
@@ -118,8 +117,6 @@ def _end_with(parent: int, life: Connection) -> None:
     if sys.platform == "linux":
         # native code that holds the interpreter would keep the thread from seeing it
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
-            os._exit(0)
 
 
 def _bound_memory(limit_mb: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import multiprocessing
-import os
 import queue
 import signal
 import threading
@@ -175,7 +174,7 @@ class Slot:
         life_end, self._life = context.Pipe(duplex=False)
         process = context.Process(
             target=serve_jobs,
-            args=(theirs, life_end, os.getpid(), self.order.memory_mb, self.order.warm_up),
+            args=(theirs, life_end, self.order.memory_mb, self.order.warm_up),
             name=f"tactile-marks-worker-{self.number}",
             daemon=True,
         )

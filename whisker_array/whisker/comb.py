@@ -15,10 +15,12 @@ ones (beta = 0) all lie at one height, so that a row begins only behind the tips
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +37,8 @@ STEEPEST_SIDE = math.sqrt(3.0)
 """Tangent of the steepest wall, 60 degrees, that pushes a tip sideways."""
 BURR_HEIGHTS = 0.1
 """What may stand above the land, preloads: a whisker is lifted by so much more."""
+DEFAULT_BENT = Path(__file__).with_name("default_bent.fit.json")
+"""`bent_the_most` of the default whisker for characters 1 mm high."""
 CLAMP_THICKNESSES = 4.0
 """Half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as wide as the whisker."""
 
@@ -135,22 +139,37 @@ def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: flo
     return bool(((x > 0.0) & (x < clamp_mm[0]) & (np.abs(y) < clamp_mm[1])).any())
 
 
-def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Body:
-    """A whisker as a body: bent the most is on land, lifted by the preload and what may stand above the land.
+def bent_the_most(
+    whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
+) -> NDArray[np.float64]:
+    """(n, 2) the elastica on land, lifted by the preload and what may stand above the land, from the clamp, mm.
 
-    Bent shapes are the elastica's. Sideways the tip bends by what the steepest wall along the trace pushes:
+    Raises:
+        WhiskerError: a lift that the whisker cannot have.
+    """
+    try:
+        bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + BURR_HEIGHTS), mu=mu).shape_mm
+    except ElasticaError as error:
+        raise WhiskerError(f"the bent whisker has no shape: {error.what}", hint=error.hint) from error
+    return np.asarray(bent - bent[0])
+
+
+def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Body:
+    """A whisker as a body: at rest, and bent the most.
+
+    Sideways the tip bends by what the steepest wall along the trace pushes:
     f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
 
     Raises:
         WhiskerError: a preload not positive, or a lift that the whisker cannot have.
     """
     preload = require_positive("preload_mm", preload_mm)
+    return _body(whisker, preload, bent_the_most(whisker, preload_mm=preload, mu=mu))
+
+
+def _body(whisker: Whisker, preload: float, bent: NDArray[np.float64]) -> Body:
     segments = whisker.segments()
     rest = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
-    try:
-        bent = large_deflection(whisker, lift_mm=preload * (1.0 + BURR_HEIGHTS), mu=mu).shape_mm
-    except ElasticaError as error:
-        raise WhiskerError(f"the bent whisker has no shape: {error.what}", hint=error.hint) from error
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
     thick = 2.0 * max(s.c_vertical_mm for s in sections)
     tip: TipModel = whisker.tip_model()
@@ -164,7 +183,7 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
         width_mm=wide,
         thickness_mm=thick,
         aside_mm=aside,
-        shapes_mm=(rest, np.asarray(bent - bent[0])),
+        shapes_mm=(rest, bent),
         clamp_mm=clamp,
         mass_g=1e6 * tonnes,
     )
@@ -172,7 +191,9 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
 
 @cache
 def _unit_body() -> Body:
-    return body_of(default_whisker(1.0), preload_mm=default_preload_mm(1.0), mu=NOMINAL_FRICTION)
+    # kept, because every reader needs it and the solver takes a quarter of a second to load
+    bent = np.array(json.loads(DEFAULT_BENT.read_text(encoding="utf-8"))["shape_mm"])
+    return _body(default_whisker(1.0), default_preload_mm(1.0), bent)
 
 
 def default_body(character_height_mm: float) -> Body:

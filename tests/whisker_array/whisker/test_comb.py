@@ -38,6 +38,8 @@ def test_the_default_body_is_the_default_whisker_bent_by_its_preload() -> None:
         (BODY.reach_mm, BODY.aside_mm, BODY.mass_g)
     )
     rest, bent = BODY.shapes_mm
+    # whoever changes the default whisker writes `DEFAULT_BENT` anew
+    assert own.shapes_mm[1] == pytest.approx(bent, abs=1e-6 * HEIGHT)
     assert bent[-1, 1] - rest[-1, 1] == pytest.approx(1.1 * default_preload_mm(HEIGHT), rel=1e-6)
     # steel: ribbon 0.3 x 4.5 x (30 + 3.51) mm and a clamp of 2.4 x 2.4 x 4.5 mm
     assert BODY.mass_g == pytest.approx(7.8e-3 * (0.3 * 4.5 * 33.51 + 2.4 * 2.4 * 4.5), rel=0.02)
