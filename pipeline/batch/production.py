@@ -19,6 +19,7 @@ from pipeline.batch.second_pass import learns
 from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
 from pipeline.batch.workbook import check_number
 from pipeline.common.atomic import replacing
+from pipeline.common.job_file import files_of
 from pipeline.common.row import Row
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
@@ -30,7 +31,7 @@ from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
 from pipeline.reading.expected import load_expected
-from pipeline.reading.readers import files_of, open_reader
+from pipeline.reading.readers import open_reader
 from pipeline.workers.options import ExecutorOptions
 
 MOST_SHOWN = 200

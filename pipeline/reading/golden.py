@@ -10,14 +10,6 @@ from glyphs.errors import FileError, MarksError, OwnFileError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.files.piece_file import heights_of_piece, read_piece
 from pipeline.files.touch_file import read_scan
-from whisker_array.identification.bench import WORN_TIP, Unknown
-from whisker_array.identification.fit import identify
-
-_FOUND = {
-    GoldenMeasure.RADIUS: Unknown.RADIUS,
-    GoldenMeasure.FRICTION: Unknown.FRICTION,
-    GoldenMeasure.PRELOAD: Unknown.PRELOAD,
-}
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
@@ -45,6 +37,10 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     Raises:
         FileError: either cannot be used, or the scan does not fit the relief.
     """
+    # a service, whose workers measure, needs none of it
+    from whisker_array.identification.bench import WORN_TIP, Unknown
+    from whisker_array.identification.fit import identify
+
     recording = read_scan(scan)
     try:
         found = identify(
@@ -76,7 +72,12 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         )
     sd = np.sqrt(np.diag(found.repeated))
     names = list(Unknown)
+    unknowns = {
+        GoldenMeasure.RADIUS: Unknown.RADIUS,
+        GoldenMeasure.FRICTION: Unknown.FRICTION,
+        GoldenMeasure.PRELOAD: Unknown.PRELOAD,
+    }
     return measures | {
         name: Measured(found.bench[unknown], float(sd[names.index(unknown)]))
-        for name, unknown in _FOUND.items()
+        for name, unknown in unknowns.items()
     }

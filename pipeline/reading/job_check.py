@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, MarksError, OwnFileError
-from pipeline.common.job_file import SUFFIX, JobFile, job_of
+from pipeline.common.job_file import SUFFIX, JobFile, files_of, job_of
 from pipeline.common.settings import ReadSettings
 
 
@@ -27,7 +27,7 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
         FileError: its settings are not.
     """
     from glyphs.stamping.database import DatabaseError
-    from pipeline.reading.readers import files_of, open_reader
+    from pipeline.reading.readers import open_reader
 
     job = job_of(path, written, digest)
     try:

@@ -26,12 +26,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, fault_of, is_of_the_machine
+from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.parts import Part
-from pipeline.reading.readers import files_of
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile

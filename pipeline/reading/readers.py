@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from glyphs.fonts.glyph import Font
-from glyphs.fonts.outlines import is_font_file
-from pipeline.common.job_file import FILES
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
@@ -49,12 +46,6 @@ def open_reader(settings: ReadSettings) -> Reader:
         orientation=Orientation(settings.orientation),
         **thresholds,
     )
-
-
-def files_of(settings: ReadSettings) -> list[Path]:
-    """The files that the settings name."""
-    named = [path for name in FILES if (path := getattr(settings, name)) is not None]
-    return [*named, *(Path(font) for font in settings.font if is_font_file(font))]
 
 
 def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:

@@ -66,7 +66,7 @@ PLANAR = [
     (WIRE, -30.0, 0.1), (WIRE, -60.0, 0.5), (WIRE, 45.0, 0.3), (SHORT_ARM, -45.0, 0.1), (SHORT_ARM, 60.0, 0.1),
     (RIBBON, -60.0, 0.1), (LEANING, -45.0, 0.3), (LEANING, 30.0, 0.3),
 ]  # fmt: skip
-BANKED = [(WIRE, -30.0, 0.3, 0.5), (WIRE, 30.0, 0.1, -0.3), (RIBBON, -30.0, 0.1, 0.5)]
+BANKED = [(WIRE, 30.0, 0.1, -0.3), (RIBBON, -30.0, 0.1, 0.5)]
 
 
 @cache

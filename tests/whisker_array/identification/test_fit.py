@@ -33,7 +33,7 @@ COARSE_MM, FINER_MM = 0.02, 0.01
 def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
     """Radius within 10 %, friction 0.02, preload 0.5 %: of a short recording that was dragged alone."""
     scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27)
-    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0))
+    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=FINER_MM)
     assert found.settled
     assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.08, rel=0.1)
     assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
