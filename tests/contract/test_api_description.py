@@ -37,7 +37,9 @@ CHECKS = [
 def own_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
     """A service of its own: what is generated here changes its jobs."""
     folder = tmp_path_factory.mktemp("described")
-    with run_service(folder / "service", "--jobs", "1", "--tokens", "off") as running:
+    with run_service(
+        folder / "service", "--jobs", "1", "--tokens", "off", "--font", "gothic", "--height-mm", "4"
+    ) as running:
         yield running
 
 

@@ -59,7 +59,9 @@ def test_who_calls_as_another_user_needs_a_token_and_a_copied_cookie_ends_by_sig
     assert added.status == 0, added.err
     secret = added.out.strip()
     with (
-        run_service(tmp_path / "service", "--jobs", "1", "--format", "A9", ready=False) as service,
+        run_service(
+            tmp_path / "service", "--jobs", "1", "--format", "A9", "--font", "gothic", ready=False
+        ) as service,
         forwarded(service.url) as outside,
         httpx.Client(base_url=outside, headers={"Host": service.url.partition("//")[2]}) as browser,
     ):

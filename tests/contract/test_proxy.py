@@ -73,6 +73,8 @@ def test_a_service_behind_the_proxy(tmp_path: Path, capsys: pytest.CaptureFixtur
         TACTILE_MARKS_SERVICE_TOKENS="on",
         TACTILE_MARKS_SERVICE_TRUSTED_PROXIES="127.0.0.1",
         TACTILE_MARKS_SERVICE_JOBS="1",
+        TACTILE_MARKS_FONT="gothic",
+        TACTILE_MARKS_FORMAT="A9",
     )
     with (
         run_service(folder, env=settings, ready=False) as service,

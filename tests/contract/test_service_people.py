@@ -13,16 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.contract.broker import SERVICE_OPTIONS
-from tests.contract.front_doors import RunningService, run_service
+from tests.contract.front_doors import RunningService
 
 JOB = {"format": "A9", "font": "gothic", "height_mm": 4.0}
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
-    with run_service(tmp_path_factory.mktemp("people"), *SERVICE_OPTIONS) as running:
-        yield running
 
 
 @pytest.fixture
