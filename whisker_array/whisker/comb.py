@@ -37,7 +37,7 @@ STEEPEST_SIDE = math.sqrt(3.0)
 """Tangent of the steepest wall, 60 degrees, that pushes a tip sideways."""
 BURR_HEIGHTS = 0.1
 """What may stand above the land, preloads: a whisker is lifted by so much more."""
-DEFAULT_BENT = Path(__file__).with_name("default_bent.fit.json")
+DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 """`bent_the_most` of the default whisker for characters 1 mm high."""
 CLAMP_THICKNESSES = 4.0
 """Half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as wide as the whisker."""
