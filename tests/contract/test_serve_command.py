@@ -5,37 +5,14 @@ from __future__ import annotations
 import socket
 from pathlib import Path
 
-import httpx
 import pytest
 
-from tests.contract.front_doors import free_port, main, run_service, synth, truth_of
+from tests.contract.front_doors import main
 
 
 def test_stay_goes_with_service(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--stay"]) == 2
     assert "--service" in capsys.readouterr().err
-
-
-def test_a_trigger_at_the_tcp_port_photographs_feels_and_reads(tmp_path: Path) -> None:
-    made = synth(tmp_path / "made", "AA99", "--seed", "2")
-    for suffix in (".npz", ".png"):
-        (made / f"part-000{suffix}").rename(tmp_path / f"P17{suffix}")
-    port = free_port()
-    options = ("--tcp-port", str(port), "--camera", str(tmp_path), "--stage", str(tmp_path), "--jobs", "1")
-    reading = ("--format", "AA99", "--font", "gothic", "--height-mm", "5")
-    with (
-        run_service(tmp_path / "service", *options, *reading) as service,
-        socket.create_connection(("127.0.0.1", port), timeout=60.0) as line,
-        httpx.Client(base_url=service.url, timeout=60.0) as http,
-    ):
-        line.sendall(b"TRIGGER P17\r\n")
-        answer = line.makefile("rb").readline().decode().rstrip("\r\n")
-        assert answer.startswith(f"P17;ACCEPT;{truth_of(made)['part-000']};")
-        part = http.get(f"/v1/parts/{answer.rpartition(';')[2]}").json()
-        assert (part["name"], part["state"]) == ("P17", "accepted")
-        assert part["text"] == truth_of(made)["part-000"]
-        line.sendall(b"TRIGGER nobody\r\n")
-        assert line.makefile("rb").readline().startswith(b"ERROR;")
 
 
 def test_an_address_in_use_is_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
