@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import main, start_process, wait_until
+from tests.contract.front_doors import PATIENCE_S, main, start_process, wait_until
 
 PARTS = 20
 """The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""
@@ -91,7 +91,7 @@ def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.Cap
     running = start_process(*given)
     wait_until(lambda: unfinished.exists() and len(unfinished.read_bytes().splitlines()) >= 3, running)
     running.send_signal(signal.SIGINT)
-    _, error = running.communicate(timeout=60.0)
+    _, error = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 130
     assert "start the same command again" in error
     assert main(["5" if a == "4" else a for a in given]) == 1
