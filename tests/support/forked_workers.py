@@ -29,7 +29,21 @@ class Forked(popen_forkserver.Popen):
 
     def _launch(self, process_obj: Any) -> None:
         with LOCK, mock.patch.object(forkserver, "connect_to_new_process", SERVER.connect_to_new_process):
+            _start_server()
             super()._launch(process_obj)  # type: ignore[misc]
+
+
+def _start_server() -> None:
+    """Start SERVER, unless it runs, so that it finds its module whatever the folder it starts in."""
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), before)))
+    try:
+        SERVER.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONPATH"]
+        else:
+            os.environ["PYTHONPATH"] = before
 
 
 class ForkedProcess(ForkServerProcess):
@@ -54,6 +68,4 @@ def _called(environment: dict[str, str], target: Callable[..., object], args: tu
 def fork_workers() -> None:
     """Have the context "spawn" of this process fork."""
     if sys.platform == "linux":
-        # the server finds its module, whatever the folder it starts in
-        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
         multiprocessing.get_context("spawn").Process = ForkedProcess  # type: ignore[misc,assignment]
