@@ -167,6 +167,11 @@ class Slot:
                 self.restarts += 1
                 return None
 
+    def _jobs_wait(self) -> bool:
+        """Whether a job waits that this worker may still do."""
+        with self.tasks.mutex:
+            return any(task is not None for task in self.tasks.queue)
+
     def _start(self) -> str:
         """Begin a process and wait until it is warm; why it is not, or nothing."""
         context = multiprocessing.get_context("spawn")
@@ -190,7 +195,7 @@ class Slot:
         until = time.monotonic() + _WARM_UP_S
         message, alive = None, True
         while message is None and alive and time.monotonic() < until:
-            if self.order.stopped.is_set():
+            if self.order.stopped.is_set() or (self.order.closing.is_set() and not self._jobs_wait()):
                 return "the workers are stopping"
             alive = process.exitcode is None
             message = self._received(_LOOK_S)

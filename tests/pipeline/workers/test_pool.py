@@ -200,6 +200,16 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
     pool.close(0.0)
 
 
+def test_closing_does_not_wait_for_a_worker_that_would_have_nothing_to_do() -> None:
+    pool = WorkPool(1, queue=1, timeout_s=LONG_S, warm_up=partial(time.sleep, LONG_S))
+    until(lambda: bool(pool.pids))
+    (pid,) = pool.pids
+    begun = time.monotonic()
+    pool.close(LONG_S)
+    assert time.monotonic() - begun < LONG_S / 2
+    assert not alive(pid)
+
+
 def test_closing_without_patience_loses_what_is_left(tmp_path: Path) -> None:
     pool = WorkPool(1, queue=5, timeout_s=LONG_S)
     mark = tmp_path / "mark"
