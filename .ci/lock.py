@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 TESTED = "test,proof,lint,docs"
 """As in `.ci/run`."""
-DEPLOYED = "formats,vision,checkdigits,service,postgres,mqtt,opcua"
+DEPLOYED = "formats,checkdigits,service,postgres,mqtt,opcua"
 HEAD = f"""\
 # What a service takes, as it was tested: tactile-marks[{DEPLOYED}]
 # for Linux on x86-64 with Python 3.11. Made by .ci/lock.py; install with: pip install --no-deps --require-hashes -r

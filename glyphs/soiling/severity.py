@@ -2,7 +2,7 @@
 
 At the same severity every soil costs a fixed reference reader as much belief in the true characters as the workshop's
 dirt does: the generic recognition network of RapidOCR, on the ideal height map.
-`python -m pipeline.benchmark.soil_severity` measures that and prints this table.
+`python tests/benchmarks/soil_severity.py` measures that and prints this table.
 """
 
 from __future__ import annotations

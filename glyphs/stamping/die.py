@@ -88,14 +88,12 @@ def shape_relief_mm(
     y_mm: ArrayLike,
     *,
     height_mm: float,
-    extra_depth_mm: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
     """Relief of what `die_glyph` returned, for callers that cut the same shape more than once."""
     return relief_mm(
         shape_distance_mm(shape, die, x_mm, y_mm, height_mm=height_mm),
         die,
         half_width_mm=None if shape.contours else die.stroke_mm / 2,
-        extra_depth_mm=extra_depth_mm,
     )
 
 

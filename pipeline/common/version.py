@@ -14,6 +14,7 @@ _WITHOUT_A_SAY = frozenset(
 
 def program_version() -> str:
     """The installed version; "0" where the program runs without having been installed."""
+
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -49,19 +50,12 @@ def _sources(folder: Path) -> Iterable[Path]:
 
 @cache
 def reader_versions() -> dict[str, str]:
-    """What readings depend on beside settings: versions of the program and of the recogniser of others that has a
-    say, and hashes of networks and fitted numbers.
-    """
+    """What readings depend on beside settings: the program's version, and hashes of networks and fitted numbers."""
     import hashlib
-    from importlib.metadata import PackageNotFoundError, version
 
     import recognition
 
     found = {"tactile-marks": program_version()}
-    try:
-        found["rapidocr"] = version("rapidocr")
-    except PackageNotFoundError:
-        found["rapidocr"] = "not installed"
     folder = Path(str(recognition.__file__)).parent
     for path in sorted(p for p in folder.rglob("*") if p.suffix == ".onnx" or p.name.endswith(".fit.json")):
         found[path.relative_to(folder).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]

@@ -68,7 +68,7 @@ def read_actively(
         tried = read_kept(reader, session, budget_s=budget_s - spent_s)
         session.close()
         spent_s += tried.stage_s
-        if found is None or tried.reading.confidence > found.reading.confidence:
+        if found is None or tried.reading.nats_read > found.reading.nats_read:
             found = tried
         if serial_is_sure(found.reading):
             break

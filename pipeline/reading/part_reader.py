@@ -278,7 +278,7 @@ def read_surface(
         surface: top of the part and of what lies on it.
         soil: what lies on it, if known.
         rows_known: whether the order of its rows is known; else a serial that reads otherwise mirrored goes to review,
-            and a part that is not surely read is read mirrored as well.
+            and a part that is not surely read is read mirrored as well, where its line says as much mirrored.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.
@@ -303,8 +303,10 @@ def read_surface(
     # what scans the part again has the dirt of the map as it was given
     if serial_is_sure(found) or not found.text or (feel is not None and soil is not None):
         return found
+    if not reader.touch.may_be_mirrored(found):
+        return found
     other = read(surface.mirrored, None if soil is None else soil.mirrored)
-    if other.confidence <= found.confidence:
+    if other.nats_read <= found.nats_read:
         return found
     other = reader.touch.weighed(other, rows_known=False)
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))

@@ -10,7 +10,6 @@ from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
 from recognition.belief.part_lines import LineFormat
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
-from recognition.experts import generic
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
@@ -25,12 +24,9 @@ def open_reader(settings: ReadSettings) -> Reader:
 
     Raises:
         FileError: a lexicon or certificate that cannot be used.
-        EngineMissingError: an expert that is not installed.
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
     """
-    if "print" in settings.experts:
-        generic.check_installed()
     given = {key: getattr(settings, key) for key in ("accept_confidence", "accept_margin")}
     thresholds: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     return Reader(

@@ -29,9 +29,6 @@ METADATA = sa.MetaData(
     }
 )
 
-NEVER_CHANGED = ("readings", "reviews", "events", "seals")
-"""Tables whose rows stay as they were written."""
-
 
 class UtcTime(sa.TypeDecorator[datetime]):
     """An aware time, kept and given in UTC; SQLite itself keeps no zone."""

@@ -4,7 +4,7 @@
 
 s is the logarithm of the best confidence of the last looks, from 0 (a ten-thousandth) to 1. How sure the reader has
 become tells most; how often it was looked at in vain, and how dense the lines of a way lie already, tell when nothing
-more will come. The numbers stand in `fit_gain.fit.json`; `python -m pipeline.benchmark.fit_gain` fits them on simulated
+more will come. The numbers stand in `gain.fit.json`; `python tests/benchmarks/fit_gain.py` fits them on simulated
 parts that are felt by steps drawn at random.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from recognition.active.moves import MOST, Way
 
-FITTED = Path(__file__).with_name("fit_gain.fit.json")
+FITTED = Path(__file__).with_name("gain.fit.json")
 LOOKS_AHEAD = 4
 """Within which a step must have made the serial sure."""
 RECENT = 3

@@ -120,12 +120,6 @@ class Ladder:
         return StopReason.ALL_FELT
 
 
-LADDER = Ladder(
-    ((Way.ALONG, 8), (Way.BACK, 8), (Way.ALONG, 16), (Way.CROSS, 8), (Way.BACK, 16), (Way.CROSS, 16))
-)
-"""Every line along x to 16 a character's height, as many on the way back, then twice as many, and those across."""
-
-
 @dataclass(frozen=True)
 class Drawn:
     """Steps drawn at random, each way as likely; the first as `Greedy` has it.

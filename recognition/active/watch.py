@@ -18,7 +18,6 @@ from recognition.belief.line_reader import LineReader, apart
 from recognition.belief.line_search import says_much
 from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
-from recognition.lines.find import find_lines
 from recognition.lines.moves import LONGER, MOVES, grown, moved
 from recognition.lines.places import places_mm
 from recognition.views.text_line import TextLine
@@ -26,8 +25,6 @@ from recognition.views.view import View
 
 MOST_FOUND = 3
 """Lines of a first view that are looked at."""
-HEARD = 0.5
-"""Confidence of our own recogniser from which others are asked as well."""
 FOLLOWED = 0.05
 """Confidence of a reading from which its line is followed: it is seldom another by then."""
 BESIDE = 1
@@ -117,18 +114,14 @@ class LineWatch:
         if self._sure:
             near = [*known, *self._near(known[0])]
         else:
-            near = [*known, *(one.line for one in find_lines(view)[:MOST_FOUND])]
+            near = [*known, *self.lines.search.candidates(view)[:MOST_FOUND]]
         seen = self.lines.search.looks(view, near)
         if not seen:
             return None
         if not self._sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
         self.line, self._sure = seen[0].line, says_much(seen)
-        look = self._said(seen[0])
-        # the generic expert takes as long as four looks: it is asked where our own is in no great doubt
-        if self._sure and look is not None and look.confidence > HEARD:
-            look = self._said(self.lines.heard(view, seen[0])) or look
-        return look
+        return self._said(seen[0])
 
     def _said(self, read: ReadLine) -> Look | None:
         choice = choose(read.belief.lattice, self.lines.grammar)

@@ -9,10 +9,10 @@
      0 +----------------
        0     belief     1
 
-Touch, touch without the generic network, the camera and both together each have their own. Rising everywhere, it
+Touch, the camera and both together each have their own. Rising everywhere, it
 changes no order and ties nothing: a threshold of the one is a threshold of the other. It holds on the ground that it
 was fitted on, parts whose measures were in its ranges; away from there a confidence shrinks towards even chances. The
-numbers stand in `calibration.fit.json`, with what they were fitted on; `python -m pipeline.benchmark.fit_confidence`
+numbers stand in `calibration.fit.json`, with what they were fitted on; `python tests/benchmarks/fit_confidence.py`
 fits them and compares them with other ways.
 """
 
@@ -20,14 +20,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-TOUCH_ALONE = "tactile own+templates"
-"""Touch where the generic network is not installed: fewer experts are less sure of what is right as often."""
-SOURCES = ("tactile", TOUCH_ALONE, "vision", "fused")
+SOURCES = ("tactile", "vision", "fused")
 """Of readings."""
 CALIBRATED = Path(__file__).with_name("calibration.fit.json")
 
@@ -78,11 +76,6 @@ class Calibration:
 def shrunk(confidence: float, widths: float) -> float:
     """A confidence so many widths off the ground that it was fitted on: its log odds fall by as much and one."""
     return _share(_log_odds(confidence) / (1.0 + widths))
-
-
-def calibration_for(source: str, experts: Collection[str]) -> Calibration:
-    """Of readings of one sense in which these experts had a say."""
-    return calibration_of(TOUCH_ALONE if source == "tactile" and "print" not in experts else source)
 
 
 @cache

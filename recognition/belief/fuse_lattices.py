@@ -50,7 +50,6 @@ class Reliability:
 
     power: float = 1.0
     rates: tuple[float, ...] = (0.0,)
-    shared_dirt: float = 0.0
     convincing: float = 0.0
 
     def __post_init__(self) -> None:
@@ -69,7 +68,6 @@ def fuse_lattices(
     touch: Lattice,
     vision: Lattice,
     *,
-    vision_boxes: Sequence[Box] | None = None,
     reliability: Reliability = VISION_ALONE,
 ) -> Lattice:
     """The product of both senses' beliefs at the places of touch.
@@ -77,16 +75,12 @@ def fuse_lattices(
     Args:
         touch: posteriors; its places, boxes and gaps are the outcome's.
         vision: posteriors.
-        sight_boxes: boxes of sight's places brought to the plate frame; sight's own unless given.
         reliability: of sight.
 
     Returns:
         Beliefs over the characters of either. What neither has read is "nothing readable".
-
-    Raises:
-        ValueError: boxes that are not one a place.
     """
-    both = _Both(touch, vision, vision_boxes, reliability)
+    both = _Both(touch, vision, reliability)
     with np.errstate(divide="ignore"):
         log = np.log(both.prior * both.felt) + np.log(both.seen)
         total = np.logaddexp.reduce(log, axis=1)
@@ -100,7 +94,6 @@ def contradictions(
     touch: Lattice,
     vision: Lattice,
     *,
-    vision_boxes: Sequence[Box] | None = None,
     reliability: Reliability = VISION_ALONE,
     sure: float = 0.8,
 ) -> tuple[tuple[int, str, str], ...]:
@@ -109,13 +102,10 @@ def contradictions(
     Sight is as sure as its rate of errors at the other places lets it be.
 
     Args:
-        touch, sight, sight_boxes, reliability: as `fuse_lattices`.
+        touch, vision, reliability: as `fuse_lattices`.
         sure: belief from which a sense counts as sure.
-
-    Raises:
-        ValueError: boxes that are not one a place.
     """
-    both = _Both(touch, vision, vision_boxes, replace(reliability, convincing=0.0))
+    both = _Both(touch, vision, replace(reliability, convincing=0.0))
     felt = both.prior * both.felt
     felt /= np.maximum(felt.sum(axis=1, keepdims=True), 1e-300)
     seen = np.where(both.considered, both.seen, 0.0)
@@ -139,10 +129,8 @@ class _Both:
         read: (places,) probability that either has read the place.
     """
 
-    def __init__(
-        self, touch: Lattice, vision: Lattice, vision_boxes: Sequence[Box] | None, reliability: Reliability
-    ) -> None:
-        own = aligned(touch, vision, vision_boxes)
+    def __init__(self, touch: Lattice, vision: Lattice, reliability: Reliability) -> None:
+        own = aligned(touch, vision)
         here = list(range(touch.n_places))
         self.chars = (*touch.chars, *(c for c in vision.chars if c not in touch.chars))
         self.felt, felt_read = _factors(touch, self.chars, here, 1.0)
@@ -197,21 +185,15 @@ def tempered(lattice: Lattice, reliability: Reliability) -> Lattice:
     )
 
 
-def aligned(touch: Lattice, vision: Lattice, vision_boxes: Sequence[Box] | None = None) -> list[int | None]:
+def aligned(touch: Lattice, vision: Lattice) -> list[int | None]:
     """For every place of touch the place of sight that is the same, or None.
 
     By their boxes where both have them; else by index, if both have as many.
-
-    Raises:
-        ValueError: boxes that are not one a place.
     """
-    boxes = tuple(vision_boxes) if vision_boxes is not None else vision.boxes
-    if boxes and len(boxes) != vision.n_places:
-        raise ValueError(f"{len(boxes)} boxes for {vision.n_places} places of sight")
-    if not boxes or not touch.boxes:
+    if not vision.boxes or not touch.boxes:
         same = touch.n_places == vision.n_places
         return [k if same else None for k in range(touch.n_places)]
-    here, there = _middles(touch.boxes), _middles(boxes)
+    here, there = _middles(touch.boxes), _middles(vision.boxes)
     apart = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
     if len(here) > 1:
         step = float(np.median(np.hypot(*np.diff(here, axis=0).T)))

@@ -1,11 +1,10 @@
-"""What several experts believe of one line, made one: how many places, and what stands at each.
+"""What is believed of one line: how many places, and what stands at each.
 
-    Steps of each look --places of the format--> posteriors --mean of an expert's looks--> one lattice an expert
-    lattices --product, each to a power--> the lattice that the format decides on
+    Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
+    lattices of recogniser and templates --product, each to a power--> the lattice that the format decides on
 
-Looks of one expert are much alike: their logarithms are averaged, first at each view and then over the views. The same
-dirt lies under every light: counted as more than one look, a wrong serial was accepted. Experts differ, and their
-agreement counts: the powers add up to more than 1.
+Looks are much alike: their logarithms are averaged, first at each view and then over the views. The same dirt lies
+under every light: counted as more than one look, a wrong serial was accepted.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Floats = NDArray[np.float64]
 NEAR_STEPS = 1.0
 """Beside a place's middle, or its spread, where its character must show."""
 MOST_COUNTS = 3
-"""Looks of an expert by which characters are counted."""
+"""Looks by which characters are counted."""
 MOST_LENGTHS = 6
 """Of a format, that are tried: those nearest to what is counted."""
 MOST_COUNTED = 32
@@ -48,7 +47,7 @@ class LineBelief:
         evidence: log probability of all that the format allows together; 0 where nothing is known.
         likely: probability that there are so many places; 1 where a format says so.
         by_expert: lattices of each by itself.
-        heard: what they heard along the line.
+        looks: what the recogniser says along the line, of every look at it.
         weights: of the experts.
     """
 
@@ -57,7 +56,7 @@ class LineBelief:
     evidence: float
     likely: float
     by_expert: Mapping[str, Lattice]
-    heard: Mapping[str, Sequence[Steps]]
+    looks: Sequence[Steps]
     weights: ExpertWeights
 
     __repr__ = one_line
@@ -65,13 +64,10 @@ class LineBelief:
     @cached_property
     def openly(self) -> tuple[Lattice, Floats]:
         """The beliefs in as many places as stand there, of any characters, and their columns."""
-        chars = next(iter(self.heard.values()))[0].chars
-        heard = {name: looks[:1] for name, looks in self.heard.items()}
-        found = _told(heard, (chars,) * max(counted(heard)[0], 1))
-        told = {
-            name: one for name, looks in found.items() if (one := _lattice(heard[name], looks)) is not None
-        }
-        return pooled({name: one for name, (one, _) in told.items()}, self.weights), _mean_columns(told)
+        first = self.looks[:1]
+        places = (first[0].chars,) * max(counted(first)[0], 1)
+        lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
+        return pooled({first[0].expert: lattice}, self.weights), columns
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room.
@@ -80,19 +76,16 @@ class LineBelief:
             grammar: the format.
             alike: characters of which any may stand for the others.
         """
-        return 0.0 if grammar is None else _evidence(_best_length(self.heard, grammar, alike))
+        return 0.0 if grammar is None else _evidence(_best_length(self.looks, grammar, alike))
 
     def least_read(self) -> int:
         """The place at which the fewest characters of any kind are heard: another sign may stand there."""
         lattice, columns = self.lattice, self.columns
         reach = 0.5 * float(np.diff(columns).min(initial=math.inf)) if lattice.n_places > 1 else math.inf
-        heard = np.zeros(lattice.n_places)
-        for looks in self.heard.values():
-            steps = looks[0]
-            any_char = np.logaddexp.reduce(steps.log_chars, axis=1)
-            near = np.abs(steps.columns[:, None] - columns) <= reach
-            heard += np.where(near, any_char[:, None], -50.0).max(axis=0)
-        return int(heard.argmin())
+        steps = self.looks[0]
+        any_char = np.logaddexp.reduce(steps.log_chars, axis=1)
+        near = np.abs(steps.columns[:, None] - columns) <= reach
+        return int(np.where(near, any_char[:, None], -50.0).max(axis=0).argmin())
 
     @property
     def promise(self) -> float:
@@ -101,78 +94,69 @@ class LineBelief:
         return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
 
 
-def believed(
-    heard: Mapping[str, Sequence[Steps]], grammar: Grammar | None, *, weights: ExpertWeights
-) -> LineBelief | None:
-    """The beliefs of experts that listened along one line; None where they hear nothing.
+def believed(looks: Sequence[Steps], grammar: Grammar | None, *, weights: ExpertWeights) -> LineBelief | None:
+    """What the recogniser believes after its looks at a line; None where it finds nothing.
 
     Args:
-        heard: what each says of its looks at the line, all over the same characters.
+        looks: at the line, all over the same characters.
         grammar: what may stand there.
         weights: of the experts.
     """
     likely = 1.0
     if grammar is None:
-        chars = next(iter(heard.values()))[0].chars
-        many, likely = counted(heard)
-        found = _told(heard, (chars,) * many)
+        many, likely = counted(looks)
+        found = _posteriors(looks, (looks[0].chars,) * many)
     else:
-        found = _best_length(heard, grammar)
-    told = {name: one for name, looks in found.items() if (one := _lattice(heard[name], looks)) is not None}
-    if not told:
+        found = _best_length(looks, grammar)
+    read = _lattice(looks, found)
+    if read is None:
         return None
-    by_expert = MappingProxyType({name: lattice for name, (lattice, _) in told.items()})
+    lattice, columns = read
+    by_expert = MappingProxyType({looks[0].expert: lattice})
     evidence = 0.0 if grammar is None else _evidence(found)
-    return LineBelief(
-        pooled(by_expert, weights), _mean_columns(told), evidence, likely, by_expert, heard, weights
-    )
+    return LineBelief(pooled(by_expert, weights), columns, evidence, likely, by_expert, tuple(looks), weights)
 
 
-Told = Mapping[str, Sequence[PlaceBelief | None]]
+Posteriors = Sequence[PlaceBelief | None]
 
 
-def _told(heard: Mapping[str, Sequence[Steps]], allowed: Sequence[str]) -> Told:
+def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
     """What every look says of so many places."""
-    return {name: [steps.places(allowed) for steps in looks] for name, looks in heard.items()}
+    return [steps.places(allowed) for steps in looks]
 
 
-def _evidence(told: Told) -> float:
-    """Log probability of all that is allowed together: the mean of experts, of looks; -inf where it has no room."""
-    each = [
-        np.mean(logs)
-        for looks in told.values()
-        if (logs := [one.log_evidence for one in looks if one is not None])
-    ]
-    return float(np.mean(each)) if each else -math.inf
+def _evidence(found: Posteriors) -> float:
+    """Log probability of all that is allowed together, the mean of looks; -inf where it has no room."""
+    logs = [one.log_evidence for one in found if one is not None]
+    return float(np.mean(logs)) if logs else -math.inf
 
 
-def _best_length(heard: Mapping[str, Sequence[Steps]], grammar: Grammar, alike: Sequence[str] = ()) -> Told:
+def _best_length(looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = ()) -> Posteriors:
     """What the looks say of the places of the length that explains most."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > MOST_LENGTHS:
-        usual, _ = counted(heard)
+        usual, _ = counted(looks)
         lengths = frozenset(
             {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:MOST_LENGTHS]
         )
-    told = [
-        _told(heard, [_with_alike(chars, alike) for chars in allowed])
+    found = [
+        _posteriors(looks, [_with_alike(chars, alike) for chars in allowed])
         for n in sorted(lengths)
         if (allowed := grammar.places(n))
     ]
-    return max(told, key=_evidence, default={})
+    return max(found, key=_evidence, default=[None] * len(looks))
 
 
 def _with_alike(chars: str, alike: Sequence[str]) -> str:
     return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
-def counted(heard: Mapping[str, Sequence[Steps]]) -> tuple[int, float]:
+def counted(looks: Sequence[Steps]) -> tuple[int, float]:
     """The likeliest number of characters, and its probability."""
-    total = np.zeros(MOST_COUNTED + 1)
-    for looks in heard.values():
-        logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:MOST_COUNTS]]
-        padded = [np.pad(log, (0, total.size - log.size), constant_values=-50.0) for log in logs]
-        total += np.mean(padded, axis=0) / len(heard)
+    logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:MOST_COUNTS]]
+    total = np.mean(
+        [np.pad(log, (0, MOST_COUNTED + 1 - log.size), constant_values=-50.0) for log in logs], axis=0
+    )
     many = int(np.argmax(total))
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
@@ -202,20 +186,21 @@ def pooled(lattices: Mapping[str, Lattice], weights: ExpertWeights) -> Lattice:
     return replace(first, log_belief=np.minimum(total, 0.0))
 
 
-def _lattice(looks: Sequence[Steps], told: Sequence[PlaceBelief | None]) -> tuple[Lattice, Floats] | None:
-    """An expert's lattice and where its places stand on the strip: the mean of its looks, by view."""
+def _lattice(looks: Sequence[Steps], posteriors: Posteriors) -> tuple[Lattice, Floats] | None:
+    """The lattice and where its places stand on the strip: the mean of the looks, by view; None of no posteriors."""
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
-    for steps, found in zip(looks, told, strict=True):
+    for steps, found in zip(looks, posteriors, strict=True):
         if found is None:
             continue
         at = np.clip(found.frame, 0, steps.columns.size - 1)
         columns.append(np.interp(at, np.arange(steps.columns.size), steps.columns))
         logs.setdefault(steps.view, []).append(found.log_belief)
-        shown = 1.0 - np.exp(steps.log_blank)
-        steps_at = np.arange(shown.size)
+        steps_at = np.arange(steps.log_blank.size)
         near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(NEAR_STEPS, found.spread)[:, None]
-        read.append(np.where(near, shown[None], 0.0).max(axis=1).clip(_LEAST, 1.0))
+        # a character may show half at one step and half at the next: only blanks at all of them say that none is there
+        unread = np.exp(np.where(near, steps.log_blank[None], 0.0).sum(axis=1))
+        read.append((1.0 - unread).clip(_LEAST, 1.0))
     if not logs:
         return None
     log = over_views([np.mean(of_view, axis=0) for of_view in logs.values()])
@@ -226,9 +211,3 @@ def _lattice(looks: Sequence[Steps], told: Sequence[PlaceBelief | None]) -> tupl
 def over_views(logs: Sequence[Floats]) -> Floats:
     """What several views of a part say together, as logarithms."""
     return np.asarray(np.mean(logs, axis=0))
-
-
-def _mean_columns(told: Mapping[str, tuple[Lattice, Floats]]) -> Floats:
-    if not told:
-        return np.zeros(0)
-    return np.asarray(np.mean([columns for _, columns in told.values()], axis=0))

@@ -8,7 +8,8 @@ it (`PartLines.others`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import permutations
 from types import MappingProxyType
@@ -16,7 +17,16 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, believed, pooled
-from recognition.belief.line_search import PLAIN, UPSIDE_DOWN_DEG, LineSearch, promise_of, says_much
+from recognition.belief.line_search import (
+    BESIDE,
+    HERE,
+    JITTERS,
+    PLAIN,
+    UPSIDE_DOWN_DEG,
+    LineSearch,
+    promise_of,
+    says_much,
+)
 from recognition.belief.part_lines import (
     NO_LINES,
     Judge,
@@ -27,27 +37,20 @@ from recognition.belief.part_lines import (
     Region,
     stands_in,
 )
-from recognition.belief.weights import EXPERTS, weights_of
-from recognition.experts import generic, recogniser
+from recognition.belief.weights import EXPERTS
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
-from recognition.lines.moves import moved
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-JITTERS: tuple[tuple[float, float], ...] = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
-"""More looks of our own recogniser at a line: moved down and higher, character heights."""
-HERE = (0.0, 1.0)
 RIVALS = 2
 """Lines of those seen from which who knows shapes may choose, beside the best."""
-MOST_PRINT = 2
-"""Looks of the generic one."""
 AGREED, AGREED_EVIDENCE = 0.99, -1.0
-"""Belief in every place, and log probability of all that the format allows, from which a look each is enough."""
+"""Belief in every place, and log probability of all that the format allows, from which one look is enough."""
 PLAIN_EVIDENCE = -0.5
-"""Log probability of all that the format allows, of our own recogniser, from which a line is not heard upside down."""
+"""Log probability of all that the format allows, from which a line is not read upside down as well."""
 ASKED_EVIDENCE = -4.0
 """Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
 ROOM = 0.45
@@ -73,6 +76,7 @@ class LineReader:
         region: Region | None = None,
         lines: Mapping[str, LineFormat] = NO_LINES,
         orientation: Orientation = Orientation.ANY,
+        search: Callable[..., LineSearch] = LineSearch,
     ) -> None:
         """Prepare.
 
@@ -84,11 +88,18 @@ class LineReader:
             region: where the middle of the serial's line lies; anywhere unless given.
             lines: others that stand on the part, by name.
             orientation: which way up parts lie.
+            search: makes what finds lines and looks at them; the network's unless given.
         """
         self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
-        self.search = LineSearch(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
         self.experts = frozenset(experts or EXPERTS)
-        self.print_too = "print" in self.experts and generic.is_installed()
+        self.search = search(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
+
+    def under(self, grammar: Grammar | None) -> LineReader:
+        """The same reader of lines that another format is asked of."""
+        other, search = copy(self), copy(self.search)
+        search.grammar = other.grammar = grammar
+        other.search = search
+        return other
 
     def read(
         self,
@@ -136,8 +147,6 @@ class LineReader:
             place=place,
             rivals=meant[:RIVALS],
         )
-        if main is None and "own" not in self.experts:
-            return PartLines(None)  # who was asked has nothing to say
         main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
@@ -154,12 +163,12 @@ class LineReader:
 
     def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
         """The line of these that this format and region mean; None where none does."""
-        weights = weights_of(view.kind)
+        weights = self.search.weights_of(view.kind)
         fits = [
             ReadLine(one.line, belief)
             for one in rest
             if stands_in(asked.region, one.line, view)
-            and (belief := believed(one.belief.heard, asked.grammar, weights=weights)) is not None
+            and (belief := believed(one.belief.looks, asked.grammar, weights=weights)) is not None
         ]
         if not fits:
             return None
@@ -168,28 +177,11 @@ class LineReader:
         return best if best.belief.evidence > ASKED_EVIDENCE else None
 
     def _right_way_up(self, view: View, best: ReadLine) -> ReadLine:
-        """The line from the end from which all experts together hear more; as it is where it is beyond doubt."""
+        """The line from the end from which more is read; as it is where it is beyond doubt."""
         plain = says_much([best], PLAIN) and best.belief.evidence > PLAIN_EVIDENCE
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
-        both = (best, *self.search.looks(view, [best.line.reversed]))
-        return max((self.heard(view, one) for one in both), key=promise_of) if len(both) > 1 else best
-
-    def heard(self, view: View, best: ReadLine) -> ReadLine:
-        """A line that was looked at, by a look of each expert: quick, for parts that are still being felt."""
-        heard, _ = self._first_looks(view, best)
-        weights = weights_of(view.kind).among(self.experts & heard.keys())
-        belief = believed(heard, self.grammar, weights=weights)
-        return best if belief is None else ReadLine(best.line, belief)
-
-    def _first_looks(
-        self, view: View, best: ReadLine
-    ) -> tuple[dict[str, Sequence[Steps]], list[generic.Picture]]:
-        """What every expert hears at a look, and the generic one's pictures."""
-        heard, pictures = dict(best.belief.heard), self._pictures(view, best.line)
-        if pictures:
-            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars, rare=self.search.rare)
-        return heard, pictures
+        return max((best, *self.search.looks(view, [best.line.reversed])), key=promise_of)
 
     def _believed(
         self,
@@ -203,54 +195,35 @@ class LineReader:
         place: Place | None = None,
         rivals: Sequence[ReadLine] = (),
     ) -> ReadLine | None:
-        """What all experts believe of a line: of one look each where they are sure of the same, or of several.
+        """What all experts believe of a line: of one look where that is sure, or of several.
 
         Several looks are taken where `place` has the line, of these and its rivals; where asked for `closely`, always.
         """
         line = best.line
-        heard, pictures = self._first_looks(view, best)
-        weights = weights_of(view.kind).among(self.experts & heard.keys())
-        belief = believed(heard, grammar, weights=weights)
+        looks = list(best.belief.looks)
+        weights = self.search.weights_of(view.kind)
+        belief = believed(looks, grammar, weights=weights)
         if belief is None or closely or not agreed(belief):
-            moves, first = JITTERS, 1
+            moves = (BESIDE, *JITTERS)
             near = (
                 place(view, [line, *(one.line for one in rivals)], belief or best.belief) if place else None
             )
             if near is not None:
-                line, heard, moves, first = near, {"own": [], "print": []}, (HERE, *JITTERS), 0
-                pictures = self._pictures(view, line)
-            heard["own"] = [*heard["own"], *self._own(view, line, moves)]
-            if pictures[first:]:
-                heard["print"] = [
-                    *heard["print"],
-                    *generic.steps_of(pictures[first:], chars=self.chars, rare=self.search.rare),
-                ]
+                line, looks, moves = near, [], (HERE, BESIDE, *JITTERS)
+            looks += self.search.more_looks(view, line, moves)
             for number, other in enumerate(others, start=1):
-                heard["own"] = [*heard["own"], *_of_view(number, self._own(other, line, (HERE, *JITTERS)))]
-                if pictures:
-                    shown = generic.steps_of(
-                        self._pictures(other, line), chars=self.chars, rare=self.search.rare
-                    )
-                    heard["print"] = [*heard["print"], *_of_view(number, shown)]
-            belief = believed(
-                {name: looks for name, looks in heard.items() if looks}, grammar, weights=weights
-            )
+                looks += _of_view(number, self.search.more_looks(other, line, (HERE, *JITTERS)))
+            belief = believed(looks, grammar, weights=weights)
+        elif judge is not None:
+            looks += self.search.more_looks(view, line, (BESIDE,))
+            belief = believed(looks, grammar, weights=weights)
         if belief is None:
             return None
         more = judge(line, belief) if judge is not None else {}
-        by_expert = {name: own for name, own in {**belief.by_expert, **more}.items() if name in self.experts}
-        if not by_expert:
-            return None
+        by_expert = {name: own for name, own in {**more, **belief.by_expert}.items() if name in self.experts}
         if by_expert.keys() != belief.by_expert.keys():
             belief = replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
         return ReadLine(line, belief)
-
-    def _own(self, view: View, line: TextLine, moves: Sequence[tuple[float, float]]) -> list[Steps]:
-        strips = [view.strip(moved(line, down, size)) for down, size in moves]
-        return recogniser.steps_of(strips, chars=self.chars, rare=self.search.rare)
-
-    def _pictures(self, view: View, line: TextLine) -> list[generic.Picture]:
-        return generic.looks_at(view, line)[:MOST_PRINT] if self.print_too else []
 
 
 def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:

@@ -1,4 +1,4 @@
-"""Where lines may be, and which of them says most: our own recogniser looks at each once.
+"""Where lines may be, and which of them says most: the recogniser looks at each once.
 
 view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
                        ^--none says much: upside down, fainter, slanted, smaller--/
@@ -13,16 +13,27 @@ import numpy as np
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import ReadLine, Region, about_region, stands_in
-from recognition.belief.weights import weights_of
+from recognition.belief.weights import ExpertWeights, weights_of
 from recognition.experts import recogniser
+from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
+from recognition.lines.ink import on_ink
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
 from recognition.lines.tiles import find_in_tiles
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
+HERE, BESIDE = (0.0, 1.0, 0), (0.0, 1.0, 3)
+"""A look at a line as it lies, and one whose steps fall between the steps of the first."""
+JITTERS: tuple[tuple[float, float, int], ...] = (
+    (0.08, 1.0, 2),
+    (-0.08, 1.0, 5),
+    (0.0, 1.1, 3),
+    (0.0, 0.91, 2),
+)
+"""More looks at a line: moved down and higher, character heights; columns that are skipped at its start."""
 MOST_LINES = 6
 """That are looked at, most promising first."""
 MOST_SMALL = 40
@@ -49,9 +60,14 @@ UPSIDE_DOWN_DEG = 105.0
 """From level, from which a line is upside down: one that runs straight up or down, a little askew, is not."""
 TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
+BENT_COST = 0.05
+"""Nats that an arc must say more than a straight line."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
 """Of what a place may say at most, from which a line is not looked at otherwise, nor upside down; no fainter ones are
 looked for; and no turned or small ones."""
+SETTLED, MOST_LAID, LAID_GAIN = 0.9975, 3, 0.3
+"""Of the same, from which a line is not laid on its ink to see whether it says more so; how often it is at most, and
+the share of its doubt that this must take away."""
 END_HEIGHTS = 0.55
 """A character so near a strip's end may have a neighbour beyond."""
 GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
@@ -85,7 +101,11 @@ class LineSearch:
         """
         self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
         self.orientation = orientation
-        self.rare = SIGNS if grammar is None else ""
+
+    @property
+    def rare(self) -> str:
+        """Characters that seldom stand on parts, and that nobody has asked for."""
+        return SIGNS if self.grammar is None else ""
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan of what a view shows, most promising first."""
@@ -116,9 +136,9 @@ class LineSearch:
             ]
             return _ranked([*seen, *self.looks(view, rest)])
         others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
-        crops = whole_view(view) if self.height_mm is None else []
-        seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
+        seen = _ranked([*seen, *self.looks(view, others)])
         tries = [
+            (self._whole, PLAIN),
             (self._upside_down, PLAIN),
             (self._faint, SURE),
             (self._running_down, SOME),
@@ -137,6 +157,14 @@ class LineSearch:
             seen = _ranked([*seen, *looked])
         # on what was felt a guess would have a blank plate scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
+
+    def weights_of(self, kind: ViewKind) -> ExpertWeights:
+        """Of the experts, in a kind of view."""
+        return weights_of(kind)
+
+    def candidates(self, view: View) -> list[TextLine]:
+        """Where lines may lie, most promising first, without a look at them."""
+        return [one.line for one in find_lines(view)]
 
     def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
         """The lines that the serial's may be, by where they stand."""
@@ -160,6 +188,9 @@ class LineSearch:
         lines = [one.line for one in found]
         return [*lines, *(line.reversed for line in lines)]
 
+    def _whole(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        return whole_view(view) if self.height_mm is None else []
+
     def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return [one.line.reversed for one in seen[:MOST_TURNED]]
 
@@ -179,7 +210,7 @@ class LineSearch:
         return [*lines, *(line.reversed for line in lines)]
 
     def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """One look of our own recogniser at each line, most promising first."""
+        """One look at each line, most promising first."""
         least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
         lines = [
             line
@@ -188,9 +219,24 @@ class LineSearch:
         ]
         if not lines:
             return []
-        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars, rare=self.rare)
-        beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
+        steps = self.steps_of(view, lines)
+        beliefs = [believed([one], self.grammar, weights=self.weights_of(view.kind)) for one in steps]
         return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+
+    def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
+        """What the recogniser says along each line."""
+        strips = [view.strip(line) for line in lines]
+        return recogniser.steps_of(strips, chars=self.chars, rare=self.rare, skip_columns=skip_columns)
+
+    def more_looks(
+        self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = JITTERS
+    ) -> list[Steps]:
+        """What is said along a line that is moved down, and higher, by so many heights, its first columns skipped."""
+        return [
+            steps
+            for down, size, skip in moves
+            for steps in self.steps_of(view, [moved(line, down, size)], skip_columns=skip)
+        ]
 
     def may_run(self, line: TextLine) -> bool:
         """Whether a line may run in its direction, by how parts lie; one that runs up or down always may."""
@@ -199,6 +245,10 @@ class LineSearch:
     def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line, moved and grown where that lets it say more."""
         best = seen[0]
+        for one in seen[:MOST_MOVED]:
+            best = _ranked([best, self._on_ink(view, one)])[0]
+            if says_much([best], SETTLED):
+                break
         if not says_much([best]):
             for one in seen[:MOST_MOVED]:
                 tried = [*(moved(one.line, *move) for move in MOVES), *longer(one.line)]
@@ -219,6 +269,19 @@ class LineSearch:
             best = looked[0]
         return best
 
+    def _on_ink(self, view: View, one: ReadLine) -> ReadLine:
+        """A line that is in doubt, laid on its ink where that takes much of its doubt away."""
+        for _ in range(MOST_LAID):
+            doubt = one.belief.lattice.n_places - promise_of(one)
+            if says_much([one], SETTLED):
+                break
+            known = self.height_mm is not None
+            looked = self.looks(view, on_ink(view, one.line, one.belief.columns, height_known=known))
+            if not looked or promise_of(looked[0]) < promise_of(one) + LAID_GAIN * doubt:
+                break
+            one = looked[0]
+        return one
+
 
 def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
     return [line for one in found for line in (one.line, one.bent) if line is not None]
@@ -237,8 +300,9 @@ def _ranked(seen: Sequence[ReadLine]) -> list[ReadLine]:
 
 
 def promise_of(one: ReadLine) -> float:
-    """How much a line says; parts seldom lie turned."""
-    return one.belief.promise - (TURNED_COST if abs(one.line.turned_deg) > 45.0 else 0.0)
+    """How much a line says; parts seldom lie turned, and a line that reads as well straight is straight."""
+    turned, bent = abs(one.line.turned_deg) > 45.0, len(one.line.centre_mm) > 2
+    return one.belief.promise - TURNED_COST * turned - BENT_COST * bent
 
 
 def _at_ends(one: ReadLine) -> tuple[bool, bool]:

@@ -156,7 +156,8 @@ def _reading(
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
     made = replace(made, spaces_after=tactile.spaces_after if known is None else known)
     if tactile.trace.felt_line is not None:
-        made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice))
+        slope = calibration_of("fused").slope
+        made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
     made = strokes_asked(replace(made, font=tactile.font), vouched=_sure_places(vision, made.text))
     return replace(
         tactile,

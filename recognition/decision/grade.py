@@ -3,18 +3,16 @@
 That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0 and lets
 the worst one count; so here, but what is graded is what a whisker feels:
 
-    template predicts   ..../^\\____/^\\....     depth          how deep against what it should be
-    felt                ..../^\\____.........     contrast       how strong its edges, where they are felt
-                          felt   filled  swarf    completeness   how much of its strokes is felt at all
-                                                  contamination  how much else is felt in its cell
+    template predicts   ..../^\\____/^\\....     contrast       how strong its edges, where they are felt
+    felt                ..../^\\____.........     completeness   how much of its strokes is felt at all
+                          felt   filled  swarf    contamination  how much else is felt in its cell
 
-Depth and the rest are told apart: a shallow mark has low contrast everywhere, a filled one has none in places. The
+A shallow mark has low contrast everywhere, a filled one has none in places. The
 limits are ours, chosen for touch; they are not those of the standard, which grades two-dimensional codes by sight.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -39,7 +37,6 @@ PASSING = 2
 """Least grade that asks for nothing: C, as is usual."""
 
 LIMITS: dict[str, tuple[float, float, float, float]] = {
-    "depth": (0.85, 0.7, 0.55, 0.4),
     "contrast": (0.7, 0.55, 0.4, 0.25),
     "completeness": (0.92, 0.84, 0.75, 0.6),
     "contamination": (0.02, 0.05, 0.08, 0.15),
@@ -97,8 +94,7 @@ class MarkGrade:
     """The grade of one character.
 
     Attributes:
-        parameters: contrast, completeness, contamination, and depth where it is known; empty when too little was
-            felt.
+        parameters: contrast, completeness and contamination; empty when too little was felt.
         action: what to do.
     """
 
@@ -136,8 +132,6 @@ def grade_character(
     predicted: NDArray[np.floating],
     valid: NDArray[np.floating] | NDArray[np.bool_] | None = None,
     *,
-    depth_mm: float | None = None,
-    nominal_depth_mm: float | None = None,
     tolerance_px: int = TOLERANCE_PIXELS,
 ) -> MarkGrade:
     """Grade one character.
@@ -147,16 +141,14 @@ def grade_character(
             the mark is as it should be.
         predicted: the same, of the template in its place.
         valid: (rows, cols) weight of each pixel, 0 where nothing was measured; all 1 unless given.
-        depth_mm: of the mark where it is least, if known.
-        nominal_depth_mm: that it should have; depth is graded if both are given.
         tolerance_px: how far an edge may lie from where it is predicted.
 
     Raises:
         GradeError: shapes that do not agree, values that are not numbers where weights are not 0, a template
-            without edges, a depth that cannot be.
+            without edges.
     """
     weight = np.ones(felt.shape[1:]) if valid is None else np.asarray(valid, dtype=np.float64)
-    _check(felt, predicted, weight, depth_mm, nominal_depth_mm, tolerance_px)
+    _check(felt, predicted, weight, tolerance_px)
     known = weight > 0.0
     seen = np.where(known, felt, 0.0).astype(np.float64)
     size = np.abs(predicted).astype(np.float64)
@@ -176,8 +168,6 @@ def grade_character(
     area = float(weight[known].sum())
     contamination = float(weight[beside & foreign].sum()) / area
     values = {"contrast": contrast, "completeness": completeness, "contamination": contamination}
-    if depth_mm is not None and nominal_depth_mm is not None:
-        values = {"depth": min(1.0, max(0.0, depth_mm / nominal_depth_mm)), **values}
     parameters = tuple(Parameter(name, value, graded(name, value)) for name, value in values.items())
     return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}))
 
@@ -191,7 +181,7 @@ def graded(name: str, value: float) -> int:
 
 
 def _action(grades: dict[str, int]) -> Action:
-    shallow = min(grades.get("depth", 4), grades["contrast"]) < PASSING
+    shallow = grades["contrast"] < PASSING
     if grades["contamination"] < PASSING:
         return Action.CLEAN
     if grades["completeness"] < PASSING:
@@ -228,8 +218,6 @@ def _check(
     felt: NDArray[np.floating],
     predicted: NDArray[np.floating],
     weight: NDArray[np.float64],
-    depth_mm: float | None,
-    nominal_depth_mm: float | None,
     tolerance_px: int,
 ) -> None:
     if felt.ndim != 3 or felt.shape != predicted.shape or weight.shape != felt.shape[1:]:
@@ -243,9 +231,5 @@ def _check(
         raise GradeError("felt and predicted must be numbers wherever the weight is not 0")
     if not np.abs(predicted).max(initial=0.0) > 0.0:
         raise GradeError("the template has no edges; give that of a character")
-    if depth_mm is not None and not math.isfinite(depth_mm):
-        raise GradeError(f"depth_mm is {depth_mm}; a depth that is not known is None")
-    if nominal_depth_mm is not None and not (math.isfinite(nominal_depth_mm) and nominal_depth_mm > 0.0):
-        raise GradeError(f"nominal_depth_mm is {nominal_depth_mm}; it must be a positive number of mm")
     if tolerance_px < 0:
         raise GradeError(f"tolerance_px is {tolerance_px}; it is not negative")

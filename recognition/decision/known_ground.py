@@ -28,8 +28,6 @@ GROUND = (
     Measure.PATCHES,
 )
 """Measures that have a range: what of the marks is explained and felt, the texture of land and photograph."""
-WORSE_BELOW = (Measure.STROKES,)
-"""Of these, what is worse the less there is."""
 
 
 def on_known_ground(reading: Reading, settings: Thresholds) -> Reading:

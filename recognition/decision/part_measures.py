@@ -25,6 +25,8 @@ FINE_PX, COARSE_PX = 1, 4
 """The same of a photograph."""
 _ENOUGH_SAMPLES = 100_000
 """Of a surface: the median of as many is off by half a per cent."""
+_DARKEST = 1.0 / 255.0
+"""Median brightness of a photograph that shows nothing."""
 _NORMAL = 1.4826
 """Standard deviation of normal noise whose median absolute deviation is 1."""
 
@@ -107,6 +109,6 @@ def _belief(reading: Reading) -> float | None:
 
 
 def _evenly_lit(photo: Photo) -> NDArray[np.float64]:
-    """Grey values over their median."""
+    """Brightness over its median, so that exposure does not count."""
     grey = np.asarray(photo.grey(), dtype=np.float64)
-    return grey / max(float(np.median(grey)), 1.0)
+    return grey / max(float(np.median(grey)), _DARKEST)

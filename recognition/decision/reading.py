@@ -246,6 +246,11 @@ class Reading:
         return found
 
     @property
+    def nats_read(self) -> float:
+        """How much the characters say against a guess: seven of them, one in doubt, say more than a single sure one."""
+        return math.fsum(1.0 + max(math.log(max(c.confidence, 1e-9)), -3.0) for c in self.characters)
+
+    @property
     def touch(self) -> Reading | None:
         """The reading of touch: this one, or what was fused; None where touch was not asked."""
         return self if self.source == "tactile" else self.trace.touch

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.belief.calibration import Calibration, calibration_for
+from recognition.belief.calibration import Calibration, calibration_of
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag
@@ -29,7 +29,7 @@ CANDIDATES = 5
 LEAST_READ = 0.5
 """Belief in the surest character, with the format and without it, below which there is no line at all: land, seen by
 who looks for characters."""
-LEAST_PLACES = 3
+LEAST_PLACES = 4
 """Characters of a line of which nothing is known, from which it is text although it is not sure."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut alike."""
@@ -76,7 +76,7 @@ def reading_of_line(
     boxes = main.boxes()
     lattice = replace(main.belief.lattice, boxes=boxes)
     choice = choose(lattice, grammar)
-    spaces = spaces_of(choice.text, grammar, main.belief.heard, main.belief.columns)
+    spaces = spaces_of(choice.text, grammar, main.belief.looks, main.belief.columns)
     lattice = replace(lattice, spaces_after=spaces)
     if not choice.text or min(_surest(lattice), _surest(main.belief.openly[0])) < LEAST_READ:
         nothing = decided((), 0.0, settings, flags=flags, findings=_outside_format(main, grammar))
@@ -89,13 +89,13 @@ def reading_of_line(
         # a scratch reads as a 1, two dents as OO
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
-    small = small_letters(main.belief.heard, main.belief.columns, choice.text) if grammar is None else ()
-    worth = calibration_for(source, main.belief.heard)
+    small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
+    worth = calibration_of(source)
     others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
     others += [
         OtherLine(
             "",
-            spaced(text_of(one), spaces_of(text_of(one), None, one.belief.heard, one.belief.openly[1])),
+            spaced(text_of(one), spaces_of(text_of(one), None, one.belief.looks, one.belief.openly[1])),
             worth.confidence(_likely(one)),
             hull(one.open_boxes()),
             may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
@@ -241,7 +241,7 @@ def _twins(char: str) -> str:
 
 def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> OtherLine:
     choice = choose(one.belief.lattice, grammar)
-    spaces = spaces_of(choice.text, grammar, one.belief.heard, one.belief.columns)
+    spaces = spaces_of(choice.text, grammar, one.belief.looks, one.belief.columns)
     return OtherLine(
         name,
         spaced(choice.text, spaces),
@@ -265,23 +265,21 @@ def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
 
 
 def spaces_of(
-    text: str, grammar: Grammar | None, heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64]
+    text: str, grammar: Grammar | None, looks: Sequence[Steps], columns: NDArray[np.float64]
 ) -> frozenset[int]:
     """Places of a text that a word gap follows: where the format has them, or else where they are seen.
 
     Args:
         text: without blanks.
         grammar: what it may be.
-        heard: along its line.
+        looks: at its line.
         columns: (places,) where each stands.
     """
     known = None if grammar is None else grammar.spaces(text)
-    return word_gaps(columns, heard) if known is None else known
+    return word_gaps(columns, looks) if known is None else known
 
 
-def small_letters(
-    heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64], text: str
-) -> tuple[Finding, ...]:
+def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: str) -> tuple[Finding, ...]:
     """Whether small letters may stand where, unasked for, they were counted as capitals.
 
     Many a die is small capitals, and many a letter has one shape for both: a person who knows the marking decides,
@@ -290,7 +288,7 @@ def small_letters(
     if columns.size < 2:
         return ()
     half = 0.5 * float(np.diff(columns).min())
-    believed = _heard_between([(c - half, c + half) for c in columns], heard, "small")
+    believed = _greatest_between([(c - half, c + half) for c in columns], looks, "small")
     if believed is None or not (small := np.flatnonzero(believed > SMALL_BELIEF)).size:
         return ()
     k = int(small[0])
@@ -298,35 +296,26 @@ def small_letters(
     return (Finding(ReadingFlag.LOW_CONFIDENCE, words),)
 
 
-def _heard_between(
-    spans: Sequence[tuple[float, float]], heard: Mapping[str, Sequence[Steps]], what: Literal["gap", "small"]
+def _greatest_between(
+    spans: Sequence[tuple[float, float]], looks: Sequence[Steps], what: Literal["gap", "small"]
 ) -> NDArray[np.float64] | None:
-    """(spans,) the greatest belief along each: mean of looks, then of experts; None where nobody listened."""
-    experts = []
-    for looks in heard.values():
-        each = [
-            [
-                float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0))
-                for low, high in spans
-            ]
-            for look in looks
-            if (values := getattr(look, what)) is not None
-        ]
-        if each:
-            experts.append(np.mean(each, axis=0))
-    return np.asarray(np.mean(experts, axis=0)) if experts else None
+    """(spans,) the greatest probability along each, mean of looks; None where there are none."""
+    each = [
+        [float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0)) for low, high in spans]
+        for look in looks
+        if (values := getattr(look, what)) is not None
+    ]
+    return np.mean(each, axis=0) if each else None
 
 
-def word_gaps(
-    columns: NDArray[np.float64], heard: Mapping[str, Sequence[Steps]] = MappingProxyType({})
-) -> frozenset[int]:
+def word_gaps(columns: NDArray[np.float64], looks: Sequence[Steps] = ()) -> frozenset[int]:
     """Places after which there is a space: heard, or so wide against the line's usual step that a little is enough."""
     if columns.size < 3:
         return frozenset()
     step = np.diff(columns) / HEIGHT_ROWS
     usual = float(np.median(step))
     wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
-    believed = _heard_between(list(pairwise(columns)), heard, "gap")
+    believed = _greatest_between(list(pairwise(columns)), looks, "gap")
     if believed is not None:
         wide = (wide & (believed > GAP_HINT)) | (believed > GAP_BELIEF)
     return frozenset(int(k) for k in np.flatnonzero(wide))

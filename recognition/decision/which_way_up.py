@@ -90,6 +90,20 @@ def weighed(
     return decided_anew(reading.found(*found)) if found else reading
 
 
+def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> float:
+    """Log probability by which the text leads what a look the other way reads; -inf where there is no line to look at.
+
+    Args:
+        reading: with its line in the trace.
+        view: that was read.
+        lines: what reads lines of such views.
+        way: in which the marks may be meant instead.
+    """
+    line = reading.trace.line
+    seen = None if line is None else _seen_other_way(plain_text(reading), line, view, lines, way)
+    return -math.inf if seen is None else seen.lead_nats
+
+
 def also_readable(way: Way, text: str) -> Finding:
     """The doubt that the marks may be meant another way."""
     return Finding(ReadingFlag.ORIENTATION_UNKNOWN, f"also readable {way}: {text} ({_SET[way]})")
@@ -110,13 +124,13 @@ def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, li
         return False
     if not readable(text, way, grammar):
         return True
-    seen = _seen_other_way(text, other.line, view, LineReader(grammar, lines.chars), way)
+    seen = _seen_other_way(text, other.line, view, lines.under(grammar), way)
     return seen is not None and seen.lead_nats >= LEAST_LEAD_NATS
 
 
 @dataclass(frozen=True)
 class _SeenOtherWay:
-    """The text that a look the other way reads, and by how much the one that was read leads it."""
+    """The text that a look the other way reads, empty where it reads none, and by how much the one read leads it."""
 
     text: str
     lead_nats: float
@@ -134,14 +148,16 @@ def _seen_other_way(
     here = _looked(lines, view, line)
     there = _looked(lines, view.mirrored if way.mirrors else view, _shown(line, view, way))
     other = "" if there is None else choose(there.belief.lattice, lines.grammar).text
-    if here is None or there is None or not other:
+    if here is None:
         return None
+    if there is None or not other:
+        return _SeenOtherWay("", math.inf)
     return _SeenOtherWay(other, _log_probability(here, text) - _log_probability(there, other))
 
 
 def _looked(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
     seen = lines.search.looks(view, [line])
-    return lines.heard(view, seen[0]) if seen else None
+    return seen[0] if seen else None
 
 
 def _log_probability(one: ReadLine, text: Collection[str]) -> float:

@@ -37,6 +37,7 @@ class Steps:
         gap: (steps,) belief in a word gap, which `log_blank` holds as well; None where nobody asked for gaps.
         small: (steps,) belief in small letters, which `log_chars` counts as their capitals; None likewise.
         view: number of the view that was looked at, of several of one part.
+        expert: who believes so.
     """
 
     log_blank: Floats
@@ -46,6 +47,7 @@ class Steps:
     gap: Floats | None = None
     small: Floats | None = None
     view: int = 0
+    expert: str = "network"
 
     __repr__ = one_line
 
@@ -60,15 +62,18 @@ class Steps:
         gap: Floats | None = None,
         small: Floats | None = None,
         rare: str = "",
+        expert: str = "network",
     ) -> Steps:
         """Of probabilities, (steps,) and (steps, C); see the class.
 
         Args:
             blank, shares, chars, columns, gap, small: as the class has them, not yet logarithms.
             rare: characters that seldom stand on parts, and that nobody has asked for.
+            expert: who believes so.
         """
         prior = np.array([RARE if char in rare else 1.0 for char in chars])
-        return cls(np.log(blank + FLOOR), np.log(shares * prior + FLOOR), chars, columns, gap, small)
+        log_chars = np.log(shares * prior + FLOOR)
+        return cls(np.log(blank + FLOOR), log_chars, chars, columns, gap, small, expert=expert)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
         """Posteriors of so many places, each of which may bear these characters; None where they have no room."""

@@ -76,7 +76,6 @@ class PlaceState:
         char: best character; empty when none has any belief.
         probability: belief in it.
         rival: the second, where it counts (CONFUSED), or the best in place of the known one (MISMATCH).
-        rival_probability: belief in it.
         expected: the character known to stand there; empty when none is.
     """
 
@@ -84,7 +83,6 @@ class PlaceState:
     char: str
     probability: float
     rival: str = ""
-    rival_probability: float = 0.0
     expected: str = ""
 
     @property
@@ -138,9 +136,9 @@ def state_of(probabilities: Mapping[str, float], *, expected: str | None = None)
     if not (clear or shared):
         return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
     if expected is not None and char != expected and known < MISMATCH_SHARE * first:
-        return PlaceState(CharacterState.MISMATCH, char, first, char, first, expected=expected)
+        return PlaceState(CharacterState.MISMATCH, char, first, char, expected=expected)
     if expected and char != expected:
-        return PlaceState(CharacterState.CONFUSED, char, first, expected, known, expected=expected)
+        return PlaceState(CharacterState.CONFUSED, char, first, expected, expected=expected)
     if clear:
         return PlaceState(CharacterState.READ, char, first, expected=expected or "")
-    return PlaceState(CharacterState.CONFUSED, char, first, second_char, second, expected=expected or "")
+    return PlaceState(CharacterState.CONFUSED, char, first, second_char, expected=expected or "")

@@ -88,10 +88,8 @@ class Choice:
         valid_mass: Z, what the lattice alone believes of all allowed strings together (an upper bound with an
             opaque check digit).
         raw_text: best string without any grammar.
-        raw_probability: the lattice's belief in it.
         flags: what to know.
         tested: strings asked of an opaque check digit.
-        unresolved: share of Z + N in strings that were not asked.
     """
 
     text: str
@@ -101,22 +99,10 @@ class Choice:
     places: NDArray[np.float64]
     valid_mass: float
     raw_text: str
-    raw_probability: float
     flags: ChoiceFlag = ChoiceFlag.NONE
     tested: int = 0
-    unresolved: float = 0.0
 
     __repr__ = one_line
-
-    @property
-    def margin(self) -> float:
-        """Probability of the first less that of the second string."""
-        return self.probability - (self.rivals[0].probability if self.rivals else 0.0)
-
-    @property
-    def overruled(self) -> tuple[int, ...]:
-        """Places (from 0) where the chosen character is not the one that answers best by itself."""
-        return tuple(k for k, (a, b) in enumerate(zip(self.text, self.raw_text, strict=False)) if a != b)
 
     def place(self, k: int) -> dict[str, float]:
         """Belief in each character at a place, best first; those without any are left out."""
@@ -143,7 +129,6 @@ def choose(
     log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
     raw = log.argmax(axis=1) if chars else np.zeros(0, dtype=np.int64)
     raw_text = "".join(chars[c] for c in raw)
-    raw_probability = math.exp(min(0.0, float(log[np.arange(raw.size), raw].sum()))) if raw.size else 0.0
     grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
     strings = grammar.strings(n, chars) if n and chars else None
     log_z = strings.log_mass(log) if strings is not None else -math.inf
@@ -151,18 +136,17 @@ def choose(
         lengths = grammar.lengths()
         wrong = n > 0 and lengths is not None and n not in lengths
         flags = ChoiceFlag.NOTHING_ALLOWED | (ChoiceFlag.WRONG_LENGTH if wrong else ChoiceFlag.NONE)
-        return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0, raw_text, raw_probability, flags)
+        return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0, raw_text, flags)
     inside = np.array([[c in place for c in chars] for place in strings.places()])
     log_allowed = np.logaddexp.reduce(np.where(inside, log, -math.inf), axis=1)
     nothing = _nothing(log)
     log_n = _log_with_holes(log_allowed, nothing)
     log_d = float(np.logaddexp(log_z, log_n))
-    flags, asked, unresolved = ChoiceFlag.NONE, _Asked(), 0.0
+    flags, asked = ChoiceFlag.NONE, _Asked()
     if grammar.opaque and grammar.lexicon is None:
         asked = _ask(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
         found = asked.found[:k]
         of_z = asked.good + asked.left
-        unresolved = asked.left * math.exp(log_z - log_d)
         log_d = float(np.logaddexp(log_z + _log(of_z), log_n))
         share = asked.by_place / max(of_z, 1e-300)
         if asked.gave_up:
@@ -185,10 +169,8 @@ def choose(
         places=np.minimum(share, 1.0) * np.exp(log_allowed - _log_added(log_allowed, nothing))[:, None],
         valid_mass=min(1.0, math.exp(log_z)),
         raw_text=raw_text,
-        raw_probability=raw_probability,
         flags=flags,
         tested=asked.tested,
-        unresolved=unresolved,
     )
 
 

@@ -12,26 +12,25 @@ import torch
 from torch import Tensor
 from torch.nn import functional as f
 
+from recognition.learning.network import COLUMNS
 from recognition.views.text_line import HEIGHT_ROWS, ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
 _UP = 0.2  # preload of the default touch, character heights: lift by it doubles the moment
 
 
-def augmented(tall: Tensor, columns: Tensor, *, rng: torch.Generator, easy: bool = False) -> Tensor:
+def augmented(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
     """Strips of ROWS out of taller ones.
 
     Args:
         tall: (n, LAYERS, rows, columns) float32, each filled from the left.
         columns: (n,) how many of them are its own.
         rng: the only source of randomness.
-        easy: only cut again, for a beginner.
 
     Returns:
-        (n, LAYERS, ROWS, columns'), columns' a multiple of four.
+        (n, LAYERS, ROWS, columns'), columns' a multiple of `COLUMNS`.
     """
-    strips = _cut_again(tall, columns, rng, easy=easy)
-    return strips if easy else noisy(strips, rng=rng)
+    return noisy(_cut_again(tall, columns, rng), rng=rng)
 
 
 def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
@@ -55,12 +54,10 @@ def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
     return strips
 
 
-def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator, *, easy: bool) -> Tensor:
+def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator) -> Tensor:
     n, _, rows, wide = tall.shape
 
     def draw(spread: float, *, normal: bool = True) -> Tensor:
-        if easy:
-            return torch.zeros(n, 1, 1)
         drawn = torch.randn(n, 1, 1, generator=rng) if normal else 2 * torch.rand(n, 1, 1, generator=rng) - 1
         return spread * drawn
 
@@ -70,7 +67,9 @@ def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator, *, easy: boo
     after = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS
     own = columns.reshape(n, 1, 1).float()
     needed = ((own - before - after) / wider).clamp(min=16.0)
-    out = int(math.ceil(float(needed.max()) / 48) * 48)  # few shapes: kernels are made for each
+    out = int(
+        math.ceil(float(needed.max()) / (3 * COLUMNS)) * 3 * COLUMNS
+    )  # few shapes: kernels are made for each
     v = (torch.arange(ROWS).float() + 0.5 - ROWS / 2).reshape(1, ROWS, 1)
     u = (torch.arange(out).float() + 0.5).reshape(1, 1, out)
     along = u / needed - 0.5

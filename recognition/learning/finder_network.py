@@ -12,13 +12,24 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from recognition.learning.network import Conv, Drawn
+from recognition.learning.network import Drawn
 from recognition.views.view import LAYERS
 
 FINDER_ROWS = 12
 CELL = 4
 FINDINGS = 4
 _DILATIONS = (1, 2, 4, 1, 2)
+
+
+class Conv(nn.Sequential):
+    """A convolution that keeps the size, normalised and cut at 0."""
+
+    def __init__(self, into: int, out: int, size: int = 3, *, stride: int = 1) -> None:
+        super().__init__(
+            nn.Conv2d(into, out, size, stride=stride, padding=size // 2, bias=False),
+            nn.BatchNorm2d(out),
+            nn.ReLU(inplace=True),
+        )
 
 
 class _Far(nn.Module):

@@ -1,20 +1,23 @@
-"""The recogniser's network: a strip of a line in, beliefs along it out.
+"""The recogniser's network: a strip of a line in, posteriors along it out.
 
-    strip (LAYERS, ROWS, W) -> drawn -> 5x5 /2 -> 3x3 x2 -> /2 -> 3x3 x2 -> /2 down -> 3x3 x2 -> one row
-        -> 5 along x2 -> 2 steps a column
+    strip (LAYERS, ROWS, W) -> drawn -> 1x1, three channels -> 1.2 times as large -> body of PP-OCRv6 -> head
+        -> a step for every 20 / 3 columns
 
-The first step is part of the network: layers are flattened and bounded here, so what trains and what reads cannot draw
-differently. Needs torch (extra `train`); reading needs onnxruntime alone.
+Layers are flattened and bounded by the network itself, so training and reading cannot draw them differently. Needs
+torch (extra `train`); reading needs onnxruntime alone.
 """
 
 from __future__ import annotations
 
 import math
+import re
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as f
 
+from recognition.learning.public_start import ROWS as PICTURE_ROWS
+from recognition.learning.public_start import PublicStart
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
@@ -24,8 +27,10 @@ _BROAD = 0.4
 """Sigma, character heights: what is broader is the plate, not the mark."""
 _COARSENESS = 6
 """Of the pixels that it is blurred in: so many to a character."""
-STEPS = 4
-"""Columns of a strip are a multiple of this."""
+EARLY = 40
+"""Of the 57 convolutions of the body, those that count as early."""
+COLUMNS = 20
+"""Columns of a strip are a multiple of this: 24 of the picture, three steps."""
 
 
 class Drawn(nn.Module):
@@ -72,59 +77,49 @@ def _bounded(x: Tensor, half: float) -> Tensor:
     return x / (x.abs() + half)
 
 
-class Conv(nn.Sequential):
-    """A convolution that keeps the size, normalised and cut at 0."""
-
-    def __init__(self, into: int, out: int, size: int | tuple[int, int] = 3, **options: object) -> None:
-        padding = size // 2 if isinstance(size, int) else (0, size[1] // 2)
-        super().__init__(
-            nn.Conv2d(into, out, size, padding=padding, bias=False, **options),  # type: ignore[arg-type]
-            nn.BatchNorm2d(out),
-            nn.ReLU(inplace=True),
-        )
-
-
-class _Again(nn.Module):
-    """A convolution over what is there, added to it."""
-
-    def __init__(self, channels: int, size: int | tuple[int, int] = 3) -> None:
-        super().__init__()
-        self.conv = Conv(channels, channels, size)
-
-    def forward(self, x: Tensor) -> Tensor:
-        return x + self.conv(x)
-
-
 class Recogniser(nn.Module):
-    """Beliefs along a strip.
+    """Logarithms of posteriors along a strip.
 
     Args:
-        classes: blank and characters.
-        width: of the first layers; the others grow with it.
+        start: the public network that it begins as.
+        characters: told apart; the blank comes before them.
     """
 
-    def __init__(self, classes: int, *, width: int = 48) -> None:
+    def __init__(self, start: PublicStart, characters: str) -> None:
         super().__init__()
-        w, self.classes = width, classes
         self.drawn = Drawn()
-        self.body = nn.Sequential(
-            Conv(LAYERS, w // 2, 5, stride=2),
-            Conv(w // 2, w), nn.MaxPool2d(2),
-            _Again(w), _Again(w),
-            Conv(w, 2 * w), _Again(2 * w), nn.MaxPool2d((2, 1)),
-            Conv(2 * w, 3 * w), _Again(3 * w),
-            Conv(3 * w, 5 * w, (5, 1)), nn.Dropout(0.1),
-            _Again(5 * w, (1, 5)), _Again(5 * w, (1, 5)),
-        )  # fmt: skip
-        self.head = nn.Conv2d(5 * w, 2 * classes, 1)
+        self.first = nn.Conv2d(LAYERS, 3, 1)
+        with torch.no_grad():
+            self.first.weight.zero_()
+            self.first.weight[:, [HEIGHTS, GREY]] = 1.0
+            self.first.bias.zero_()  # type: ignore[union-attr]
+        self.body = start.body
+        self.head = start.head(characters)
 
     def forward(self, strip: Tensor) -> Tensor:
-        """(n, LAYERS, ROWS, columns) to (n, steps, classes), the logarithms of beliefs; a step is 2 columns."""
+        """(n, LAYERS, ROWS, columns) to (n, steps, 1 + characters); columns are a multiple of `COLUMNS`."""
         return self.read(self.drawn(strip))
 
     def read(self, drawn: Tensor) -> Tensor:
         """The same, of a strip that is drawn."""
-        x = self.head(self.body(drawn))
-        n, _, _, steps = x.shape
-        x = x.reshape(n, self.classes, 2, steps).permute(0, 3, 2, 1).reshape(n, 2 * steps, self.classes)
-        return x.float().log_softmax(dim=2)
+        rows, columns = drawn.shape[2:]
+        size = (PICTURE_ROWS, columns * PICTURE_ROWS // rows)
+        picture = f.interpolate(self.first(drawn), size=size, mode="bilinear", align_corners=False)
+        return self.head(self.body(picture)).float().log_softmax(dim=2)
+
+    def early(self) -> list[nn.Parameter]:
+        """What looks at edges and strokes, not at characters: the first two thirds of the convolutions."""
+        kept = [*self.first.parameters()]
+        for name, weights in self.body.named_parameters():
+            number = re.fullmatch(r"Conv/(\d+)\.weight", name)
+            if (number and int(number[1]) < EARLY) or (number is None and weights.ndim == 4):
+                kept.append(weights)
+        return kept
+
+    def train(self, mode: bool = True) -> Recogniser:
+        """As torch has it, but what normalises stays as it was learned from print."""
+        super().train(mode)
+        for module in self.body.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.eval()
+        return self

@@ -17,25 +17,35 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as f
 
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.augment import augmented
-from recognition.learning.network import Recogniser
-from recognition.learning.train_batches import Strips, batches, drawn_again, gathered, is_easy, targets
-from recognition.learning.train_measure import measured, shares
-from recognition.learning.training_strips import WIDE_MARGIN, TrainingStrip, read_strips
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
+from recognition.learning.covers import cover_rivals
+from recognition.learning.network import COLUMNS, Recogniser
+from recognition.learning.public_start import load_start
+from recognition.learning.quantise import quantise
+from recognition.learning.surroundings import set_about
+from recognition.learning.train_batches import batches, gathered, rounds, targets
+from recognition.learning.train_measure import measured, plain, shares
+from recognition.learning.training_strips import TrainingStrip, read_strips
+from recognition.views.text_line import ROWS
 from recognition.views.view import LAYERS
 
 _LEAST_RATE = 1e-6
-_FIRST_SHARE = 0.02
+_FIRST_SHARE = 0.03
 """Of the time, in which the rate rises; then it falls."""
 _AVERAGE_STEPS, _AVERAGE_SHARE = 8, 0.01
 """Steps between two looks of the running average at the weights, and what a look counts."""
-_OFTEN_UNTIL, _OFTEN_STEPS, _SELDOM_S = 40_000, 20, 1500.0
-"""Strips until which a report is made every so many steps; later one after so many seconds, with the held-out parts."""
+_REPORT_STEPS, _MEASURE_S = 50, 1500.0
+"""Steps from one report to the next, and seconds after which one holds what is read of the held-out strips."""
+_SIZES = (0.003, 0.1)
+"""Least and greatest size of weights by which their rate is measured."""
+_RANGED = 100
+"""Strips that give the ranges of the eight-bit layers."""
+_OF_NOTHING = 8
+"""Characters as which a strip counts that says nothing."""
 _LOSSES = 100
 """Of which a report gives the mean."""
 
@@ -47,21 +57,24 @@ class Training:
     Attributes:
         minutes: by the clock.
         seed: of weights, batches and what happens to strips.
-        width: of the network.
         batch: strips to a step.
-        rate: of learning, at most.
-        easy_share: of the time, spent on what a beginner can read, cut plainly: without it the network finds no
-            alignment at all for long.
-        start: weights to go on from; then there is no easy time.
+        rate: of learning, at most: how far a step moves a weight, of the usual size of the weights it stands among.
+            Folded into its convolutions are normalisations, so their weights differ in size a hundredfold; one rate
+            for all, of 1.5e-4, destroyed what the public network knows.
+        frozen_share: of the time in which the early layers stay as they were: a step costs a third less then.
+        start: weights to go on from.
+        noise: begin from noise instead of public weights.
+        covers: lay covers over the strokes that tell characters apart.
     """
 
     minutes: float
     seed: int = 0
-    width: int = 48
-    batch: int = 32
-    rate: float = 1.5e-3
-    easy_share: float = 0.08
+    batch: int = 16
+    rate: float = 1e-3
+    frozen_share: float = 0.35
     start: Path | None = None
+    noise: bool = False
+    covers: bool = True
 
 
 class Average:
@@ -77,18 +90,9 @@ class Average:
             self.weights[name] = self.weights[name].lerp(value, _AVERAGE_SHARE) if counted else value.clone()
 
 
-def _about_right(beliefs: Tensor, strips: Sequence[TrainingStrip]) -> Tensor:
-    """Loss of plain strips whose characters stood evenly, which is about right: it shows a beginner where to look."""
-    rows, steps, codes = [], [], []
-    for row, strip in enumerate(strips):
-        length = strip.layers.shape[2] - 2 * WIDE_MARGIN * HEIGHT_ROWS
-        for k, char in enumerate(strip.text):
-            at = (MARGIN * HEIGHT_ROWS + (k + 0.5) / len(strip.text) * length) / 2
-            if at < beliefs.shape[1]:
-                rows.append(row)
-                steps.append(int(at))
-                codes.append(CHARACTERS.index(char) + 1)
-    return f.nll_loss(beliefs[rows, steps], torch.tensor(codes))
+def _size(weights: Tensor) -> float:
+    """Root mean square of weights, within bounds."""
+    return float(weights.detach().square().mean().sqrt().clamp(*_SIZES))
 
 
 def _rate(most: float, share: float) -> float:
@@ -103,21 +107,27 @@ def _step(
     network: Recogniser,
     optimiser: torch.optim.Optimizer,
     batch: Sequence[TrainingStrip],
-    *,
+    how: Training,
     draw: torch.Generator,
-    easy: bool,
+    rng: np.random.Generator,
 ) -> float:
     """Learn from a batch; its loss."""
+    batch = set_about(batch, rng=rng)
     with torch.no_grad():
-        drawn = network.drawn(augmented(*gathered(batch), rng=draw, easy=easy))
-        drawn = drawn.to(memory_format=torch.channels_last)
-    with torch.autocast("cpu", torch.bfloat16):
-        beliefs = network.read(drawn)
+        tall, columns = gathered(batch)
+        if how.covers:
+            tall = cover_rivals(tall, [s.text for s in batch], [s.places for s in batch], rng=draw)
+        drawn = network.drawn(augmented(tall, columns, rng=draw).to(network.drawn.bell.device))
+        device = next(network.parameters()).device
+        drawn = drawn.to(device, memory_format=torch.channels_last)
+    with torch.autocast(device.type, torch.bfloat16):
+        posteriors = network.read(drawn)
     classes, lengths = targets(batch)
-    steps = torch.full((len(batch),), beliefs.shape[1])
-    loss = f.ctc_loss(beliefs.permute(1, 0, 2), classes, steps, lengths, zero_infinity=True)
-    if easy:
-        loss = loss + _about_right(beliefs, batch)
+    steps = torch.full((len(batch),), posteriors.shape[1])
+    each = f.ctc_loss(
+        posteriors.permute(1, 0, 2), classes, steps, lengths, reduction="none", zero_infinity=True
+    )
+    loss = (each / torch.where(lengths > 0, lengths, _OF_NOTHING).to(each.device)).mean()
     optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(network.parameters(), 2.0)
@@ -130,51 +140,71 @@ class _Reports:
 
     def __init__(self, log: Path) -> None:
         self.log = log
-        self.begun = self.last = time.monotonic()
+        self.begun = self.measured = time.monotonic()
 
     def minutes(self) -> float:
         return (time.monotonic() - self.begun) / 60.0
 
-    def due(self, done: int, steps: int) -> bool:
-        often = done < _OFTEN_UNTIL and steps % _OFTEN_STEPS == 0
-        return often or time.monotonic() - self.last > _SELDOM_S
+    def due(self, steps: int) -> bool:
+        return steps % _REPORT_STEPS == 0
+
+    def measuring(self) -> bool:
+        """Whether it is time to read the held-out strips."""
+        if time.monotonic() - self.measured < _MEASURE_S:
+            return False
+        self.measured = time.monotonic()
+        return True
 
     def write(self, line: dict[str, Any]) -> None:
-        self.last = time.monotonic()
         self.log.parent.mkdir(parents=True, exist_ok=True)
         with self.log.open("a") as stream:
             stream.write(json.dumps(line) + "\n")
 
 
-def train(folder: Path, held_out: Path, how: Training, *, out: Path, log: Path) -> None:
-    """Train on the strips of a folder, and write the better of the last weights and their running mean.
+def train(folders: Sequence[Path], held_out: Path, how: Training, *, out: Path, log: Path) -> None:
+    """Train on the strips of folders, and write the better of the last weights and their running mean.
 
     Args:
-        folder: of strips to learn from.
-        held_out: of strips to measure on.
+        folders: of strips to learn from.
+        held_out: folder of strips to measure on.
         how: for how long, from which seed.
-        out: ONNX file; the weights as torch has them lie beside it.
+        out: ONNX file, in eight bits; the same in floating point and the weights as torch has them lie beside it.
         log: reports are added to it.
 
     Raises:
-        ValueError: fewer strips than a batch has.
+        MarksError: the public network to start from is not there.
+        ValueError: no strips, or fewer than a batch has.
     """
     torch.manual_seed(how.seed)
     torch.set_flush_denormal(True)
-    network = Recogniser(1 + len(CHARACTERS), width=how.width).to(memory_format=torch.channels_last)
+    network = Recogniser(load_start(), CHARACTERS)
+    if how.noise:
+        _forget(network)
     if how.start is not None:
         network.load_state_dict(torch.load(how.start, weights_only=True))
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    network = network.to(device, memory_format=torch.channels_last).train()
     held = read_strips(sorted(held_out.glob("*.npz")))
     reports, average = _Reports(log), Average(network)
-    done = _learned(network, average, Strips(folder), held, how, reports=reports, out=out)
+    done = _learned(network, average, folders, held, how, reports=reports, out=out)
     _keep_better(network, average, held, reports=reports, out=out, strips=done)
-    export(network, out)
+    whole = out.with_suffix(".float.onnx")
+    export(network, whole)
+    seen = next(rounds(folders, np.random.default_rng(how.seed)))
+    quantise(whole, out, [plain(strip) for strip in seen[:_RANGED]])
+
+
+def _forget(network: Recogniser) -> None:
+    """Every weight drawn anew: what training is worth without the public start."""
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            module.reset_parameters()
 
 
 def _learned(
     network: Recogniser,
     average: Average,
-    strips: Strips,
+    folders: Sequence[Path],
     held: Sequence[TrainingStrip],
     how: Training,
     *,
@@ -183,48 +213,48 @@ def _learned(
 ) -> int:
     """Learn until the time is over; the number of strips learned from."""
     rng, draw = np.random.default_rng(how.seed), torch.Generator().manual_seed(how.seed)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=how.rate, weight_decay=0.02)
+    early = [] if how.noise or how.start else network.early()
+    optimiser = torch.optim.Adam([{"params": [p], "size": _size(p)} for p in network.parameters()])
     losses: list[float] = []
-    while reports.minutes() < how.minutes:
-        every = strips.read()
-        easy = how.start is None and reports.minutes() < how.minutes * how.easy_share
-        chosen = [s for s in every if is_easy(s)] if easy else drawn_again(every, rng)
+    for chosen in rounds(folders, rng):
         if len(chosen) < how.batch:
             raise ValueError(f"{len(chosen)} strips are fewer than a batch of {how.batch}: draw more of them")
         for batch in batches(chosen, how.batch, rng):
             share = reports.minutes() / how.minutes
-            if share >= (how.easy_share if easy else 1.0):
-                break
+            if share >= 1.0:
+                return how.batch * len(losses)
             for group in optimiser.param_groups:
-                group["lr"] = _rate(how.rate, share)
-            losses.append(_step(network, optimiser, batch, draw=draw, easy=easy))
+                group["lr"] = _rate(how.rate, share) * group["size"]
+            for weights in early:
+                weights.requires_grad_(share >= how.frozen_share)
+            losses.append(_step(network, optimiser, batch, how, draw, rng))
             if len(losses) % _AVERAGE_STEPS == 0:
                 average.add(network)
-            if reports.due(how.batch * len(losses), len(losses)):
-                _report(network, held, how.batch * len(losses), len(every), losses, reports=reports, out=out)
+            if reports.due(len(losses)):
+                _report(network, average, held, how.batch * len(losses), losses, reports=reports, out=out)
     return how.batch * len(losses)
 
 
 def _report(
     network: Recogniser,
+    average: Average,
     held: Sequence[TrainingStrip],
     done: int,
-    of: int,
     losses: Sequence[float],
     *,
     reports: _Reports,
     out: Path,
 ) -> None:
-    """Write how far it is; once much was learned, what is read of held-out fonts, and keep the weights."""
+    """Write how far it is; now and then what is read of held-out fonts, and keep the running mean."""
     line: dict[str, Any] = {
         "minutes": round(reports.minutes(), 1),
         "strips": done,
-        "of": of,
         "loss": round(float(np.mean(losses[-_LOSSES:])), 4),
     }
-    if done > _OFTEN_UNTIL:
+    if reports.measuring():
         line["held out"] = shares(measured(network, held), 1)
-        torch.save(network.state_dict(), out.with_suffix(".pt"))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        torch.save(average.weights, out.with_suffix(".pt"))
     reports.write(line)
 
 
@@ -252,28 +282,40 @@ def _keep_better(
 
 def export(network: Recogniser, out: Path) -> None:
     """Write ONNX for any number of strips of any length."""
-    network.eval().to(memory_format=torch.contiguous_format)
+    network.eval().to("cpu", memory_format=torch.contiguous_format)
+    strip = torch.zeros(1, LAYERS, ROWS, 8 * COLUMNS)
     torch.onnx.export(
-        network, (torch.zeros(1, LAYERS, ROWS, 160),), str(out), input_names=["strip"], output_names=["beliefs"],
-        dynamic_axes={"strip": {0: "n", 3: "columns"}, "beliefs": {0: "n", 1: "steps"}}, dynamo=False,
+        network, (strip,), str(out), input_names=["strip"], output_names=["posteriors"],
+        dynamic_axes={"strip": {0: "n", 3: "columns"}, "posteriors": {0: "n", 1: "steps"}}, dynamo=False,
     )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Train as the command line says."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--strips", type=Path, required=True, help="folder of files of strips to learn from")
+    asked.add_argument(
+        "--strips", type=Path, required=True, nargs="+", help="folders of files of strips to learn from"
+    )
     asked.add_argument("--held-out", type=Path, required=True, help="folder of those of fonts held out")
     asked.add_argument("--minutes", type=float, default=70.0)
     asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--width", type=int, default=48, help="of the network")
+    asked.add_argument("--rate", type=float, default=Training.rate, help="of learning, at most")
     asked.add_argument("--threads", type=int, default=2)
     asked.add_argument("--start", type=Path, help="weights (.pt) to go on from")
+    asked.add_argument("--noise", action="store_true", help="begin from noise, not from public weights")
+    asked.add_argument("--no-covers", action="store_true", help="lay no covers over deciding strokes")
     asked.add_argument("--out", type=Path, required=True, help="ONNX file")
     asked.add_argument("--log", type=Path, required=True, help="reports are added to it")
     given = asked.parse_args(arguments)
     torch.set_num_threads(given.threads)
-    how = Training(minutes=given.minutes, seed=given.seed, width=given.width, start=given.start)
+    how = Training(
+        minutes=given.minutes,
+        seed=given.seed,
+        rate=given.rate,
+        start=given.start,
+        noise=given.noise,
+        covers=not given.no_covers,
+    )
     train(given.strips, given.held_out, how, out=given.out, log=given.log)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,34 +13,34 @@ from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.training_strips import TALL_ROWS, TrainingStrip, read_strips
 from recognition.views.view import LAYERS
 
-_SORTED_BATCHES = 32
-"""Batches' worth of strips that are sorted by width."""
+_FILES = 12
+"""Read at a time: some 4,000 strips, a gigabyte."""
+_SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
+"""Of the strips of a kind that are learned from each time: of a part there are three photographs and one scan."""
+_UNREADABLE, _UNREADABLE_SHARE = 0.45, 0.3
+"""Severity from which dirt hides most of a photograph, and the share of these that is kept: they teach little."""
 
 
-@dataclass(eq=False)
-class Strips:
-    """The strips of a folder, to which others may be added while it is read."""
+def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[TrainingStrip]]:
+    """Strips of a few files at a time, for ever; files that are put into the folders meanwhile are read as well.
 
-    folder: Path
-    strips: list[TrainingStrip] = field(default_factory=list)
-    files: set[Path] = field(default_factory=set)
-
-    def read(self) -> list[TrainingStrip]:
-        """All there are by now."""
-        new = sorted(p for p in self.folder.glob("*.npz") if ".tmp" not in p.name and p not in self.files)
-        self.files.update(new)
-        self.strips += read_strips(new)
-        return self.strips
-
-
-def is_easy(strip: TrainingStrip) -> bool:
-    """Whether a beginner can learn from it."""
-    return strip.severity < 0.35 and (strip.source != "photo" or strip.severity < 0.1)
+    Raises:
+        ValueError: there are no files.
+    """
+    waiting: list[Path] = []
+    while True:
+        if not waiting:
+            files = sorted(p for folder in folders for p in folder.glob("*.npz") if ".tmp" not in p.name)
+            if not files:
+                raise ValueError(f"there are no strips in {', '.join(map(str, folders))}: draw some first")
+            waiting = [files[k] for k in rng.permutation(len(files))]
+        now, waiting = waiting[:_FILES], waiting[_FILES:]
+        yield [strip for strip in read_strips(now) if rng.random() < _share(strip)]
 
 
-def drawn_again(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
-    """All strips but most photographs that dirt has made unreadable: they teach little."""
-    return [s for s in strips if s.source != "photo" or s.severity < 0.45 or rng.random() < 0.35]
+def _share(strip: TrainingStrip) -> float:
+    hidden = strip.source == "photo" and strip.severity >= _UNREADABLE
+    return _SHARES[strip.source] * (_UNREADABLE_SHARE if hidden else 1.0)
 
 
 def gathered(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
@@ -63,7 +62,7 @@ def batches(
     strips: Sequence[TrainingStrip], size: int, rng: np.random.Generator
 ) -> Iterator[list[TrainingStrip]]:
     """All strips in another order each time, those of alike widths together."""
-    order, many = rng.permutation(len(strips)), size * _SORTED_BATCHES
+    order, many = rng.permutation(len(strips)), size * 32
     for first in range(0, len(order), many):
         part = sorted(order[first : first + many], key=lambda i: strips[i].layers.shape[2])
         groups = [part[i : i + size] for i in range(0, len(part) - size + 1, size)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rapidfuzz.distance import Levenshtein
 
 from recognition.experts.recogniser import CHARACTERS
-from recognition.learning.network import STEPS, Recogniser
+from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.training_strips import TALL_ROWS, WIDE_MARGIN, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 
@@ -24,7 +24,7 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
     up = (TALL_ROWS - ROWS) // 2
     cut = round((WIDE_MARGIN - MARGIN) * HEIGHT_ROWS)
     tall = tall[:, up : up + ROWS, cut : tall.shape[2] - cut]
-    return np.pad(tall, ((0, 0), (0, 0), (0, -tall.shape[2] % STEPS)))
+    return np.pad(tall, ((0, 0), (0, 0), (0, -tall.shape[2] % COLUMNS)))
 
 
 def decoded(beliefs: NDArray[np.float32]) -> str:
@@ -40,7 +40,9 @@ def measured(network: Recogniser, strips: Sequence[TrainingStrip]) -> Measured:
     network.eval()
     found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
-        said = decoded(network(torch.from_numpy(plain(strip))[None])[0].numpy()).replace(" ", "")
+        said = decoded(
+            network(torch.from_numpy(plain(strip))[None].to(network.drawn.bell.device))[0].cpu().numpy()
+        ).replace(" ", "")
         text = strip.text.replace(" ", "")
         dirt = (
             "clean" if strip.severity == 0 else f"{min(0.9, 0.3 * round(strip.severity / 0.3 + 0.001)):.1f}"

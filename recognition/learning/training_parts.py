@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
+from glyphs.camera.pose import draw_camera
 from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
@@ -31,6 +33,10 @@ from whisker_array.whisker.touch import Touch, default_touch
 SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
 _PRACTICES = ("press", "hand")
+_PHOTOS = 3
+"""Of a part: they cost little beside its scan."""
+_POINTWISE = 0.4
+"""Share of scans by the pointwise map: a fifth of the cost of contact."""
 _BUILTIN, _DOTTED = 0.2, 0.6
 """Share of parts of built-in fonts, whose strokes alone can be dotted, and of those that are."""
 
@@ -45,7 +51,7 @@ class TrainingPart:
         height_mm: of the characters.
         layout: how its lines lie.
         scan: by a plan drawn at random, for a character height that may be mistaken.
-        photo: under a light drawn at random; None where none was taken.
+        photos: each under a light and by a camera drawn at random.
     """
 
     part: Part
@@ -53,7 +59,7 @@ class TrainingPart:
     height_mm: float
     layout: Layout
     scan: Scan
-    photo: Photo | None
+    photos: tuple[Photo, ...]
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
@@ -124,8 +130,13 @@ def draw_part(
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     scan = _felt(part, rng)
-    photo = part.photograph(pixel_mm=height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0)))))
-    return TrainingPart(part, name, height_mm, layout, scan, photo)
+    photos = tuple(_photographed(part, rng) for _ in range(_PHOTOS))
+    return TrainingPart(part, name, height_mm, layout, scan, photos)
+
+
+def _photographed(part: Part, rng: np.random.Generator) -> Photo:
+    pixel_mm = part.height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0))))
+    return part.photograph(light=draw_light(rng), camera=draw_camera(rng, pitch_mm=pixel_mm))
 
 
 def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generator) -> Layout:
@@ -162,7 +173,7 @@ def _felt(part: Part, rng: np.random.Generator) -> Scan:
         speed_mm_s=20.0,
         lead_mm=0.3 * believed_mm,
     )
-    fidelity = Fidelity.POINTWISE if rng.random() < 0.15 else Fidelity.CONTACT
+    fidelity = Fidelity.POINTWISE if rng.random() < _POINTWISE else Fidelity.CONTACT
     return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil)
 
 

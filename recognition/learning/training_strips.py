@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from glyphs.stamping.blow import Box
 from recognition.learning.training_parts import TrainingPart
 from recognition.views.curves import arc_through, straight_through
-from recognition.views.text_line import TextLine
-from recognition.views.view import View, ViewKind, felt_view, heights_view, photo_view, relief_of
+from recognition.views.text_line import HEIGHT_ROWS, TextLine
+from recognition.views.view import LAYERS, View, ViewKind, felt_view, heights_view, photo_view, relief_of
 from whisker_array.estimation.edges import edge_map
+
+Places = tuple[tuple[float, float], ...]
 
 TALL_ROWS = 64
 WIDE_MARGIN = 0.8
 """Of land before and after the line in a file, character heights."""
-_MEASURED_SHARE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,7 @@ class TrainingStrip:
         soils: joined by +.
         severity: of the soil.
         directions: that were felt.
+        places: where each character of the text begins and ends, columns; empty where that is not known.
     """
 
     layers: NDArray[np.float16]
@@ -49,13 +51,30 @@ class TrainingStrip:
     soils: str
     severity: float
     directions: int = 0
+    places: Places = ()
 
 
-def lines_of(made: TrainingPart) -> list[tuple[TextLine, str]]:
-    """The lines of a part and what they say, the one of its text first, by the boxes of the characters."""
+def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
+    """The lines of a part, what they say and where, the one of its text first, by the boxes of the characters."""
     stamped = made.part.stamped
     lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
-    return [(_line(text, boxes, made), text) for text, boxes in lines if text.strip()]
+    found = [(_line(text, boxes, made), text, boxes) for text, boxes in lines if text.strip()]
+    return [(line, text, _places(line, boxes, made)) for line, text, boxes in found]
+
+
+def _places(line: TextLine, boxes_mm: Sequence[Box], made: TrainingPart) -> Places:
+    """Where each character of a straight line begins and ends in its strip, columns."""
+    if not np.isinf(made.layout.radius_mm):
+        return ()
+    turn = np.radians(made.layout.turned_deg)
+    along = np.array([np.cos(turn), np.sin(turn)])
+    start = float(line.centre_mm[0] @ along) - WIDE_MARGIN * line.height_mm
+    places = []
+    for x0, y0, x1, y1 in boxes_mm:
+        middle = (np.array([(x0 + x1) / 2, (y0 + y1) / 2]) @ along - start) * HEIGHT_ROWS / line.height_mm
+        half = (x1 - x0) / 2 * HEIGHT_ROWS / line.height_mm
+        places.append((round(float(middle - half), 1), round(float(middle + half), 1)))
+    return tuple(places)
 
 
 def _line(text: str, boxes_mm: Sequence[Box], made: TrainingPart) -> TextLine:
@@ -89,16 +108,16 @@ def views_of(made: TrainingPart) -> list[View]:
     """
     edges = edge_map(made.scan)
     views = [felt_view(edges, relief_of(made.scan, edges))]
-    if made.photo is not None:
-        width, height = made.part.height_map.size_mm
-        views.append(
-            photo_view(replace(made.photo, centre_mm=made.photo.centre_mm or (width / 2, height / 2)))
-        )
+    width, height = made.part.height_map.size_mm
+    views += [
+        photo_view(replace(photo, centre_mm=photo.centre_mm or (width / 2, height / 2)))
+        for photo in made.photos
+    ]
     return [*views, heights_view(made.part.height_map)]
 
 
-def strips_of(made: TrainingPart, rng: np.random.Generator) -> list[TrainingStrip]:
-    """What is felt and seen of a part's line; now and then what an instrument measures.
+def strips_of(made: TrainingPart) -> list[TrainingStrip]:
+    """What is felt, seen and measured of a part's lines.
 
     Raises:
         MapError: nothing was felt.
@@ -113,23 +132,23 @@ def strips_of(made: TrainingPart, rng: np.random.Generator) -> list[TrainingStri
             soils="+".join(soiling.soils),
             severity=soiling.severity,
             directions=len(made.scan.sweeps) if view.kind is ViewKind.FELT else 0,
+            places=places,
         )
         for view in views_of(made)
-        for line, text in lines_of(made)
-        if view.kind is not ViewKind.HEIGHTS or rng.random() < _MEASURED_SHARE
+        for line, text, places in lines_of(made)
     ]
 
 
 def write_strips(path: Path, strips: Sequence[TrainingStrip]) -> None:
-    """Write strips side by side into one .npz."""
+    """Write strips into one .npz, of each the layers that hold anything."""
     truth = [
         {"text": s.text, "source": s.source, "font": s.font, "soils": s.soils, "severity": s.severity,
-         "directions": s.directions, "columns": s.layers.shape[2]}
+         "directions": s.directions, "places": s.places, "columns": s.layers.shape[2],
+         "layers": [int(k) for k in np.flatnonzero(s.layers.any(axis=(1, 2)))]}
         for s in strips
     ]  # fmt: skip
-    np.savez(
-        path, layers=np.concatenate([s.layers for s in strips], axis=2), truth=np.array(json.dumps(truth))
-    )
+    kept = [strip.layers[one["layers"]].ravel() for strip, one in zip(strips, truth, strict=True)]
+    np.savez(path, values=np.concatenate(kept), truth=np.array(json.dumps(truth)))
 
 
 def read_strips(paths: Iterable[Path]) -> list[TrainingStrip]:
@@ -137,10 +156,14 @@ def read_strips(paths: Iterable[Path]) -> list[TrainingStrip]:
     strips = []
     for path in paths:
         with np.load(path) as file:
-            layers, truth = file["layers"], json.loads(str(file["truth"]))
+            values, truth = file["values"], json.loads(str(file["truth"]))
         at = 0
         for one in truth:
-            columns = one.pop("columns")
-            strips.append(TrainingStrip(layers[:, :, at : at + columns], **one))
-            at += columns
+            columns, held = one.pop("columns"), one.pop("layers")
+            size = len(held) * TALL_ROWS * columns
+            layers = np.zeros((LAYERS, TALL_ROWS, columns), dtype=np.float16)
+            layers[held] = values[at : at + size].reshape(len(held), TALL_ROWS, columns)
+            one["places"] = tuple((a, b) for a, b in one["places"])
+            strips.append(TrainingStrip(layers, **one))
+            at += size
     return strips

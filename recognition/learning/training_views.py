@@ -40,7 +40,7 @@ def training_views(made: TrainingPart) -> list[TrainingView]:
     Raises:
         MapError: nothing was felt.
     """
-    lines = [line for line, _ in lines_of(made)]
+    lines = [line for line, _, _ in lines_of(made)]
     return [_kept(view, [line.centre_mm for line in lines], made.height_mm) for view in views_of(made)]
 
 

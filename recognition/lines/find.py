@@ -20,7 +20,7 @@ from glyphs.surface.display import one_line
 from recognition.lines.networks import opened
 from recognition.views.curves import arc_through, straight_through
 from recognition.views.resample import resampled, turned, unturned
-from recognition.views.text_line import TextLine
+from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, View
 
 WEIGHTS = Path(__file__).with_name("finder.onnx")
@@ -216,14 +216,13 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
         band_mm: either side of its middle; 0.6 of the greater height unless given.
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
-    points = one.centre_mm[[0, -1]].mean(axis=0) + np.linspace(-0.45, 0.45, 15)[:, None] * (
-        one.centre_mm[-1] - one.centre_mm[0]
+    points, curve = (
+        points_along(one, np.linspace(0.05, 0.95, 15)),
+        points_along(other, np.linspace(0.0, 1.0, 61)),
     )
-    a, b = other.centre_mm[0], other.centre_mm[-1]
-    along = (b - a) / np.linalg.norm(b - a)
-    off = points - a
-    u, v = off @ along, off @ np.array([-along[1], along[0]])
-    inside = (u > 0.0) & (u < np.linalg.norm(b - a)) & (np.abs(v) < band_mm)
+    far = np.linalg.norm(points[:, None] - curve, axis=2)
+    nearest = far.argmin(axis=1)
+    inside = (far.min(axis=1) < band_mm) & (nearest > 0) & (nearest < len(curve) - 1)
     return bool(inside.mean() > 0.5)
 
 

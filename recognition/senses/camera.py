@@ -35,8 +35,6 @@ from recognition.views.registered import photo_views
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-PHOTO_EXPERTS = frozenset({"own", "print"})
-"""Those that read photographs; templates of named fonts help them where they are not sure."""
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -54,10 +52,10 @@ class VisionReader:
             MarksError: experts of touch alone.
         """
         self.settings = settings if settings is not None else ReaderSettings()
-        if self.settings.experts and not PHOTO_EXPERTS & {*self.settings.experts}:
+        if self.settings.experts and "network" not in self.settings.experts:
             raise MarksError(
                 f"no photograph is read by {', '.join(self.settings.experts)}",
-                hint=f"add one of the experts {', '.join(sorted(PHOTO_EXPERTS))}, or read by touch: --mode tactile",
+                hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
         self.chars, self.grammar = repertoire.chars, repertoire.grammar

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -15,10 +16,13 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
+from recognition.belief.calibration import calibration_of
+from recognition.belief.correlation_search import CorrelationSearch
 from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import MOST_SCANS
+from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
 from recognition.belief.part_lines import PartLines, ReadLine
+from recognition.belief.weights import EXPERTS
 from recognition.decision.accept import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
@@ -29,11 +33,12 @@ from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
-from recognition.decision.which_way_up import ways_possible, weighed
+from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weighed
 from recognition.experts.templates.judge import JudgedLine, judged
 from recognition.experts.templates.placed_line import TouchedPart
 from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Way
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.strokes.other_lines import felt_others
@@ -69,6 +74,9 @@ class TactileReader:
         self.places, self.gaps = repertoire.places, repertoire.gaps
         self.fonts, self.named = repertoire.fonts, bool(self.settings.fonts)
         self.strokes_of = repertoire.strokes_of
+        # all fonts that are named compete for every part
+        self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
+        network = "network" in (self.settings.experts or EXPERTS)
         self.lines = LineReader(
             self.grammar,
             self.chars,
@@ -77,9 +85,8 @@ class TactileReader:
             region=self.settings.region,
             lines=self.settings.asked,
             orientation=self.settings.orientation,
+            search=LineSearch if network else partial(CorrelationSearch, fonts=self.fonts, cache=self.cache),
         )
-        # all fonts that are named compete for every part
-        self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
 
     def read_height_map(
         self,
@@ -119,7 +126,7 @@ class TactileReader:
                         soil=soil,
                     )
             tried = self._read(scan, timer).traced(height_map=levelled)
-            if best is None or tried.confidence > best.confidence:
+            if best is None or tried.nats_read > best.nats_read:
                 best = tried
             if serial_is_sure(best):
                 break
@@ -167,7 +174,7 @@ class TactileReader:
         timer = timer if timer is not None else StepTimer()
         shapes = _Shapes(self, edges, touch, relief)
         with timer.step("read"):
-            part = self.lines.read(felt_view(edges, relief), about=about, judge=shapes)
+            part = self.lines.read(felt_view(edges, relief, touch), about=about, judge=shapes)
             if shapes.felt_line is not None:
                 part = felt_others(part, shapes.felt_line)
         reading = self._answer(part, flags)
@@ -201,6 +208,14 @@ class TactileReader:
         )
         view, accept = felt_view(edges, reading.trace.relief), self.settings.accept_confidence
         return weighed(fresh, view, self.lines, ways, accept_confidence=accept)
+
+    def may_be_mirrored(self, reading: Reading) -> bool:
+        """Whether the rows may run the other way: little is read, or the line says about as much mirrored."""
+        edges = reading.trace.edge_map
+        if edges is None or reading.nats_read <= PLAIN * len(reading.characters):
+            return True
+        view = felt_view(edges, reading.trace.relief)
+        return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
 
     def _answer(self, part: PartLines, flags: ReadingFlag) -> Reading:
         return reading_of_line(
@@ -236,7 +251,8 @@ class TactileReader:
 
 def _stroked(reading: Reading, main: ReadLine, line: FeltLine) -> Reading:
     """The reading with what was felt of its characters' strokes and of their rivals'."""
-    strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice)
+    slope = calibration_of("tactile").slope
+    strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice, slope=slope)
     resized = line.line is not main.line and reading.height_mm == main.line.height_mm
     sized = replace(
         reading, height_mm=line.line.height_mm if resized else reading.height_mm, raised=line.raised
@@ -271,6 +287,7 @@ class _Shapes:
             named=reader.named,
             raised=raised,
             gaps=reader.gaps,
+            anew="templates" not in belief.by_expert,
         )
         self.judged = found
         if raised is None and found is not None and found.line.raised and self.felt_line is not None:

@@ -75,10 +75,9 @@ class LaidCharacter:
     open: Bools
     within: Bools
 
-    def share_felt(self, which: Bools | None = None) -> float:
-        """Of its strokes, or of some of them, as far as they could be felt; 0 where none could be."""
-        known = self.open if which is None else self.open & which
-        return float((self.felt & known).sum() / max(known.sum(), 1))
+    def share_felt(self) -> float:
+        """Of its strokes, as far as they could be felt; 0 where none could be."""
+        return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
 @dataclass(frozen=True, eq=False)

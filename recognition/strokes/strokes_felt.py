@@ -118,12 +118,15 @@ class FeltLine:
     raised: bool
     fonts: tuple[Font, ...]
 
-    def strokes(self, text: Sequence[str], lattice: Lattice) -> tuple[PlaceStrokes, ...]:
+    def strokes(
+        self, text: Sequence[str], lattice: Lattice, *, slope: float = 1.0
+    ) -> tuple[PlaceStrokes, ...]:
         """What was felt of the characters read, and of their rivals.
 
         Args:
             text: a character a place.
             lattice: beliefs in all that may stand there.
+            slope: of what beliefs are worth, in log odds (`recognition.belief.calibration`).
         """
         if len(text) != self.columns.size or lattice.n_places != len(text):
             return ()
@@ -139,7 +142,7 @@ class FeltLine:
             font, laid = one
             rivals = tuple(
                 _against(places, laid, places.laid(k, rival, font), rival, filled, belief)
-                for rival, belief in _rivals(char, lattice.chars, np.exp(lattice.log_belief[k]))
+                for rival, belief in _rivals(char, lattice.chars, _worth(lattice.log_belief[k], slope))
                 if rival in font.glyphs
             )
             made.append(PlaceStrokes(laid.share_felt(), laid.score, font.name, rivals, self.whole[k]))
@@ -223,6 +226,13 @@ class FeltLine:
         middles = (at[:, ::-1] - np.array(field.origin_mm)[::-1]) / field.pitch_mm
         turns_deg = np.degrees(np.arctan2(ahead[:, 1], ahead[:, 0]))
         return PlacesFelt(field, middles, turns_deg, height_mm=self.line.height_mm)
+
+
+def _worth(log_belief: Floats, slope: float) -> Floats:
+    """Shares of belief among the characters of a place, as a calibration's slope has them."""
+    total = np.logaddexp.reduce(log_belief)
+    power = slope * (log_belief - total)
+    return np.asarray(np.exp(power - np.logaddexp.reduce(power) + total))
 
 
 def _rivals(char: str, chars: Sequence[str], beliefs: Floats) -> list[tuple[str, float]]:

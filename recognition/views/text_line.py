@@ -124,3 +124,10 @@ class TextLine:
         angles = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
         turn = np.interp(along, starts[:-1] + lengths / 2, angles)
         return on, np.stack([-np.sin(turn), np.cos(turn)], axis=-1)
+
+
+def points_along(line: TextLine, shares: Points) -> Points:
+    """(n, 2) x, y of points of a line's curve, at shares of its length."""
+    points = line.centre_mm
+    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
+    return np.stack([np.interp(shares * lengths[-1], lengths, points[:, k]) for k in (0, 1)], axis=1)

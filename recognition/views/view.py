@@ -30,6 +30,7 @@ from recognition.views.text_line import MARGIN, ROWS, TextLine
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief, relief_from_edges
 from whisker_array.scan.scan import Scan
+from whisker_array.whisker.touch import Touch
 
 Layers = NDArray[np.float32]
 
@@ -62,6 +63,7 @@ class View:
         layers: (LAYERS, rows, columns) float32, read-only, finite.
         pitch_mm: of the grid; of a photograph of unknown scale 1, and millimetres are pixels.
         origin_mm: x, y of the first pixel.
+        touch: how it was felt, if it was and that is known.
 
     Raises:
         ValueError: another number of layers, values not finite, a pitch that is not positive.
@@ -71,6 +73,7 @@ class View:
     layers: Layers
     pitch_mm: float
     origin_mm: tuple[float, float] = (0.0, 0.0)
+    touch: Touch | None = None
 
     __repr__ = one_line
 
@@ -158,7 +161,7 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
     return np.asarray(np.cos(rest) * near + np.sin(rest) * next_, dtype=np.float32)
 
 
-def felt_view(edges: EdgeMap, relief: Relief | None) -> View:
+def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None) -> View:
     """What was felt of a part; without its heights where friction or whisker tell none."""
     layers = np.zeros((LAYERS, *edges.shape), dtype=np.float32)
     for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
@@ -169,7 +172,7 @@ def felt_view(edges: EdgeMap, relief: Relief | None) -> View:
         layers[HEIGHTS] = np.nan_to_num(relief.height_mm)
     layers *= known
     layers[KNOWN] = known
-    return View(ViewKind.FELT, layers, edges.pitch_mm, edges.origin_mm)
+    return View(ViewKind.FELT, layers, edges.pitch_mm, edges.origin_mm, touch)
 
 
 def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.benchmark.exam.specimens import Specimen
-from pipeline.benchmark.known_whisker import felt
-from pipeline.benchmark.paired import table, tried
+from tests.benchmarks.known_whisker import felt
+from tests.benchmarks.paired import table, tried
 from tests.support.benches import HEIGHT_MM
 from whisker_array.identification.bench import Bench, nominal_bench
 from whisker_array.scan.scan import Scan

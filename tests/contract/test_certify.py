@@ -22,7 +22,7 @@ READ_SO = (
     "--height-mm",
     "4",
     "--experts",
-    "own",
+    "network",
     "--jobs",
     "1",
 )
@@ -56,7 +56,7 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made["bound"] <= 0.2
     assert made["sources"] == ["tactile"]
     assert made["threshold"] >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["own"]}
+    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["network"]}
     assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made["data_sha256"] in page

@@ -91,4 +91,5 @@ def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters
     part = stamp(text, font=DEJAVU, height_mm=HEIGHT_MM, seed=3)
     found = reader(format="AA999999").touch.read_height_map(part.height_map)
     assert (found.decision is Decision.ACCEPT) == accepted
-    assert (ReadingFlag.FORMAT_OVERRULED in found.flags) == (not accepted)
+    place = 1 + next((k for k, char in enumerate(text) if not char.isalnum()), -1)
+    assert accepted or any(f"at place {place}" in message for message in found.messages())

@@ -100,7 +100,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         "orientation",
     } == set(reading.seconds)
     assert all(t >= 0.0 for t in reading.seconds.values())
-    assert set(found.trace.by_expert) >= {"own", "templates"}
+    assert set(found.trace.by_expert) >= {"network", "templates"}
     assert found.trace.experts == "+".join(found.trace.by_expert)
     assert found.trace.line is not None
     # templates settle the height of the line that was found by at most a twentieth

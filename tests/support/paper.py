@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whisker_array.estimation.estimate import moment_per_lift
+from whisker_array.estimation.estimate import _small_root, moment_per_lift
 from whisker_array.whisker.enhancement import _check, _check_mu, _divide
 from whisker_array.whisker.sections import Material, Section, WhiskerError
 from whisker_array.whisker.shapes import Matrix, TipModel, Vector
@@ -177,3 +177,29 @@ def lift_from_slope(
     theta = np.arctan(np.asarray(slope, dtype=np.float64)) + np.arctan(mu)
     theta = np.where(np.abs(theta) < np.pi / 2.0, theta, np.nan)
     return np.asarray(moment_n_mm, dtype=np.float64) / moment_per_lift(theta, tip)
+
+
+def slope_from_turned(
+    one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel, *, mu: float
+) -> NDArray[np.float64]:
+    """Slope dh/dx where one differentiator passed dragged both ways, turned about between; no lift needed.
+
+    q = G(tau + phi) / G(-tau + phi) is a quadratic in tan(tau). (Dragged and *pushed* will not do: that quotient
+    rises and falls again with tau, so two slopes answer to it.)
+
+    Args:
+        one_n_mm: moment with the base ahead in +x.
+        turned_n_mm: moment with the base ahead in -x.
+        tip: the differentiator.
+        mu: friction.
+
+    Returns:
+        dh/dx = tan(tau), the broadcast shape; NaN where the moments fit no slope.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
+    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
+    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
+    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
+    return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))

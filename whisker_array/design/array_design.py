@@ -252,8 +252,8 @@ def array_words(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> list[s
         f"{ways_words(read.directions)}; of {read.parts} parts so",
         f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
         f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.",
-        "Accuracy was measured with the default whisker, slow: python -m",
-        "pipeline.benchmark.plan_accuracy. Speed makes the edge map wrong by "
+        "Accuracy was measured with the default whisker, slow: python",
+        "tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by "
         f"{100 * request.speed_error:g} %.",
     ]
     return out

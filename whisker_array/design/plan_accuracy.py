@@ -1,4 +1,4 @@
-"""How well coarser plans are read, as counted on simulated parts by `python -m pipeline.benchmark.plan_accuracy`."""
+"""How well coarser plans are read, as counted on simulated parts by `python tests/benchmarks/plan_accuracy.py`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 
 from glyphs.surface.display import one_line
-from whisker_array.design.limits import DesignError
 
 MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
 """The counts, and the command that made them."""
@@ -73,35 +72,6 @@ def measured_plans() -> tuple[PlanCounts, ...]:
     return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in told["counts"])
 
 
-def accuracy_of(
-    counts: Sequence[PlanCounts], *, lines: int, directions: tuple[int, ...], severity: float
-) -> PlanCounts:
-    """The counts of one plan.
-
-    Raises:
-        DesignError: that plan or severity was not measured.
-    """
-    for each in counts:
-        if (each.lines, each.directions) == (lines, directions) and math.isclose(each.severity, severity):
-            return each
-    known = ", ".join(f"{s:g}" for s in sorted({c.severity for c in counts}))
-    raise DesignError(
-        f"no plan of {lines} lines, {ways_words(directions)}, was measured at dirt {severity:g}",
-        hint=f"measured were dirts {known}; see python -m pipeline.benchmark.plan_accuracy",
-    )
-
-
 def ways_words(directions: Sequence[int]) -> str:
     """Directions as people name them."""
     return ", ".join(f"{int(d)}°" for d in directions)
-
-
-def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
-    """A table for people."""
-    rows = ["lines  directions            dirt  parts  characters  accepted  of these wrong"]
-    rows += [
-        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%"
-        f"  {c.accepted:8d}  {c.accepted_wrong:14d}"
-        for c in counts
-    ]
-    return rows

@@ -22,7 +22,7 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
         slope: (rows, cols) overwritten; NaN where the moments fit none.
         total, count: (rows, cols) sum of the lifts known, in preloads, and how many there are.
     """
-    # m = lift (a - b p) / (c - e p) one way, p = -p the other, as in `slope_from_turned`
+    # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
     a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
     c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
     rows, cols = slope.shape

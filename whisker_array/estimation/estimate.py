@@ -117,37 +117,6 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
     return _small_root(-arm[0] * row[0] * (1.0 - q), cross * (1.0 + q), arm[1] * row[1] * (1.0 - q))
 
 
-def slope_from_turned(one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel, *, mu: float) -> Array:
-    """Slope dh/dx where one differentiator passed dragged both ways, turned about between; no lift needed.
-
-    q = G(tau + phi) / G(-tau + phi) is a quadratic in tan(tau). (Dragged and *pushed* will not do: that quotient
-    rises and falls again with tau, so two slopes answer to it.)
-
-    Args:
-        one_n_mm: moment with the base ahead in +x.
-        turned_n_mm: moment with the base ahead in -x.
-        tip: the differentiator.
-        mu: friction.
-
-    Returns:
-        dh/dx = tan(tau), the broadcast shape; NaN where the moments fit no slope.
-
-    Raises:
-        WhiskerError: a profiler.
-    """
-    if is_profiler(tip):
-        raise WhiskerError(
-            "a profiler does not measure the slope", hint="take an L-shaped whisker with l3 = l2"
-        )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
-    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
-    # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
-    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
-    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
-    return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))
-
-
 def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
     """How far the tip is bent along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
     t = np.tan(np.asarray(theta_rad, dtype=np.float64))

@@ -63,17 +63,16 @@ class Forward:
         ]
         self._piece = PieceMap(heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm)
 
-    def moments(self, bench: Bench, *, tip: TipModel | None = None) -> list[NDArray[np.float64]]:
+    def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
         """(samples,) of every trace, N mm: what the tip presses, and what its gauge makes of that.
 
         Args:
             bench: the numbers.
-            tip: in place of that of the bench's whisker.
 
         Raises:
             WhiskerError: a number that no whisker has.
         """
-        pressed = self.pressed(bench, tip=tip)
+        pressed = self.pressed(bench)
         return [
             signal + bench.memory[:, trace.whisker] @ units
             for trace, (signal, units) in zip(self.traces, pressed, strict=True)

@@ -32,12 +32,10 @@ class Reliability:
     Attributes:
         bins: those that hold anything, by confidence.
         error: expected calibration error: mean over all of |share right - mean confidence| of its bin.
-        brier: mean of (confidence - right)^2.
     """
 
     bins: tuple[ReliabilityBin, ...]
     error: float
-    brier: float
 
 
 def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: int = BINS) -> Reliability:
@@ -50,7 +48,7 @@ def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: in
     if said.shape != was.shape:
         raise ValueError(f"{said.size} confidences for {was.size} readings")
     if said.size == 0:
-        return Reliability((), 0.0, 0.0)
+        return Reliability((), 0.0)
     if not (np.isfinite(said).all() and said.min() >= 0.0 and said.max() <= 1.0):
         raise ValueError("a confidence lies between 0 and 1")
     where = np.clip(np.ceil(said * bins).astype(np.int64) - 1, 0, bins - 1)
@@ -62,4 +60,4 @@ def reliability(confidences: Sequence[float], right: Sequence[bool], *, bins: in
         if (where == k).any()
     )
     off = sum(b.right.total * abs(b.right.value - b.confidence) for b in filled)
-    return Reliability(filled, float(off / said.size), float(np.mean((said - was) ** 2)))
+    return Reliability(filled, float(off / said.size))

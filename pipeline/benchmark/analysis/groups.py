@@ -55,10 +55,6 @@ class GroupKey:
         given = self.level(GIVEN_FACTOR)
         return self.mode if given is None else f"{self.mode}, given {str(given).replace(',', ', ')}"
 
-    def among(self, **levels: Level) -> bool:
-        """Whether it is of these levels."""
-        return all(self.level(factor) == level for factor, level in levels.items())
-
 
 def level_of(trial: Trial, factor: str) -> Level:
     """Level of a factor of a trial; None where it is not known."""

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 LABELS = "labels"
 FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
-_FELT = ("edges", "relief")
 
 
 @dataclass(frozen=True)

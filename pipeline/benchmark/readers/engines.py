@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.benchmark.readers.mode import ModeUnavailableError
-from recognition.experts import generic
 from recognition.experts.steps import Steps
+from recognition.lines.networks import opened
 
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
@@ -80,10 +80,7 @@ class RapidOcr:
     """
 
     def __init__(self, chars: str) -> None:
-        if not generic.is_installed():
-            raise ModeUnavailableError("RapidOCR is not installed", hint=_HINT)
-        self._session, codes = generic.engine()
-        self.classes = ("", *sorted(codes, key=codes.__getitem__))
+        self._session, self.classes = _rapid_session()
         self._allowed = np.array([not c or c in chars for c in self.classes])
 
     def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:
@@ -98,6 +95,20 @@ class RapidOcr:
         """See `Engine`."""
         beliefs = self.beliefs(picture)
         return decode_format(beliefs, self.classes, places) if places else decode_ctc(beliefs, self.classes)
+
+
+@cache
+def _rapid_session() -> tuple[Any, tuple[str, ...]]:
+    """The network that the wheel carries, and its classes."""
+    package = _imported("rapidocr", "RapidOCR")
+    for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
+        session = opened(path)
+        listed = session.get_modelmeta().custom_metadata_map.get("character")
+        if listed:
+            return session, ("", *listed.splitlines(), " ")
+    raise ModeUnavailableError(
+        "the installed RapidOCR carries no recognition model with its characters", hint=_HINT
+    )
 
 
 def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:

@@ -38,17 +38,6 @@ class Kappa:
     high: float
 
 
-def cohen_kappa(first: Sequence[str], second: Sequence[str]) -> Kappa | None:
-    """Of two who rated the same parts, one rating each; None where kappa is not defined.
-
-    Raises:
-        ValueError: lengths that differ.
-    """
-    if len(first) != len(second):
-        raise ValueError(f"{len(first)} ratings and {len(second)}; both rate the same parts")
-    return mean_cohen_kappa([(first, second)])
-
-
 def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Kappa | None:
     """Mean of Cohen's kappas over several pairs of ratings of the same parts; None where one is not defined.
 

@@ -70,6 +70,7 @@ class Benchmark:
                 "format": reading.format,
                 "fidelity": reading.fidelity.value,
                 "orientation": reading.orientation.value,
+                **({"experts": list(reading.experts)} if reading.experts else {}),
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
             "calibrations": {source: asdict(calibration_of(source)) for source in SOURCES},

@@ -58,6 +58,7 @@ def benchmark(
     seed: int | None = None,
     jobs: int = 1,
     cluster: str | None = None,
+    experts: str | None = None,
     experts_apart: Annotated[bool, Parameter(negative="")] = False,
     peers: Annotated[bool, Parameter(negative="")] = False,
     perturb: Annotated[bool, Parameter(negative="")] = False,
@@ -109,8 +110,10 @@ def benchmark(
         Worker processes.
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
+    experts
+        Who has a say, separated by commas: network, templates; both unless given. Templates alone read by touch only.
     experts_apart
-        Show beside each mode what every one of its experts would read alone: "tactile own", "tactile templates" and
+        Show beside each mode what every one of its experts would read alone: "tactile network", "tactile templates" and
         their like, which --mode takes, too.
     peers
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
@@ -182,7 +185,12 @@ def benchmark(
         vouching = checked(certificate) if certificate is not None else None
         # parts of a design lie upright; how those of somebody else lie is not known
         lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
-        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie)
+        try:
+            reading = ReaderSettings(
+                fidelity=Fidelity(fidelity), orientation=lie, experts=listed(experts or "")
+            )
+        except ValueError as error:
+            raise SettingsError(f"--experts is {experts!r}: {error}") from error
         if vouching is not None:
             reading = replace(reading, **vouching.thresholds())
         if inputs is not None and truth is not None:

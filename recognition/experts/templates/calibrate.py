@@ -11,14 +11,10 @@ and each rival (McFadden 1974). A share of belief is left for "nothing readable 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from recognition.language.box import Box
-from recognition.language.lattice import Lattice
 
 
 @dataclass(frozen=True)
@@ -83,50 +79,3 @@ def log_beliefs(scored: Scored, weights: Weights = DEFAULT_WEIGHTS) -> NDArray[n
     explained = max(float(scored.evidence[best] / max(scored.ideal[best], 1e-9)), 0.0)
     nothing = weights.doubt / (1.0 + (explained / weights.doubt_share) ** 4)
     return np.asarray(np.log((1.0 - nothing) * shares))
-
-
-def lattice_of(
-    chars: Sequence[str],
-    scored: Sequence[Scored],
-    *,
-    boxes: Sequence[Box] = (),
-    spaces_after: frozenset[int] = frozenset(),
-    weights: Weights = DEFAULT_WEIGHTS,
-) -> Lattice:
-    """The lattice of a line over the whole alphabet."""
-    log = np.stack([log_beliefs(s, weights) for s in scored]) if scored else np.empty((0, len(chars)))
-    return Lattice(tuple(chars), log, tuple(boxes), spaces_after)
-
-
-def fit_weights(places: Sequence[tuple[Scored, int]], *, start: Weights = DEFAULT_WEIGHTS) -> Weights:
-    """Weights from places whose character is known.
-
-    Args:
-        places: scores over the characters that may stand there, and the index of the one that does.
-        start: what keeps doubt and slip.
-
-    Raises:
-        ValueError: fewer than 50 places.
-    """
-    if len(places) < 50:
-        raise ValueError(f"{len(places)} places are too few to fit weights; give at least 50")
-    from sklearn.linear_model import LogisticRegression
-
-    rows, signs, counts = [], [], []
-    for n, (scored, true) in enumerate(places):
-        features = np.stack([scored.evidence / 100.0, scored.residual], axis=1)
-        apart = features[true] - np.delete(features, true, axis=0)
-        sign = np.where(np.arange(apart.shape[0]) % 2 == n % 2, 1.0, -1.0)
-        rows.append(apart * sign[:, None])
-        signs.append(sign)
-        counts.append(np.full(sign.size, 1.0))
-    model = LogisticRegression(C=100.0, fit_intercept=False, max_iter=1000)
-    model.fit(np.concatenate(rows), np.concatenate(signs) > 0, sample_weight=np.concatenate(counts))
-    evidence, residual = (float(v) for v in model.coef_[0])
-    return Weights(
-        evidence=max(evidence / 100.0, 1e-6),
-        residual=min(residual, 0.0),
-        doubt=start.doubt,
-        doubt_share=start.doubt_share,
-        slip=start.slip,
-    )

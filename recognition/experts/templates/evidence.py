@@ -10,7 +10,6 @@ together: `calibrate` turns it into belief.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +22,7 @@ from recognition.experts.templates.pixel_model import pixel_model
 from recognition.experts.templates.place_evidence import LineFelt, PlaceEvidence, place_evidence
 from recognition.experts.templates.placed_line import PlacedLine
 from recognition.experts.templates.refine import Cell
-from recognition.experts.templates.segmentation import (
-    MARGIN_PIXELS,
-    largest_beside,
-    place_bounds,
-    usual_spacing,
-)
+from recognition.experts.templates.segmentation import MARGIN_PIXELS, place_bounds, usual_spacing
 from recognition.experts.templates.sparse_templates import (
     EVIDENCE_PIXELS,
     coarse_patches,
@@ -46,27 +40,9 @@ ROW_REACH = 4
 TURNS_DEG = (-2.5, 2.5)
 GAP_HEIGHTS = 1.5
 BLOWS = (1.0, 0.6)
-FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
 AMPLITUDE_RANGE = (0.25, 2.5)
 FLOOR_SHARE = 0.75
-
-
-@dataclass(frozen=True, eq=False)
-class LineEvidence:
-    """A line as the robust look has it.
-
-    Attributes:
-        places: left to right.
-        total: evidence of the best chain.
-        amplitude: depth of the marks against the templates'.
-        beside: largest share of its ideal that any template reaches in the line's rows where nothing was placed.
-    """
-
-    places: tuple[PlaceEvidence, ...]
-    total: float
-    amplitude: float
-    beside: float
 
 
 def amplitude_of(line: PlacedLine, cells: Sequence[Cell], directions: tuple[TraceDirection, ...]) -> float:
@@ -115,17 +91,17 @@ def line_evidence(
     cells: Sequence[Cell],
     directions: tuple[TraceDirection, ...],
     *,
-    places: Sequence[str] | None,
+    places: Sequence[str],
     gaps: frozenset[int] = frozenset(),
-) -> LineEvidence | None:
-    """Look again at a line for what the dirt has left of it; None where nothing is left.
+) -> tuple[PlaceEvidence, ...]:
+    """Look again at a line for what the dirt has left of it: its places, left to right; none if nothing is left.
 
     Args:
         line: height, rotation, row, and about where characters stand.
         cells: correlations there.
         directions: of the edge map.
-        places: characters allowed at each place of a known format, or None.
-        gaps: places of that format before a word gap.
+        places: characters allowed at each place.
+        gaps: places before a word gap.
     """
     templates = line.templates
     middle = float(np.median(line.v_mm))
@@ -146,25 +122,21 @@ def line_evidence(
     rows = _rows(middle, seen)
     cols = np.arange(felt.shape[2], dtype=np.int64)
     dense = dense_evidence(model, index, straight, reach, rows, cols)
-    allowed = None
-    if places is not None:
-        allowed = np.array([[c in place for c in templates.chars] for place in places], dtype=np.bool_)
+    allowed = np.array([[c in place for c in templates.chars] for place in places], dtype=np.bool_)
     ideal = ideal_evidence(model, straight, reach)
     # what a template of full evidence earns is the length of line that it explains
     scale = float(np.median(ideal))
     reward = (dense.max(axis=1) / scale).astype(np.float32)
-    if places is None:
-        reward = reward - np.float32(0.1)
-    total, placed = best_chain(
+    _, placed = best_chain(
         reward, straight.half_cols, allowed=allowed, overlap=2, reach=int(GAP_HEIGHTS * EVIDENCE_PIXELS),
         gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01,
     )  # fmt: skip
     if not placed:
-        return None
-    spacing = usual_spacing(placed, templates, line.font, full=ideal / scale, gaps=gaps)
-    if spacing is not None and places is not None:
+        return ()
+    spacing = usual_spacing(placed, templates.chars, line.font, full=ideal / scale, gaps=gaps)
+    if spacing is not None:
         # what is lost may lie anywhere: then the others' regular distance says where
-        total, placed = best_chain(
+        _, placed = best_chain(
             reward, straight.half_cols, allowed=allowed, overlap=2, reach=int(GAP_HEIGHTS * EVIDENCE_PIXELS),
             gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01, spacing=spacing,
         )  # fmt: skip
@@ -174,29 +146,15 @@ def line_evidence(
         model=model,
         felt={share: model.felt_index(felt / np.float32(share), cover) for share in BLOWS},
         land=model.felt_index(np.zeros_like(felt), cover),
-        cover=cover,
         rows=rows,
         straight=(straight, predicted_columns(model, straight)),
         turned={turn: (sparse, predicted_columns(model, sparse)) for turn, sparse in turned.items()},
         reach_px=ink_reach(straight, *turned.values()),
     )
-    found = tuple(
+    return tuple(
         place_evidence(p, low, high, about, templates, ideal, seen)
         for p, (low, high) in zip(placed, bounds, strict=True)
     )
-    # clear of where characters were found in the end, not of where the chain supposed them
-    u0, pitch = seen.origin_mm[0], seen.pitch_u_mm
-    taken = [
-        (round((p.u_mm - p.half_width_mm - u0) / pitch), round((p.u_mm + p.half_width_mm - u0) / pitch))
-        for p in found
-    ]
-    beside = largest_beside(dense.max(axis=1) / ideal[:, None], taken, straight.half_cols)
-    if places is None:
-        # nothing says how many characters there are: a faint one must not pass for a word gap
-        faint_index = model.felt_index(felt / np.float32(FAINT), cover)
-        faint = dense_evidence(model, faint_index, straight, reach, rows, cols)
-        beside = max(beside, largest_beside(faint.max(axis=1) / ideal[:, None], taken, straight.half_cols))
-    return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
 
 
 def _rows(v_mm: float, seen: LineImage) -> NDArray[np.int64]:

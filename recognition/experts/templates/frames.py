@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import CONTRACTED, kernel, read_only
 from glyphs.surface.maps import EdgeMap, TraceDirection
-from recognition.language.box import Box
 
 MOST_RESAMPLED = 8
 """Grids that an image keeps its averages on."""
@@ -56,12 +55,6 @@ class LineImage:
         cos, sin = math.cos(angle), math.sin(angle)
         off = places - np.array(self.centre_mm)
         return np.stack([cos * off[:, 0] + sin * off[:, 1], cos * off[:, 1] - sin * off[:, 0]], axis=1)
-
-    def plate_box(self, u0_mm: float, v0_mm: float, u1_mm: float, v1_mm: float) -> Box:
-        """Axis-parallel hull, in the plate frame, of a rectangle in the line frame."""
-        corners = [self.plate_from_line(u, v) for u in (u0_mm, u1_mm) for v in (v0_mm, v1_mm)]
-        xs, ys = [c[0] for c in corners], [c[1] for c in corners]
-        return Box(min(xs), min(ys), max(xs), max(ys))
 
 
 def channels(

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import Face
 from glyphs.surface.maps import TraceDirection
-from recognition.experts.templates.calibrate import Scored, lattice_of, residual_of
-from recognition.experts.templates.evidence import LineEvidence, line_evidence
+from recognition.experts.templates.calibrate import Scored, log_beliefs, residual_of
+from recognition.experts.templates.evidence import line_evidence
 from recognition.experts.templates.place_evidence import PlaceEvidence
 from recognition.experts.templates.placed_line import PlacedLine, TouchedPart
 from recognition.experts.templates.refine import Cell, guessed_cells, refine_line
@@ -36,6 +36,8 @@ FEWEST_TURN = 4
 STRUCK_SCORE = 0.7
 """Mean correlation of marks of a flat die below which dotted ones are tried."""
 _SLIGHT = 1e-6
+MOST_SETTLED = 2
+"""Fonts that nobody named whose places are settled, to see which suits."""
 OWN_SCORE = 0.75
 """Mean correlation of what was read with a font that nobody named, from which it has a say."""
 
@@ -75,6 +77,7 @@ def judged(
     named: bool,
     raised: bool | None = None,
     gaps: frozenset[int] = frozenset(),
+    anew: bool = True,
 ) -> JudgedLine | None:
     """The line as the font has it that suits it best; None where it is bent, or no font has its characters.
 
@@ -87,6 +90,7 @@ def judged(
         named: somebody says that it is one of these fonts.
         raised: whether the marks stand out; by the correlations where nobody knows.
         gaps: places of the format before a word gap.
+        anew: what stands at the places is judged anew; the lattice is the templates' own otherwise.
     """
     if _sag(line) > MOST_SAG_HEIGHTS * line.height_mm or columns.size == 0:
         return None
@@ -95,14 +99,14 @@ def judged(
         (
             one
             for out in ((False, True) if raised is None else (raised,))
-            if (one := guess.best(fonts, _Guise(raised=out), rough=not named)) is not None
+            if (one := guess.best(fonts, Guise(raised=out), rough=not named)) is not None
         ),
         key=_score,
         default=None,
     )
     if best is None or best[0] < STRUCK_SCORE:
         struck = [font for font in fonts if font.stroke_ratio > 0.0]
-        dotted = guess.best(struck, _Guise(face=Face.DOTTED, raised=bool(raised)), rough=not named)
+        dotted = guess.best(struck, Guise(face=Face.DOTTED, raised=bool(raised)), rough=not named)
         best = max((one for one in (best, dotted) if one is not None), key=_score, default=None)
     if best is None:
         return None
@@ -110,13 +114,14 @@ def judged(
     if not named and score < OWN_SCORE:
         return JudgedLine(placed, guessed_cells(placed, part.edges.directions), score, None)
     if not named:
-        placed = guess.placed(placed.font, _Guise(placed.face, placed.raised)) or placed
+        placed = guess.placed(placed.font, Guise(placed.face, placed.raised)) or placed
     settled, cells = refine_line(placed, part.edges.directions)
-    return JudgedLine(settled, cells, score, _lattice(settled, cells, part.edges.directions, lattice, gaps))
+    own = _lattice(settled, cells, part.edges.directions, lattice, gaps) if anew else lattice
+    return JudgedLine(settled, cells, score, own)
 
 
 @dataclass(frozen=True)
-class _Guise:
+class Guise:
     """What a font may look like on a part."""
 
     face: Face = Face.FLAT
@@ -132,17 +137,20 @@ class _Guess:
     columns: NDArray[np.float64]
     text: Sequence[str]
 
-    def best(self, fonts: Sequence[Font], guise: _Guise, *, rough: bool) -> tuple[float, PlacedLine] | None:
+    def best(self, fonts: Sequence[Font], guise: Guise, *, rough: bool) -> tuple[float, PlacedLine] | None:
         """The font that suits them best, and how well: the mean of their correlations."""
         tried = []
         for font in fonts:
             placed = self.placed(font, guise, rough=rough)
             if placed is not None:
                 cells = guessed_cells(placed, self.part.edges.directions)
-                tried.append((float(np.mean([c.scores.max() for c in cells])), placed))
+                tried.append((_fit(cells), placed))
+        if rough:  # the recogniser's places are whole steps: which font suits is seen once they are settled
+            ranked = sorted(tried, key=_score, reverse=True)[:MOST_SETTLED]
+            tried = [(_fit(refine_line(one, self.part.edges.directions)[1]), one) for _, one in ranked]
         return max(tried, key=_score, default=None)
 
-    def placed(self, font: Font, guise: _Guise, *, rough: bool = False) -> PlacedLine | None:
+    def placed(self, font: Font, guise: Guise, *, rough: bool = False) -> PlacedLine | None:
         """The characters in a font; None where it has none of them."""
         height_mm, turn = self.line.height_mm, self.line.turned_deg
         templates = self.part.templates(
@@ -156,6 +164,11 @@ class _Guess:
             [templates.chars.index(c) if c in templates.chars else 0 for c in self.text], dtype=np.int64
         )
         return PlacedLine(font, guise.face, guise.raised, height_mm, image, templates, template, u_mm, v_mm)
+
+
+def _fit(cells: Sequence[Cell]) -> float:
+    """Mean over cells of the best correlation."""
+    return float(np.mean([cell.scores.max() for cell in cells]))
 
 
 def _score(one: tuple[float, PlacedLine]) -> float:
@@ -180,11 +193,11 @@ def _lattice(
     places = ["".join(c for c, may in zip(lattice.chars, row, strict=True) if may) for row in allowed]
     evidence = line_evidence(line, cells, directions, places=places, gaps=gaps)
     scored = [_scored(cell, _near(evidence, cell, line.height_mm)) for cell in cells]
-    own = lattice_of(line.templates.chars, scored)
+    own = np.stack([log_beliefs(each) for each in scored])
     log = np.full(lattice.log_belief.shape, -np.inf)
-    for k, char in enumerate(own.chars):
+    for k, char in enumerate(line.templates.chars):
         if char in lattice.chars:
-            log[:, lattice.chars.index(char)] = own.log_belief[:, k]
+            log[:, lattice.chars.index(char)] = own[:, k]
     # of what the font has not got it says nothing: as likely as its least likely one
     lacking = ~np.isfinite(log) & allowed
     least = np.where(np.isfinite(log), log, np.inf).min(axis=1, keepdims=True)
@@ -195,10 +208,8 @@ def _lattice(
     return replace(lattice, log_belief=np.minimum(log - np.maximum(total, 0.0)[:, None], 0.0))
 
 
-def _near(evidence: LineEvidence | None, cell: Cell, height_mm: float) -> PlaceEvidence | None:
-    if evidence is None:
-        return None
-    close = [p for p in evidence.places if abs(p.u_mm - cell.u_mm) < SAME_PLACE_HEIGHTS * height_mm]
+def _near(places: Sequence[PlaceEvidence], cell: Cell, height_mm: float) -> PlaceEvidence | None:
+    close = [p for p in places if abs(p.u_mm - cell.u_mm) < SAME_PLACE_HEIGHTS * height_mm]
     return min(close, key=lambda p: abs(p.u_mm - cell.u_mm), default=None)
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.stamping.die import Die, die_glyph, shape_relief_mm
-from glyphs.stamping.faces import Face, default_die
+from glyphs.stamping.faces import default_die
 
 Floats = NDArray[np.float64]
 Edges = NDArray[np.float32]
@@ -66,20 +66,19 @@ class PhotoShapes:
     advance: Floats
 
 
-def photo_shapes(font: Font, chars: str, *, pixels: int, face: Face = Face.FLAT) -> PhotoShapes:
+def photo_shapes(font: Font, chars: str, *, pixels: int) -> PhotoShapes:
     """Draw the pictures of a font's characters.
 
     Args:
         font: which.
         chars: characters that it has.
         pixels: to the character height.
-        face: of the die.
 
     Raises:
         FontError: a character that the font has not got.
         StampError: a die that cannot be.
     """
-    die = default_die(_NOMINAL_MM, font=font, face=face)
+    die = default_die(_NOMINAL_MM, font=font)
     shapes = [die_glyph(font.glyph(c), die, height_mm=_NOMINAL_MM) for c in chars]
     boxes = np.array([shape.ink_box for shape in shapes])
     middle = 0.5 * (boxes[:, 2] + boxes[:, 0])

@@ -62,12 +62,6 @@ class PixelModel:
             out[k] = ((k * N_LEVELS + level) * N_FELT + e) * N_PREDICTED
         return out
 
-    def predicted_index(self, predicted: NDArray[np.float32]) -> NDArray[np.int32]:
-        """(..., channels, rows, cols): column of the table; the middle one stands for no ink."""
-        reach = self.predicted_reach[:, None, None]
-        at = (predicted / reach + 1.0) * (0.5 * (N_PREDICTED - 1))
-        return np.asarray(np.clip(np.rint(at), 0, N_PREDICTED - 1), dtype=np.int32)
-
 
 def pixel_model(
     *, noise: NDArray[np.float64], reach: NDArray[np.float64], profile: NDArray[np.bool_], raised: bool

@@ -27,7 +27,6 @@ class PlaceEvidence:
         u_mm, v_mm: where the best template's reference point lies, line frame.
         turn_deg: its turn against the line.
         half_width_mm: half its ink.
-        covered: share of the place that is covered by dirt.
     """
 
     evidence: NDArray[np.float64]
@@ -36,7 +35,6 @@ class PlaceEvidence:
     v_mm: float
     turn_deg: float
     half_width_mm: float
-    covered: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,6 @@ class LineFelt:
         model: of pixels.
         felt: where its rows begin in the model's table, by how deep the blow was.
         land: the same of bare land.
-        cover: how likely each pixel is covered.
         rows: of the line.
         straight, turned: templates, by turn, and what they predict.
         reach_px: rows and columns that their ink lies from the reference point.
@@ -56,7 +53,6 @@ class LineFelt:
     model: PixelModel
     felt: dict[float, NDArray[np.int32]]
     land: NDArray[np.int32]
-    cover: NDArray[np.float32]
     rows: NDArray[np.int64]
     straight: tuple[SparseTemplates, NDArray[np.int32]]
     turned: dict[float, tuple[SparseTemplates, NDArray[np.int32]]]
@@ -108,8 +104,6 @@ def place_evidence(
     winner = int(np.argmax(evidence))
     half = float(templates.half_width[winner])
     r, c = int(place_row[winner]), int(place_col[winner])
-    tall, side = EVIDENCE_PIXELS // 2, max(2, round(half * EVIDENCE_PIXELS))
-    box = about.cover[max(0, r - tall) : r + tall + 1, max(0, c - side) : c + side + 1]
     return PlaceEvidence(
         evidence=evidence,
         ideal=ideal,
@@ -117,5 +111,4 @@ def place_evidence(
         v_mm=seen.origin_mm[1] + r * seen.pitch_v_mm,
         turn_deg=float(turns[winner]),
         half_width_mm=half * EVIDENCE_PIXELS * seen.pitch_u_mm,
-        covered=float(box.mean()) if box.size else 0.0,
     )

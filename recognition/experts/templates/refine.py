@@ -101,11 +101,6 @@ def refine_line(
     return best, cells if best is line else _score_line(best, made)
 
 
-def score_cells(line: PlacedLine, directions: tuple[TraceDirection, ...]) -> tuple[Cell, ...]:
-    """Score every template in every cell of a line whose height is settled."""
-    return _score_line(line, _inks(line.templates, directions))
-
-
 def guessed_cells(line: PlacedLine, directions: tuple[TraceDirection, ...]) -> tuple[Cell, ...]:
     """The characters believed, near where they are believed to stand; other templates score -1."""
     at = [

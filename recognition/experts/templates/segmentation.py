@@ -1,4 +1,4 @@
-"""Where the places of a line lie: how far apart its characters stand, where each ends, what lies beside them."""
+"""Where the places of a line lie: how far apart its characters stand, and where each ends."""
 
 from __future__ import annotations
 
@@ -10,34 +10,32 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from recognition.experts.templates.decode import Placed, Spacing
-from recognition.experts.templates.predicted import TemplateSet
 from recognition.experts.templates.sparse_templates import EVIDENCE_PIXELS
 
 MARGIN_PIXELS = 6
-RIM_PIXELS = 1
-"""Padding around the map, and how far from its step nothing is looked for."""
-BESIDE_HEIGHTS = 1.6
+"""Padding around the map."""
 SIDE_HEIGHTS = 0.35
 STEP_COST, STEP_LIMIT, STANDS_OUT = 6.0, 1.2, 0.35
 
 
 def usual_spacing(
     placed: Sequence[Placed],
-    templates: TemplateSet,
+    chars: Sequence[str],
     font: Font,
     *,
     full: NDArray[np.float64],
     gaps: frozenset[int] = frozenset(),
+    pixels: int = EVIDENCE_PIXELS,
 ) -> Spacing | None:
     """How far apart characters stand, from neighbours that both stand out; None if none do.
 
-    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. `full` (T,) is
-    what each template earns standing there clean.
+    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. Of templates
+    (T,) `chars` are the characters, and `full` is what each earns standing there clean.
     """
-    glyphs = [font.glyph(c) for c in templates.chars]
+    glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
-    after = (np.array([g.advance for g in glyphs]) - middle) * EVIDENCE_PIXELS
-    before = middle * EVIDENCE_PIXELS
+    after = (np.array([g.advance for g in glyphs]) - middle) * pixels
+    before = middle * pixels
     pairs = [
         (a, b)
         for k, (a, b) in enumerate(pairwise(placed))
@@ -47,7 +45,7 @@ def usual_spacing(
         return None
     apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
     extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])
-    cost, limit = STEP_COST / EVIDENCE_PIXELS**2, STEP_LIMIT
+    cost, limit = STEP_COST / pixels**2, STEP_LIMIT
     if np.abs(extra - np.median(extra)).mean() <= np.abs(apart - np.median(apart)).mean():
         return Spacing(before, after + float(np.median(extra)), cost, limit, gaps)
     return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit, gaps)
@@ -67,22 +65,3 @@ def place_bounds(placed: Sequence[Placed], half_cols: NDArray[np.int64], width: 
             high = min(high, (right[i] + left[i + 1]) // 2)
         out.append((max(0, low), min(width, high + 1)))
     return out
-
-
-def largest_beside(
-    share: NDArray[np.floating], taken: Sequence[tuple[int, int]], half_cols: NDArray[np.int64]
-) -> float:
-    """Largest share (T, columns) of templates that keep clear of the columns taken, near the line's ends or in it."""
-    reach = round(BESIDE_HEIGHTS * EVIDENCE_PIXELS)
-    # off the rim, where the land's level steps to the padding's
-    rim = MARGIN_PIXELS + RIM_PIXELS
-    low, high = max(rim, taken[0][0] - reach), min(share.shape[1] - rim, taken[-1][1] + reach)
-    best = 0.0
-    for half in np.unique(half_cols):
-        columns = np.arange(low + half, max(low + half, high - half))
-        clear = np.ones(columns.size, dtype=np.bool_)
-        for left, right in taken:
-            clear &= (columns + half < left) | (columns - half > right)
-        if clear.any():
-            best = max(best, float(share[half_cols == half][:, columns[clear]].max()))
-    return best

@@ -249,8 +249,8 @@ def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
         ({}, {"font": ("gothic",)}, PARTS, False),
         ({}, {"database": Path("press.glyphs")}, PARTS, False),
         ({}, {"mode": "vision"}, PARTS, False),
-        ({}, {"experts": ("own", "print")}, PARTS, False),
-        ({}, {"experts": ("own", "templates")}, PARTS, True),
+        ({}, {"experts": ("network",)}, PARTS, False),
+        ({}, {"experts": ("network", "templates")}, PARTS, True),
         ({"out": "sqlite:///parts.db"}, {}, PARTS, False),
         ({}, {}, [replace(part, height_map="", photo="a.png") for part in PARTS], False),
         ({}, {}, [replace(part, font="gothic") for part in PARTS], False),
@@ -267,7 +267,7 @@ def test_a_felt_lot_of_an_unknown_die_teaches_itself_unless_it_is_small(
     [
         (None, {"font": ("gothic",)}, "whose font nobody knows"),
         (None, {"mode": "vision"}, "learns by touch"),
-        (None, {"experts": ("own",)}, "asks the expert templates"),
+        (None, {"experts": ("network",)}, "asks the expert templates"),
         ("sqlite:///parts.db", {}, "goes with a table"),
     ],
 )

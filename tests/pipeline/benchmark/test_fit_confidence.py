@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.benchmark import fit_confidence
 from pipeline.benchmark.exam.condition import Level
-from pipeline.benchmark.fit_confidence import KnownReading, known_readings, left_out
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.part_measures import Measure
+from tests.benchmarks import fit_confidence
+from tests.benchmarks.fit_confidence import KnownReading, fit, known_readings, left_out, loss
 
 DESIGN = {
     "name": "made-up",
@@ -32,7 +32,7 @@ ROUGH = Measure.FINE_SHARE
 
 
 def known(belief: float, right: bool, soil: str, font: str, **options: object) -> KnownReading:
-    given = {"kept_out": False, "measures": {}, "named": False, "accepted": belief > 0.9, **options}
+    given = {"kept_out": False, "measures": {}, "accepted": belief > 0.9, **options}
     return KnownReading("tactile", belief, right, soil, font, 0.3, **given)  # type: ignore[arg-type]
 
 
@@ -68,13 +68,12 @@ def exam(tmp_path: Path) -> Path:
 
 def test_readings_come_back_with_the_belief_behind_their_confidence(exam: Path) -> None:
     found = list(known_readings(exam))
-    assert len(found) == 4 * 480
+    assert len(found) == 3 * 480
     assert all(one.kept_out == (one.soil == "tar" or one.font.startswith("else")) for one in found)
     (trial, *_), *_ = TrialJournal.read(exam).done.values()
     odds = trial.confidence / (1.0 - trial.confidence)
     assert found[0].belief == pytest.approx(odds**2 / (1.0 + odds**2))
-    assert found[1].belief == found[0].belief  # of touch alone nothing is known: as touch
-    assert found[2].belief == pytest.approx(trial.confidence)
+    assert found[1].belief == pytest.approx(trial.confidence)
     last = found[-1]
     widths = 479 / 480 / 0.5 - 1.0
     odds = last.belief / (1.0 - last.belief)
@@ -90,9 +89,8 @@ def test_who_is_off_the_ground_of_the_others_is_believed_less() -> None:
     ash = next(left_out([*fair, *[near] * 30, *[far] * 30], "soil"))
     assert (ash.off[:30] == 0.0).all()
     assert (ash.off[30:] > 1.9).all()  # 3 of a range from 0 to 0.99
-    said = ash.by_way["log odds"]
-    assert said[0] > 0.95
-    assert 0.5 < said[-1] < 0.8
+    assert ash.said[0] > 0.95
+    assert 0.5 < ash.said[-1] < 0.8
 
 
 def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
@@ -103,8 +101,8 @@ def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
     kept = [known(0.99, False, "tar", "font9", kept_out=True) for _ in range(200)]
     alone, beside = next(left_out([*fair, *lies], "soil")), next(left_out([*fair, *lies, *kept], "soil"))
     assert alone.name == beside.name == "ash"
-    assert (alone.by_way["log odds"] == beside.by_way["log odds"]).all()
-    assert alone.by_way["log odds"][0] > 0.8  # the square root of 99 to 1
+    assert (alone.said == beside.said).all()
+    assert alone.said[0] > 0.8  # the square root of 99 to 1
     assert not alone.right.any()
 
 
@@ -125,6 +123,24 @@ def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
     assert 0.98 < high < 1.0
     said = capsys.readouterr().out
     assert "| tar | 160 |" in said
-    assert "every soil in turn" in said
-    assert "| isotonic |" in said
-    assert "| font not named | " in said
+    assert "| each soil | " in said
+    assert "| all soils | " in said
+
+
+def test_the_calibration_by_which_texts_were_drawn_comes_back() -> None:
+    rng = np.random.default_rng(3)
+    odds = rng.normal(1.0, 3.0, 20_000)
+    right = rng.random(odds.size) < 1.0 / (1.0 + np.exp(-(0.6 * odds - 0.5)))
+    beliefs = 1.0 / (1.0 + np.exp(-odds))
+    made = fit([known(float(b), bool(r), "ash", "font0") for b, r in zip(beliefs, right, strict=True)])
+    # some five standard errors of 20,000 readings
+    assert made.slope == pytest.approx(0.6, abs=0.04)
+    assert made.bias == pytest.approx(-0.5, abs=0.1)
+    said = np.array([made.confidence(float(belief)) for belief in beliefs])
+    assert said.mean() == pytest.approx(right.mean(), abs=1e-3)
+    assert loss(said, right) < loss(beliefs, right)
+
+
+def test_too_few_wrong_ones_fit_nothing() -> None:
+    with pytest.raises(ValueError, match="9 wrong readings are too few"):
+        fit([known(0.9, k >= 9, "ash", "font0") for k in range(100)])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from glyphs.soiling.severity import AMOUNTS, KNOTS, amount_of
 from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS
-from pipeline.benchmark import soil_severity
-from pipeline.benchmark.soil_severity import (
+from tests.benchmarks import soil_severity
+from tests.benchmarks.soil_severity import (
     CHECK_SEED,
     GRID,
     MANIFEST,

@@ -143,14 +143,16 @@ def test_formats_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_experts_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
     assert reading().experts == ()
-    FILE.write_text('experts = ["own", "print"]\n[service]\nport = 1\n', encoding="utf-8")
-    assert reading().experts == serving()[1].experts == ("own", "print")
-    monkeypatch.setenv("TACTILE_MARKS_EXPERTS", "templates, own")
-    assert reading().experts == serving()[1].experts == ("templates", "own")
-    assert reading("--experts", "own,templates").experts == ("own", "templates")
-    assert reading("--experts", "own", "--experts", "print").experts == ("own", "print")
-    with pytest.raises(SettingsError, match=r"--experts is .* there is no expert nose; there are own, print"):
-        reading("--experts", "own,nose")
+    FILE.write_text('experts = ["network", "templates"]\n[service]\nport = 1\n', encoding="utf-8")
+    assert reading().experts == serving()[1].experts == ("network", "templates")
+    monkeypatch.setenv("TACTILE_MARKS_EXPERTS", "templates, network")
+    assert reading().experts == serving()[1].experts == ("templates", "network")
+    assert reading("--experts", "network,templates").experts == ("network", "templates")
+    assert reading("--experts", "network", "--experts", "templates").experts == ("network", "templates")
+    with pytest.raises(
+        SettingsError, match=r"--experts is .* there is no expert nose; there are network, templates"
+    ):
+        reading("--experts", "network,nose")
 
 
 def test_other_lines_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:

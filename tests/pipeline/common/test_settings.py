@@ -55,23 +55,18 @@ def test_the_readers_are_told_grammar_and_thresholds() -> None:
     assert open_reader(ReadSettings()).settings.grammar is None
 
 
-def test_the_readers_are_told_who_has_a_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    reader = open_reader(ReadSettings(experts="own, templates"))
-    assert reader.settings.experts == ("own", "templates")
-    assert reader.touch.lines.experts == {"own", "templates"}
-    with pytest.raises(
-        MarksError, match="no photograph is read by templates; add one of the experts own, print"
-    ):
+def test_the_readers_are_told_who_has_a_say() -> None:
+    reader = open_reader(ReadSettings(experts="network, templates"))
+    assert reader.settings.experts == ("network", "templates")
+    assert reader.touch.lines.experts == {"network", "templates"}
+    with pytest.raises(MarksError, match="no photograph is read by templates; add the expert network"):
         _ = open_reader(ReadSettings(experts=("templates",))).vision
-    monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
-    with pytest.raises(MarksError, match=r"tactile-marks\[vision\]"):
-        open_reader(ReadSettings(experts=("print",)))
     assert open_reader(ReadSettings()).settings.experts == ()
 
 
 def test_an_expert_that_there_is_not_is_refused() -> None:
-    with pytest.raises(SettingsError, match="there is no expert nose; there are own, print, templates"):
-        ReadSettings.of(experts="own,nose")
+    with pytest.raises(SettingsError, match="there is no expert nose; there are network, templates"):
+        ReadSettings.of(experts="network,nose")
 
 
 def test_one_call_says_which_setting_there_is_not() -> None:

@@ -17,7 +17,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
-from pipeline.reading.part_reader import Mode, PartReader, Sense, senses_of
+from pipeline.reading.part_reader import Mode, PartReader, Sense, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.verify import Verdict, VerifyError
@@ -261,3 +261,29 @@ def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: P
         path.write_bytes(b"no picture")
     with pytest.raises(FileError, match=r"part\.light-0\.png: is not a picture"):
         PartReader(reader).read(part)
+
+
+def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole_text() -> None:
+    """Of a coin that says ONE DIME, its first letter in doubt, the mirrored map showed a single M, at 0.85."""
+    surface = HeightMap(np.zeros((8, 8)), pitch_mm=0.1)
+
+    def doubtful(text: str, *beliefs: float) -> Reading:
+        box = Box(0.0, 0.0, 1.0, 1.0)
+        characters = tuple(
+            CharacterReading((Candidate(c, 0.9, p),), box) for c, p in zip(text, beliefs, strict=True)
+        )
+        return Reading(characters, Decision.REVIEW, min(beliefs), flags=ReadingFlag.LOW_CONFIDENCE)
+
+    def read(whole: Reading, mirrored: Reading) -> Reading:
+        found = iter((whole, mirrored))
+        touch = SimpleNamespace(
+            read_height_map=lambda *_, **__: next(found),
+            weighed=lambda one, rows_known: one,
+            may_be_mirrored=lambda one: True,
+        )
+        reader: Any = SimpleNamespace(touch=touch)
+        return read_surface(reader, surface, rows_known=False)
+
+    whole = doubtful("ONEDIME", 0.5, *[0.99] * 6)
+    assert read(whole, doubtful("M", 0.85)).text == "ONEDIME"
+    assert read(doubtful("M", 0.85), whole).text == "ONEDIME"

@@ -26,7 +26,7 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction
 from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.store import Store, StoreError
-from pipeline.store.tables import METADATA, NEVER_CHANGED
+from pipeline.store.tables import METADATA
 from tests.support.store_samples import PHOTO, START, due, received
 
 
@@ -121,7 +121,7 @@ def test_a_store_of_a_newer_version_is_left_alone(store_url: str) -> None:
         Store.open(store_url)
 
 
-@pytest.mark.parametrize("table", NEVER_CHANGED)
+@pytest.mark.parametrize("table", ["readings", "reviews", "events", "seals"])
 def test_what_was_written_stays(store: Store, store_url: str, table: str) -> None:
     part = received(store, PartState.REVIEW, "KX4", evidence=(PHOTO,))
     part = store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from recognition.active.active_reader import around
 from recognition.active.active_reading import StopReason
-from recognition.active.fit_gain import Tried, fit_gain, loss_nats
 from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
 from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
@@ -163,21 +162,3 @@ def test_sureness_is_that_of_the_surest_of_the_last_looks() -> None:
     assert sureness((1.0, 0.01, 0.01, 0.01)) == pytest.approx(0.5)
     assert sureness((0.0,)) == 0.0
     assert sureness((0.2, 1.0)) == 1.0
-
-
-def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
-    rng, true, tried = np.random.default_rng(4), gain(cross=-0.5), []
-    for _ in range(2500):
-        way = list(Way)[rng.integers(len(Way))]
-        confidences = tuple(10.0 ** rng.uniform(-4.0, 0.0, size=rng.integers(1, 12)))
-        lines = {Way.ALONG: int(rng.integers(4, 16))}
-        sure = rng.random() < true.chance(way, lines, confidences)
-        tried.append(Tried(way, lines, confidences, bool(sure)))
-    found = fit_gain(tried)
-    # no fit may be worse than the truth on its own steps
-    assert loss_nats(found, tried) <= loss_nats(true, tried) + 0.001
-    probe = ((Way.CROSS, {Way.ALONG: 8}, (0.3, 0.4)), (Way.ALONG, {Way.ALONG: 8}, (0.02,) * 4))
-    for case in probe:
-        assert found.chance(*case) == pytest.approx(true.chance(*case), abs=0.08)
-    with pytest.raises(ValueError, match="some made the serial sure"):
-        fit_gain(tried[:0])

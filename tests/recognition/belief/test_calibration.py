@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 
 from recognition.belief.calibration import (
     SOURCES,
-    TOUCH_ALONE,
     Calibration,
-    calibration_for,
     calibration_of,
     shrunk,
 )
@@ -76,12 +74,3 @@ def test_how_far_off_the_ground_is_told_in_its_widths() -> None:
     assert made.off({"ROUGH": -2.0}) == pytest.approx(2.0)
     with pytest.raises(ValueError, match="no width in ROUGH"):
         Calibration(ground={"ROUGH": (2.0, 2.0)})
-
-
-def test_touch_without_the_generic_network_has_its_own() -> None:
-    alone = calibration_of(TOUCH_ALONE)
-    assert calibration_for("tactile", {"own", "templates"}) is alone
-    assert calibration_for("tactile", {"own", "print"}) is calibration_of("tactile")
-    assert calibration_for("vision", {"own"}) is calibration_of("vision")
-    # fewer experts multiply to less belief in what is right as often
-    assert alone.confidence(0.95) > calibration_of("tactile").confidence(0.95)

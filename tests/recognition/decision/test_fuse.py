@@ -183,8 +183,6 @@ def test_places_are_aligned_by_boxes() -> None:
     assert aligned(touch, of_text("B1", 0.9, where=boxes(2, first=4.3))) == [None, 0, 1, None, None, None]
     assert aligned(touch, of_text("B1", 0.9)) == [None] * 6
     assert aligned(touch, of_text("AB1234", 0.9)) == list(range(6))
-    with pytest.raises(ValueError, match="2 boxes for 6 places"):
-        fuse_lattices(touch, vision, vision_boxes=boxes(2))
 
 
 def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:

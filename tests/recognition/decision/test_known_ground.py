@@ -91,3 +91,14 @@ def test_nothing_read_stays_nothing(fitted_on: Callable[[float, float], None]) -
     fitted_on(3.0, 4.0)
     empty = replace(READ, characters=(), decision=Decision.REJECT, confidence=0.0)
     assert on_known_ground(empty, RULES) is empty
+
+
+def test_grain_does_not_depend_on_exposure() -> None:
+    photo = READ.trace.photo
+    assert photo is not None
+    darker = READ.traced(photo=Photo((photo.pixels // 2).astype(np.uint8)))
+    measured = measures_of(darker)
+    assert measured[Measure.GRAIN] == pytest.approx(GRAIN, rel=0.1)  # of whole grey levels
+    assert measured[Measure.PATCHES] == pytest.approx(
+        measures_of(READ)[Measure.PATCHES], rel=0.1
+    )  # of whole grey levels

@@ -39,6 +39,18 @@ def test_confidence_and_margin_are_those_of_the_leaders() -> None:
     assert alone.margin == alone.confidence == 0.7
 
 
+def test_seven_characters_one_in_doubt_say_more_than_a_sure_one() -> None:
+    def reading(*beliefs: float) -> Reading:
+        characters = tuple(character(("A", belief)) for belief in beliefs)
+        return Reading(characters=characters, decision=Decision.REVIEW, confidence=min(beliefs))
+
+    assert reading(0.5, *[0.99] * 6).nats_read > reading(0.85).nats_read
+    assert reading(0.9, 0.9).nats_read > reading(0.9, 0.7).nats_read
+    # noise read as eight characters is worth less than nothing, however unlikely each is
+    assert reading(*[0.1] * 8).nats_read < 0.0 < reading(0.85).nats_read
+    assert reading(0.0).nats_read == -2.0
+
+
 @pytest.mark.parametrize(("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")])
 def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
     reading = Reading(

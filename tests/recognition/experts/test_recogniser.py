@@ -1,7 +1,8 @@
-"""Our own recogniser: what becomes of its classes, and that it reads lines one by one as it does together."""
+"""The recogniser: what becomes of its classes, and that it reads lines one by one as it does together."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -74,10 +75,10 @@ def test_lines_together_are_read_as_one_by_one(make_part: Callable[..., StampedP
     together = believed(strips)
     for strip, found in zip(strips, together, strict=True):
         (alone,) = believed([strip])
-        assert found.shape == alone.shape == (-(-strip.shape[2] // STEP_COLUMNS), 1 + len(CHARACTERS))
+        assert found.shape == alone.shape == (math.ceil(strip.shape[2] / STEP_COLUMNS), 1 + len(CHARACTERS))
         np.testing.assert_allclose(np.exp(found).sum(axis=1), 1.0, atol=1e-4)
         # what is shown beside a shorter strip is land that nobody knows: near its end it may change a step
-        near = slice(0, len(alone) - HEIGHT_ROWS // STEP_COLUMNS)
+        near = slice(0, len(alone) - round(HEIGHT_ROWS / STEP_COLUMNS))
         assert (found[near].argmax(axis=1) == alone[near].argmax(axis=1)).all()
 
 

@@ -68,7 +68,7 @@ def test_any_beliefs_have_a_state(beliefs: dict[str, float], expected: str) -> N
         assert shared[expected] >= 0.5
     if found.state is CharacterState.MISMATCH:
         assert found.rival != expected
-        assert shared.get(expected, 0.0) <= 0.1 * found.rival_probability
+        assert shared.get(expected, 0.0) <= 0.1 * found.probability
     if found.state is CharacterState.CONFUSED:
         assert found.rival not in ("", found.char)
 

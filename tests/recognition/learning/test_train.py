@@ -9,16 +9,19 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="the extra `train` is not installed")
-pytest.importorskip("onnx", reason="the extra `train` is not installed")
+pytest.importorskip("onnx2torch", reason="the extra `train` is not installed")
 
 import torch
 
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
 from recognition.experts.recogniser import CHARACTERS
-from recognition.learning.network import Recogniser
+from recognition.learning.covers import cover_rivals
+from recognition.learning.network import COLUMNS, Recogniser
+from recognition.learning.public_start import load_start
+from recognition.learning.sketches import sketch_many
 from recognition.learning.train import Average, Training, main, train
-from recognition.learning.train_batches import Strips, batches, drawn_again, gathered, targets
+from recognition.learning.train_batches import batches, gathered, rounds, targets
 from recognition.learning.train_measure import decoded, measured, plain
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_strips import (
@@ -26,23 +29,28 @@ from recognition.learning.training_strips import (
     WIDE_MARGIN,
     TrainingStrip,
     lines_of,
+    read_strips,
     write_strips,
 )
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import LAYERS, View, heights_view
 
 TEXTS = ("K7", "7K", "B2", "2B", "KB", "BK", "72", "27")
-TOY = Training(minutes=0.6, width=12, batch=8, rate=8e-3, easy_share=1.0)
+TOY = Training(minutes=0.5, batch=8, frozen_share=0.0)
 READ_SHARE = 0.75
-"""Of the characters that it was trained on: 14 of 16 were read after 260 steps; a guess is right once in seventy."""
+"""Of the characters that it was trained on."""
 
 
 def line_of(text: str) -> tuple[View, TextLine, str]:
     """A clean plate as an instrument measures it, 28 samples to the height: what the recogniser sees."""
     part = stamp(text, font="gothic", height_mm=5.0, pitch_mm=5.0 / 28, seed=1)
-    made = TrainingPart(part, "gothic", 5.0, Layout(), scan=None, photo=None)  # type: ignore[arg-type]
-    line, said = lines_of(made)[0]
+    made = TrainingPart(part, "gothic", 5.0, Layout(), scan=None, photos=())  # type: ignore[arg-type]
+    line, said, _ = lines_of(made)[0]
     return heights_view(part.height_map), line, said
+
+
+def kept_in(folder: Path) -> list[TrainingStrip]:
+    return read_strips(sorted(folder.glob("*.npz")))
 
 
 def strip_of(text: str) -> TrainingStrip:
@@ -62,7 +70,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out") / "toy.onnx"
     torch.set_num_threads(1)
-    train(folder, folder, TOY, out=out, log=out.with_suffix(".log"))
+    train([folder], folder, TOY, out=out, log=out.with_suffix(".log"))
     return out
 
 
@@ -70,15 +78,11 @@ def lines(log: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in log.read_text().splitlines()]
 
 
-def test_the_loss_falls_and_its_own_texts_are_read(trained: Path, folder: Path) -> None:
+def test_its_own_texts_are_read(trained: Path, folder: Path) -> None:
     log = lines(trained.with_suffix(".log"))
-    losses = [float(str(line["loss"])) for line in log if "loss" in line]
-    # means of the last hundred steps; after the first twenty, and at the end
-    assert len(losses) > 1, "the time was too short for two reports"
-    assert losses[-1] < 0.7 * losses[0]
-    network = Recogniser(1 + len(CHARACTERS), width=TOY.width)
+    network = Recogniser(load_start(), CHARACTERS)
     network.load_state_dict(torch.load(trained.with_suffix(".pt"), weights_only=True))
-    characters, mistakes, read = measured(network, Strips(folder).read())["all"]
+    characters, mistakes, read = measured(network, kept_in(folder))["all"]
     assert (characters, read) == (2 * len(TEXTS), len(TEXTS))
     assert mistakes <= (1.0 - READ_SHARE) * characters
     # the log ends with what the last weights read, and their running mean
@@ -88,18 +92,21 @@ def test_the_loss_falls_and_its_own_texts_are_read(trained: Path, folder: Path) 
 def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) -> None:
     from recognition.lines.networks import opened
 
-    network = Recogniser(1 + len(CHARACTERS), width=TOY.width)
+    network = Recogniser(load_start(), CHARACTERS)
     network.load_state_dict(torch.load(trained.with_suffix(".pt"), weights_only=True))
     network.eval()
-    session = opened(trained)
-    for strip in Strips(folder).read():
+    whole, session = opened(trained.with_suffix(".float.onnx")), opened(trained)
+    for strip in kept_in(folder):
         fed = plain(strip)[None]
-        (said,) = session.run(None, {"strip": fed})
+        (said,) = whole.run(None, {"strip": fed})
         with torch.no_grad():
             expected = network(torch.from_numpy(fed)).numpy()
         # the same sums in another order, single precision
         np.testing.assert_allclose(said, expected, atol=1e-3)
         assert decoded(said[0]) == decoded(expected[0])
+        # in eight bits posteriors move by some hundredths
+        (short,) = session.run(None, {"strip": fed})
+        assert np.abs(np.exp(short) - np.exp(said)).mean() < 0.02
 
 
 def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
@@ -116,8 +123,6 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
         0.02,
         "--seed",
         3,
-        "--width",
-        8,
         "--threads",
         1,
     ]
@@ -130,19 +135,19 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
 
 
 def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> None:
-    how = Training(minutes=0.1, width=8, batch=99)
+    how = Training(minutes=0.1, batch=99)
     with pytest.raises(ValueError, match="8 strips are fewer than a batch of 99"):
-        train(folder, folder, how, out=tmp_path / "net.onnx", log=tmp_path / "log")
+        train([folder], folder, how, out=tmp_path / "net.onnx", log=tmp_path / "log")
 
 
 # --------------------------------------------------------------------------------------------------------- parts
 
 
 def test_a_plain_strip_is_what_is_read(folder: Path) -> None:
-    strip = Strips(folder).read()[0]
+    strip = kept_in(folder)[0]
     cut = plain(strip)
     assert cut.shape[:2] == (LAYERS, ROWS)
-    assert cut.shape[2] % 4 == 0
+    assert cut.shape[2] % COLUMNS == 0
     view, line, _ = line_of(TEXTS[0])
     asked = view.strip(line)
     # the margins are no whole number of columns: fifths of one, sixteen bits
@@ -177,32 +182,62 @@ def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
 
 
 def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:
-    strips = Strips(tmp_path)
-    assert strips.read() == []
-    write_strips(tmp_path / "a.npz", [strip_of("K7")])
-    write_strips(tmp_path / "b.tmp.npz", [strip_of("B2")])
-    assert [s.text for s in strips.read()] == ["K7"]
+    write_strips(tmp_path / "a.npz", [strip_of("K7")] * 8)
+    write_strips(tmp_path / "b.tmp.npz", [strip_of("B2")] * 8)
+    drawn = rounds([tmp_path], np.random.default_rng(0))
+    assert {s.text for s in next(drawn)} == {"K7"}
     (tmp_path / "b.tmp.npz").rename(tmp_path / "b.npz")
-    assert [s.text for s in strips.read()] == ["K7", "B2"]
-    assert [s.text for s in strips.read()] == ["K7", "B2"]
+    assert {s.text for s in next(drawn)} == {"K7", "B2"}
+    with pytest.raises(ValueError, match="no strips"):
+        next(rounds([tmp_path / "none"], np.random.default_rng(0)))
 
 
-def test_hopeless_photographs_are_seldom_drawn() -> None:
+def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
     def strip(source: str, severity: float) -> TrainingStrip:
         return TrainingStrip(
-            np.zeros((LAYERS, TALL_ROWS, 64), np.float16), "A", source, "gothic", "rust", severity
+            np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, "gothic", "rust", severity
         )
 
-    strips = [strip("photo", 0.9)] * 300 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 50
-    kept = drawn_again(strips, np.random.default_rng(0))
-    hard = sum(s.source == "photo" and s.severity > 0.5 for s in kept)
-    # 35 % of 300, four standard deviations
-    assert hard == pytest.approx(105, abs=4 * np.sqrt(300 * 0.35 * 0.65))
-    assert len(kept) - hard == 100
+    write_strips(
+        tmp_path / "a.npz",
+        [strip("photo", 0.9)] * 200 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 200,
+    )
+    kept = next(rounds([tmp_path], np.random.default_rng(0)))
+    hard, easy = (sum(s.source == "photo" and s.severity == level for s in kept) for level in (0.9, 0.2))
+    assert sum(s.source == "felt" for s in kept) == 50
+    assert 0 < hard < 0.6 * easy < 120
+
+
+def test_covers_hide_what_tells_characters_apart_and_nothing_else() -> None:
+    strip = sketch_many([], 1, np.random.default_rng(1))[0]
+    tall, _ = gathered([strip] * 40)
+    before = tall.clone()
+    texts, places = ["B" * len(strip.text)] * 40, [strip.places] * 40
+    covered = cover_rivals(tall, texts, places, rng=torch.Generator().manual_seed(0))
+    changed = (covered != before).any(dim=1)
+    assert changed.any()
+    first, last = strip.places[0][0], strip.places[-1][1]
+    assert not changed[:, :, : int(first) - 8].any()
+    assert not changed[:, :, int(last) + 8 :].any()
+    none = cover_rivals(before.clone(), texts, [()] * 40, rng=torch.Generator().manual_seed(0))
+    torch.testing.assert_close(none, before)
+
+
+def test_sketches_are_the_same_of_the_same_seed_and_hold_what_they_say() -> None:
+    strips = sketch_many([], 4, np.random.default_rng(5))
+    again = sketch_many([], 4, np.random.default_rng(5))
+    assert len(strips) == 12
+    for one, other in zip(strips, again, strict=True):
+        np.testing.assert_array_equal(one.layers, other.layers)
+        assert one.text == other.text
+        assert np.isfinite(one.layers).all()
+        assert one.layers.shape[:2] == (LAYERS, TALL_ROWS)
+        assert len(one.places) == len(one.text)
+    assert {s.source for s in strips} >= {"photo", "felt"}
 
 
 def test_a_running_mean_follows_the_weights() -> None:
-    network = Recogniser(5, width=8)
+    network = Recogniser(load_start(), "ABCD")
     average = Average(network)
     first = {name: value.clone() for name, value in average.weights.items()}
     with torch.no_grad():
@@ -215,16 +250,16 @@ def test_a_running_mean_follows_the_weights() -> None:
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_network_takes_any_number_and_length(count: int) -> None:
-    network = Recogniser(5, width=8).eval()
-    for columns in (48, 160):
+    network = Recogniser(load_start(), "ABCD").eval()
+    for columns in (2 * COLUMNS, 8 * COLUMNS):
         said = network(torch.zeros(count, LAYERS, ROWS, columns))
-        assert said.shape == (count, columns // 2, 5)
-        torch.testing.assert_close(said.exp().sum(dim=2), torch.ones(count, columns // 2))
+        assert said.shape == (count, columns * 3 // COLUMNS, 5)
+        torch.testing.assert_close(said.exp().sum(dim=2), torch.ones(count, columns * 3 // COLUMNS))
 
 
 def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Path) -> None:
-    network = Recogniser(5, width=8).eval()
-    strip = torch.from_numpy(plain(Strips(folder).read()[0]))[None]
+    network = Recogniser(load_start(), "ABCD").eval()
+    strip = torch.from_numpy(plain(kept_in(folder)[0]))[None]
     lifted = strip.clone()
     lifted[:, 0] += 3.0 * strip[:, 6]
     with torch.no_grad():

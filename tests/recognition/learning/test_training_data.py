@@ -62,27 +62,31 @@ def test_texts_are_of_what_the_font_has(font: str) -> None:
 
 
 def test_strips_are_tall_cut_about_their_line_and_kept(made: TrainingPart, tmp_path: Path) -> None:
-    strips = strips_of(made, np.random.default_rng(0))
-    texts = [text for _, text in lines_of(made)]
+    strips = strips_of(made)
+    texts = [text for _, text, _ in lines_of(made)]
     for strip in strips:
         assert strip.text in texts
         assert strip.layers.shape[:2] == (LAYERS, TALL_ROWS)
         assert strip.directions == (len(made.scan.sweeps) if strip.source == "felt" else 0)
         assert set(np.unique(strip.layers[KNOWN])) <= {0.0, 1.0}
-    line = lines_of(made)[0][0]
+    line, text, places = lines_of(made)[0]
     assert strips[0].layers.shape[2] == line.columns(margin=WIDE_MARGIN)
+    # a character's place is on the strip, in the order of reading
+    assert len(places) == len(text)
+    assert all(0.0 < first <= last < strips[0].layers.shape[2] for first, last in places)
+    assert sorted(places) == list(places)
     write_strips(tmp_path / "a.npz", strips)
     write_strips(tmp_path / "b.npz", strips[:1])
     back = read_strips([tmp_path / "a.npz", tmp_path / "b.npz"])
     assert len(back) == len(strips) + 1
     for one, other in zip(back, [*strips, strips[0]], strict=True):
         np.testing.assert_array_equal(one.layers, other.layers)
-        for name in ("text", "source", "font", "soils", "severity", "directions"):
+        for name in ("text", "source", "font", "soils", "severity", "directions", "places"):
             assert getattr(one, name) == getattr(other, name)
 
 
 def test_lines_lie_on_the_boxes_of_their_characters(made: TrainingPart) -> None:
-    line, text = lines_of(made)[0]
+    line, text, _ = lines_of(made)[0]
     boxes = np.array([b for b, c in zip(made.part.stamped.boxes_mm, text, strict=True) if c != " "])
     middles = 0.5 * (boxes[:, :2] + boxes[:, 2:])
     dense = np.concatenate(

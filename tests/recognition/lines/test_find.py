@@ -109,3 +109,15 @@ def test_lines_overlap_where_one_lies_in_the_others_band() -> None:
     # less than half of the long one lies in the short one's band
     assert not overlap(line(0, 0, 20), line(0, 0, 6))
     assert not overlap(line(30, 0, 20), line(0, 0, 20))
+
+
+def test_a_straight_line_along_the_top_of_an_arc_is_the_same_ink() -> None:
+    """Characters of an arc were read twice, and the part went to review for a line that was its own serial."""
+    height_mm, radius_mm = 2.0, 9.0
+    angles = np.linspace(-0.8, 0.8, 33)
+    arc = TextLine(radius_mm * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1), height_mm)
+    top = TextLine(np.array([(-4.0, 0.3), (4.0, 0.3)]), height_mm)
+    assert overlap(top, arc, band_mm=0.9 * height_mm)
+    assert overlap(arc, arc.reversed)
+    below = TextLine(np.array([(-4.0, 5.5), (4.0, 5.5)]), height_mm)
+    assert not overlap(below, arc, band_mm=0.9 * height_mm)

@@ -282,3 +282,16 @@ def test_strokes_are_there_by_their_edges_too() -> None:
         grade = MarkGrade((Parameter("completeness", share, 1),), Action.CLEAN_FIRST)
         graded = replace(dotted, characters=(replace(dotted.characters[0], grade=grade),))
         assert strokes_asked(graded).flags == flags
+
+
+def test_beliefs_in_rivals_are_what_a_calibration_says_that_they_are_worth(part: StampedPart) -> None:
+    line, believed = felt_line(part, relief_of(part)), lattice(TEXT, p0=("P", 0.09))
+
+    def belief(slope: float) -> float:
+        (rival,) = [r for r in line.strokes(TEXT, believed, slope=slope)[0].rivals if r.char == "P"]
+        return rival.belief
+
+    assert belief(1.0) == pytest.approx(0.09)
+    assert belief(0.5) > 0.09 > belief(1.5)
+    # odds of 10 to 1 are odds of 100 to 1 where the slope is 2; 0.01 is no character at all
+    assert belief(2.0) == pytest.approx(0.99 / 101.0)

@@ -8,7 +8,7 @@ import pytest
 
 from whisker_array.design.array_design import ArrayRequest, array_words, design_arrays
 from whisker_array.design.limits import DesignError
-from whisker_array.design.plan_accuracy import PlanCounts, accuracy_words, measured_plans
+from whisker_array.design.plan_accuracy import PlanCounts, measured_plans
 from whisker_array.whisker.array import WhiskerArray, default_plan
 from whisker_array.whisker.comb import collisions, default_body, least_rows, least_stagger_mm
 
@@ -106,4 +106,3 @@ def test_counts_add_up_and_come_with_the_program() -> None:
     assert {c.severity for c in known} == {0.3, 0.6}
     assert {c.lines for c in known} == {10, 14, 20, 40}
     assert all(0 <= c.accepted_wrong <= c.accepted <= c.parts and c.right <= c.characters for c in known)
-    assert len(accuracy_words(known)) == 1 + len(known)

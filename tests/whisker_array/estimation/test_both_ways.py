@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import EdgeMap, TraceDirection
-from tests.support.paper import lift_from_slope
-from whisker_array.estimation.estimate import moment_per_lift, slope_from_turned
+from tests.support.paper import lift_from_slope, slope_from_turned
+from whisker_array.estimation.estimate import moment_per_lift
 from whisker_array.estimation.relief import STEEPEST, mean_of_known, relief_from_edges
 from whisker_array.whisker.touch import default_touch
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tests.support.paper import lift_from_slope
+from tests.support.paper import lift_from_slope, slope_from_turned
 from whisker_array.estimation.estimate import (
     friction_from_shapes,
     friction_from_two_ways,
@@ -17,7 +17,6 @@ from whisker_array.estimation.estimate import (
     lean_from_moment,
     lift_from_profiler,
     moment_per_lift,
-    slope_from_turned,
     tip_shift_mm,
 )
 from whisker_array.simulation.contact import land_lag_mm
@@ -210,5 +209,3 @@ def test_the_wrong_whisker_is_refused() -> None:
         lean_from_moment(-5.0, 1.0, profiler)
     with pytest.raises(WhiskerError, match="same both ways"):
         friction_from_two_ways(-5.0, -5.0, profiler)
-    with pytest.raises(WhiskerError, match="does not measure the slope"):
-        slope_from_turned(-5.0, -5.0, profiler, mu=0.2)

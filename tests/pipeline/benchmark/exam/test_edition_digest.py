@@ -12,8 +12,11 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.benchmark.exam import edition_digest
-from pipeline.benchmark.exam.edition_digest import (
+from pipeline.benchmark.exam.editions import design_named
+from pipeline.benchmark.exam.specimens import Specimen
+from pipeline.workers.executors import InlineExecutor
+from tests.benchmarks import edition_digest
+from tests.benchmarks.edition_digest import (
     STEPS,
     Task,
     arithmetic,
@@ -25,9 +28,6 @@ from pipeline.benchmark.exam.edition_digest import (
     main,
     rounded,
 )
-from pipeline.benchmark.exam.editions import design_named
-from pipeline.benchmark.exam.specimens import Specimen
-from pipeline.workers.executors import InlineExecutor
 
 EDITION = "marks-exam-1-48"
 SMALL = ("dotted-0-rust-0000", "first-0.3-caked-0000", "first-0.9-casting-0000")

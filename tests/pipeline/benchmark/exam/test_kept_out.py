@@ -102,9 +102,8 @@ def test_no_code_that_fits_names_what_is_kept_out(path: Path) -> None:
 def test_the_known_fits_are_among_those_looked_at() -> None:
     found = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
     assert {
-        "recognition/experts/templates/calibrate.py",
         "recognition/experts/templates/calibrate.fit.json",
-        "pipeline/benchmark/soil_severity.py",
+        "tests/benchmarks/soil_severity.py",
         "tests/benchmarks/learning.py",
         SCALE,
     } <= found
@@ -116,10 +115,8 @@ def test_every_fitted_file_has_a_manifest() -> None:
     fitted += [
         p for p in fitting_code() if p.parts[len(ROOT.parts)] != "tests" and "sklearn" in p.read_text("utf-8")
     ]
-    # the severities are measured by a command of the pipeline, and kept with the soils
-    places = {ROOT / "pipeline/benchmark/soil_severity.py": ROOT / SCALE}
     for path in fitted:
-        assert places.get(path, path.with_suffix(".fit.json")).is_file(), f"{path} has no manifest"
+        assert path.with_suffix(".fit.json").is_file(), f"{path} has no manifest"
 
 
 def test_a_kept_out_font_or_soil_would_be_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 import pytest
 
-from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.readers.experts import alone, experts_in
-from pipeline.benchmark.readers.modes import open_mode
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from recognition.decision.reading import Decision, Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
-from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 from whisker_array.simulation.traces import Fidelity
@@ -36,32 +34,24 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
     whole = Reading((), Decision.ACCEPT, 0.9, source="tactile", seconds={"scan": 2.0}).traced(
-        by_expert=MappingProxyType({"own": own, "print": doubting})
+        by_expert=MappingProxyType({"network": own, "templates": doubting})
     )
-    sure, unsure = alone(whole, ["own"], FORMATTED), alone(whole, ["print"], FORMATTED)
+    sure, unsure = alone(whole, "network", FORMATTED), alone(whole, "templates", FORMATTED)
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
     assert sure.seconds == {"scan": 2.0}
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
-    # together the sure one has its way
-    assert alone(whole, ["own", "print"], FORMATTED).text == "Z2"
-    silent = alone(whole, ["templates"], FORMATTED)
+    silent = alone(replace(whole, source="vision").traced(by_expert={}), "network", FORMATTED)
     assert (silent.text, silent.decision) == ("", Decision.REJECT)
 
 
-def test_experts_belong_to_the_modes_that_they_have_a_say_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert experts_in(("vision", "rapidocr photo")) == ("vision own", "vision print")
-    assert experts_in(("fused",)) == (
-        "tactile own", "tactile print", "tactile templates", "vision own", "vision print",
-        "tactile own+templates", "tactile own+print", "tactile print+templates",
-    )  # fmt: skip
-    monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
-    assert experts_in(("tactile",)) == ("tactile own", "tactile templates", "tactile own+templates")
-    with pytest.raises(MarksError, match=r"tactile-marks\[vision\]"):
-        open_mode("tactile print", Reader(FORMATTED))
+def test_experts_belong_to_the_modes_that_they_have_a_say_in() -> None:
+    assert experts_in(("vision", "rapidocr photo")) == ("vision network",)
+    assert experts_in(("fused",)) == ("tactile network", "tactile templates", "vision network")
+    assert experts_in(("tactile",)) == ("tactile network", "tactile templates")
 
 
-APART = ("tactile", "tactile own", "tactile templates")
+APART = ("tactile", "tactile network", "tactile templates")
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +70,7 @@ def test_a_part_is_read_once_for_all_of_them(trials: list[Trial]) -> None:
     assert own.scan_s == whole.scan_s > 0.0
     assert own.compute_s < 1.5 * whole.compute_s  # a second reading would double it
     compared = {(c.first.mode, c.second.mode) for c in statistics_of(trials).comparisons}
-    assert compared == {("tactile", "tactile own"), ("tactile", "tactile templates")}
+    assert compared == {("tactile", "tactile network"), ("tactile", "tactile templates")}
 
 
 def test_templates_alone_read_a_clean_part_of_their_font(trials: list[Trial]) -> None:

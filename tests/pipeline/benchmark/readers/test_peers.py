@@ -141,9 +141,9 @@ def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.Monke
     def gone(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
     monkeypatch.setattr(engines.importlib, "import_module", gone)
     engines._tesseract_api.cache_clear()
+    engines._rapid_session.cache_clear()
     with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
         open_mode(f"{engine} photo", Reader(ReaderSettings()))
 

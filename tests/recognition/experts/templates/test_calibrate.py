@@ -1,4 +1,4 @@
-"""Belief from scores: what must hold of any, and weights found again in what was drawn with them."""
+"""Belief from scores: what must hold of any."""
 
 from __future__ import annotations
 
@@ -12,17 +12,11 @@ from recognition.experts.templates.calibrate import (
     DEFAULT_WEIGHTS,
     Scored,
     Weights,
-    fit_weights,
-    lattice_of,
     log_beliefs,
     residual_of,
 )
-from recognition.language.lattice import Lattice
 
-CHARS = "AB01"
 IDEAL = np.full(4, 2000.0)
-FIT = 0.12
-"""Relative error of weights fitted on 1500 places, about three standard errors."""
 
 
 def scored(evidence: list[float], correlation: list[float] | None = None) -> Scored:
@@ -110,68 +104,6 @@ def test_what_correlation_leaves(r: float) -> None:
         assert left == 0.0
     elif r < 0.999:
         assert np.exp(left) == pytest.approx(1.0 - r**2)
-
-
-# ----------------------------------------------------------------------------------------------------- lattice
-
-
-def made(seed: int = 1, places: int = 3) -> Lattice:
-    rng = np.random.default_rng(seed)
-    return lattice_of(CHARS, [scored(list(rng.uniform(0.0, 800.0, 4))) for _ in range(places)])
-
-
-def test_a_lattice_holds_the_beliefs_of_its_places() -> None:
-    lattice = made()
-    assert lattice.chars == tuple(CHARS)
-    assert lattice.n_places == 3
-    assert lattice_of(CHARS, []).n_places == 0
-
-
-# ----------------------------------------------------------------------------------------------------- fitting
-
-
-def drawn(weights: Weights, count: int, seed: int) -> list[tuple[Scored, int]]:
-    """Places whose true characters follow the weights."""
-    rng = np.random.default_rng(seed)
-    places = []
-    for _ in range(count):
-        evidence, residual = rng.normal(0.0, 150.0, 6), -rng.gamma(2.0, 0.2, 6)
-        exponent = weights.evidence * evidence + weights.residual * residual
-        belief = np.exp(exponent - exponent.max())
-        places.append((Scored(evidence, residual, IDEAL), int(rng.choice(6, p=belief / belief.sum()))))
-    return places
-
-
-@pytest.mark.parametrize("weights", [Weights(0.01, -4.0), Weights(0.005, -3.0), DEFAULT_WEIGHTS])
-def test_two_characters_a_place_give_back_the_weights(weights: Weights) -> None:
-    rng = np.random.default_rng(4)
-    places = []
-    for one, true in drawn(weights, 4500, 11):
-        # of the true one and a rival picked blindly, the odds are those of the logit: no model of six is needed
-        rival = int(rng.choice(np.delete(np.arange(6), true)))
-        pair = np.array([true, rival])
-        places.append((Scored(one.evidence[pair], one.residual[pair], one.ideal[:2]), 0))
-    found = fit_weights(places)
-    assert found.evidence == pytest.approx(weights.evidence, rel=FIT)
-    assert found.residual == pytest.approx(weights.residual, rel=FIT)
-
-
-def test_six_characters_a_place_give_back_the_weights() -> None:
-    weights = Weights(0.01, -4.0)
-    found = fit_weights(drawn(weights, 1500, 12))
-    assert found.evidence == pytest.approx(weights.evidence, rel=FIT)
-    assert found.residual == pytest.approx(weights.residual, rel=FIT)
-
-
-def test_what_is_not_fitted_is_kept() -> None:
-    start = Weights(0.02, -3.0, doubt=0.7, doubt_share=0.2, slip=1e-3)
-    found = fit_weights(drawn(start, 60, 13), start=start)
-    assert (found.doubt, found.doubt_share, found.slip) == (0.7, 0.2, 1e-3)
-
-
-def test_too_few_places_are_refused() -> None:
-    with pytest.raises(ValueError, match="49"):
-        fit_weights(drawn(DEFAULT_WEIGHTS, 49, 14))
 
 
 @pytest.mark.parametrize(

@@ -147,16 +147,6 @@ def test_an_unturned_image_is_the_map() -> None:
     assert image.plate_from_line(*image.origin_mm) == pytest.approx(edges.origin_mm)
 
 
-def test_a_plate_box_is_the_hull_of_the_turned_rectangle() -> None:
-    image = line_image(blob_map(8.0, 1.0), rotation_deg=45.0)
-    box = image.plate_box(-1.0, -1.0, 1.0, 1.0)
-    cx, cy = image.centre_mm
-    reach = math.sqrt(2.0)
-    assert (box.x0_mm, box.y0_mm, box.x1_mm, box.y1_mm) == pytest.approx(
-        (cx - reach, cy - reach, cx + reach, cy + reach)
-    )
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.04, 0.5), st.floats(0.04, 0.5), st.floats(-3.0, 3.0))
 def test_resampling_keeps_a_constant(pitch_u: float, pitch_v: float, value: float) -> None:

@@ -49,10 +49,12 @@ def model(share: float = 0.05, *, raised: bool = False) -> PixelModel:
 
 def said(made: PixelModel, channel: int, felt: float, predicted: float, cover: float = 0.0) -> float:
     """The ratio through the look-up, as the dense sum takes it."""
-    e, t = np.zeros((2, 1, 1), np.float32), np.zeros((2, 1, 1), np.float32)
-    e[channel], t[channel] = felt, predicted
+    e = np.zeros((2, 1, 1), np.float32)
+    e[channel] = felt
+    at = (np.float32(predicted) / REACH[channel] + 1.0) * 0.5 * (N_PREDICTED - 1)
+    column = int(np.clip(np.rint(at), 0, N_PREDICTED - 1))
     row = made.felt_index(e, np.full((1, 1), cover, np.float32))[channel, 0, 0]
-    return float(made.table.ravel()[row + made.predicted_index(t)[channel, 0, 0]])
+    return float(made.table.ravel()[row + column])
 
 
 def shares(cover: float) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import EdgeMap
 from recognition.experts.templates.placed_line import PlacedLine, TouchedPart
 from recognition.experts.templates.predicted import TemplateCache
-from recognition.experts.templates.refine import fine_templates, guessed_cells, refine_line, score_cells
+from recognition.experts.templates.refine import fine_templates, guessed_cells, refine_line
 from whisker_array.whisker.array import ALL_DIRECTIONS
 from whisker_array.whisker.touch import Touch
 
@@ -59,11 +59,9 @@ def test_the_height_settles(
     supposed_mm: float, place_line: Place, calm_part: StampedPart, calm_edges: EdgeMap
 ) -> None:
     line = place_line(calm_part, calm_edges, height_mm=supposed_mm)
-    settled, cells = refine_line(line, ALL_DIRECTIONS)
+    settled, _ = refine_line(line, ALL_DIRECTIONS)
     # the ladder of heights has steps of 2.2 %: half of one, or nearer than what was supposed
     assert abs(settled.height_mm - 5.0) <= max(0.6 * abs(supposed_mm - 5.0), 0.03 * 5.0)
-    for one, other in zip(cells, score_cells(settled, ALL_DIRECTIONS), strict=True):
-        np.testing.assert_array_equal(one.scores, other.scores)
 
 
 def test_fine_templates_are_kept_and_turn_as_the_plate_turns(

@@ -8,7 +8,7 @@ camera comes in. It knows that there are A-Z and 0-9, and how many characters. I
 the true characters: one less their posterior probability, mean over the characters. That moves with the first dirt,
 long before a character is read wrongly; the share of characters that are wrong is kept beside it.
 
-Run `python -m pipeline.benchmark.soil_severity --write` after a change of a soil.
+Run `python tests/benchmarks/soil_severity.py --write` after a change of a soil.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def main(*, parts: int = 60, jobs: int = 2, write: bool = False) -> None:
     checks = run(CHECK_SEED, amounts)
     manifest = {
         "what": "amounts of each soil at the knots of severity (glyphs/soiling/severity.py)",
-        "command": f"python -m pipeline.benchmark.soil_severity --parts {parts} --write",
+        "command": f"python tests/benchmarks/soil_severity.py --parts {parts} --write",
         "made": date.today().isoformat(),
         "commit": _commit(),
         "editions": {EDITION: "fonts of the sections that are not kept out"},

@@ -1,6 +1,6 @@
 """How well a part is read by a coarser plan: measured on simulated parts, for `design --array`::
 
-    python -m pipeline.benchmark.plan_accuracy --parts 60 --seed 1700 --write
+    python tests/benchmarks/plan_accuracy.py --parts 60 --seed 1700 --write
 
 Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each plan about its line
 alone, as where a camera or a job says where it lies, and read with the format of its serials; fonts are not named. A
@@ -19,7 +19,7 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError
-from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, accuracy_words
+from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, ways_words
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.design import Design
@@ -117,6 +117,17 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
                 )
 
 
+def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
+    """A table for people."""
+    rows = ["lines  directions            dirt  parts  characters  accepted  of these wrong"]
+    rows += [
+        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%"
+        f"  {c.accepted:8d}  {c.accepted_wrong:14d}"
+        for c in counts
+    ]
+    return rows
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, say what was found, and with --write keep it."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -124,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--seed", type=int, default=1700)
     asked.add_argument("--write", action="store_true", help=f"replace {MEASURED.name} as parts are read")
     given = asked.parse_args(arguments)
-    command = f"python -m pipeline.benchmark.plan_accuracy --parts {given.parts} --seed {given.seed} --write"
+    command = f"python tests/benchmarks/plan_accuracy.py --parts {given.parts} --seed {given.seed} --write"
     sums: dict[tuple[int, tuple[int, ...], float], PlanCounts] = {}
     plans, drawn = len(LINES) * len(WAYS), trial_parts(given.parts, given.seed)
     for k, one in enumerate(counted(given.parts, given.seed), start=1):

@@ -1,6 +1,6 @@
 """What steps of touch bring, fitted on parts of a design that are felt by steps drawn at random::
 
-    python -m pipeline.benchmark.fit_gain --design marks-exam-1-240 --seed 7 --budget-s 60 --write
+    python tests/benchmarks/fit_gain.py --design marks-exam-1-240 --seed 7 --budget-s 60 --write
 
 Of the design only sections and soils that are not kept out are made, with a seed of their own, so that no part of an
 exam is among them. Every other part is held out of a first fit, which tells how well the chances hold.
@@ -10,18 +10,43 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from glyphs.errors import MarksError
-from recognition.active.fit_gain import Tried, fit_gain, loss_nats
-from recognition.active.gain import FITTED, LOOKS_AHEAD, Gain
-from recognition.active.moves import Way
+from recognition.active.gain import FITTED, LOOKS_AHEAD, Gain, WayGain, sureness
+from recognition.active.moves import MOST, Way
 
 if TYPE_CHECKING:
     from recognition.active.active_reading import ActiveReading
+
+STIFFNESS = 0.3
+"""Of the fit: the inverse weight of its penalty, so that ways that were seldom taken stay near the usual one."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One step that was taken, and what came of it.
+
+    Attributes:
+        way: of the step.
+        lines: of every way before it.
+        confidences: of all looks before it.
+        sure: whether the serial was sure within the looks that count.
+        part: the part that it was taken on.
+    """
+
+    way: Way
+    lines: Mapping[Way, int]
+    confidences: tuple[float, ...]
+    sure: bool
+    part: str = ""
 
 
 def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None = None) -> Iterator[Tried]:
@@ -81,6 +106,44 @@ def steps_of(found: ActiveReading, part: str) -> Iterator[Tried]:
         confidences.append(confidence)
 
 
+def fit_gain(tried: Sequence[Tried]) -> Gain:
+    """The gain that explains best what came of the steps.
+
+    Raises:
+        ValueError: steps that were all in vain, or none.
+    """
+    from sklearn.linear_model import LogisticRegression
+
+    found = np.array([one.sure for one in tried])
+    if found.size == 0 or found.all() or not found.any():
+        raise ValueError("a gain is fitted on steps of which some made the serial sure and some did not")
+    model = LogisticRegression(C=1.0 / STIFFNESS, max_iter=2000)
+    model.fit(np.array([_row(one) for one in tried]), found)
+    slopes, usual = [float(v) for v in model.coef_[0]], float(model.intercept_[0])
+    ways = {}
+    for k, way in enumerate(Way):
+        own, new, lines = slopes[3 * k : 3 * k + 3]
+        ways[way] = WayGain(usual=usual + own, new=new, lines=lines)
+    sure, surer, looks = slopes[3 * len(Way) :]
+    return Gain(ways, sure, surer, looks)
+
+
+def loss_nats(gain: Gain, tried: Sequence[Tried]) -> float:
+    """Mean surprise of a gain by what came of the steps."""
+    chances = [gain.chance(one.way, one.lines, one.confidences) for one in tried]
+    return float(
+        np.mean([-math.log(p if one.sure else 1.0 - p) for p, one in zip(chances, tried, strict=True)])
+    )
+
+
+def _row(one: Tried) -> NDArray[np.float64]:
+    row = np.zeros(3 * len(Way) + 3)
+    k, has, s = list(Way).index(one.way), one.lines.get(one.way, 0), sureness(one.confidences)
+    row[3 * k : 3 * k + 3] = 1.0, float(not has), has / MOST
+    row[-3:] = s, s * s, math.log2(len(one.confidences))
+    return row
+
+
 def as_json(gain: Gain) -> dict[str, object]:
     """The numbers, rounded as they are kept."""
     ways = {way.value: {k: round(v, 3) for k, v in asdict(own).items()} for way, own in gain.ways.items()}
@@ -115,7 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command = f"--design {given.design} --seed {given.seed} --budget-s {given.budget_s:g}"
         manifest = {
             "what": "chances that a step of touch makes the serial sure (recognition/active/gain.py)",
-            "command": f"python -m pipeline.benchmark.fit_gain {command} --write",
+            "command": f"python tests/benchmarks/fit_gain.py {command} --write",
             "made": date.today().isoformat(),
             "fonts": ["of the design, those of sections that are not kept out"],
             "soils": ["of the design, those that are not kept out"],

@@ -1,6 +1,6 @@
 """How well a whisker must be known: characters read where one of its numbers is taken for another, as a picture::
 
-    python -m pipeline.benchmark.known_whisker --parts 60 --seed 2100 --out known.svg
+    python -m tests.benchmarks.known_whisker --parts 60 --seed 2100 --out known.svg
 
 Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt once by the usual plan on the
 default bench, and read by touch, with the format of its serials, as if the whisker were another: gains wrong by so much
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.benchmark.paired import Trial, lost, table, tried
+from tests.benchmarks.paired import Trial, lost, table, tried
 from whisker_array.identification.bench import Unknown, known_before, nominal_bench
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker

@@ -2,7 +2,7 @@
 
     design --make--> heights, what yields, photograph, truth --rounded--> sha256, twelve digits a part
 
-`python -m pipeline.benchmark.exam.edition_digest NAME` makes the parts that the file beside the design lists, and says
+`python tests/benchmarks/edition_digest.py NAME` makes the parts that its file in `digests` lists, and says
 which differ; `--write` lists them anew. How far parts of two machines, or of two programs, differ is found with
 `--keep FOLDER` on the one and `--against FOLDER` on the other.
 
@@ -20,7 +20,6 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -129,7 +128,7 @@ def _apart(arrays: Arrays, path: Path) -> dict[str, float]:
 
 def digests_file(edition: str) -> Path:
     """Where the digests of an edition are."""
-    return Path(str(files("pipeline.benchmark.exam") / "designs" / f"{edition}.digests"))
+    return Path(__file__).parent / "digests" / f"{edition}.digests"
 
 
 def arithmetic() -> str:

@@ -1,6 +1,6 @@
 """What creep, hysteresis, play and errors of the stage cost in characters: measured on simulated parts::
 
-    python -m pipeline.benchmark.sensor_accuracy --parts 60 --seed 1700
+    python -m tests.benchmarks.sensor_accuracy --parts 60 --seed 1700
 
 Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by the usual plan with three
 benches and read by touch, with the format of its serials; fonts are not named::
@@ -16,7 +16,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.paired import Trial, table, tried
+from tests.benchmarks.paired import Trial, table, tried
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.specimens import Specimen

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.plan_accuracy import trial_parts
 from recognition.decision.reading import Decision, Reading
+from tests.benchmarks.plan_accuracy import trial_parts
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.specimens import Specimen

@@ -1,0 +1,118 @@
+"""The public network that training starts from: PP-OCRv6 small, which reads print (`rapidocr`'s wheel, Apache-2.0).
+
+    picture (n, 3, ROWS, columns), -1 to 1 --body--> features (n, columns / 8, FEATURES) --head--> 18,710 characters
+
+`onnx2torch` converts it. Needs the extra `train`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from glyphs.errors import MarksError
+
+ROWS, FEATURES = 48, 120
+STEP_COLUMNS = 8
+"""Columns of a picture to a step of features."""
+_HEAD_NODES = ("MatMul", "Add", "Identity", "Softmax")
+"""The last nodes of the graph: from features to shares of characters."""
+
+
+@dataclass(frozen=True, eq=False)
+class PublicStart:
+    """A network that reads print.
+
+    Attributes:
+        body: from a picture to features.
+        rows: (FEATURES,) weights and a bias of the head by character; "" is the blank.
+    """
+
+    body: nn.Module
+    rows: dict[str, tuple[Tensor, float]]
+
+    def head(self, characters: Sequence[str]) -> nn.Linear:
+        """A head of the blank and these characters, begun from the public one's rows; new characters from noise."""
+        head = nn.Linear(FEATURES, 1 + len(characters))
+        with torch.no_grad():
+            for k, char in enumerate(["", *characters]):
+                if char in self.rows:
+                    weights, bias = self.rows[char]
+                    head.weight[k] = weights
+                    head.bias[k] = bias
+        return head
+
+
+def load_start() -> PublicStart:
+    """The network in the installed `rapidocr`.
+
+    Raises:
+        MarksError: it is not installed, or carries no model that is built as expected.
+    """
+    import onnx
+    from onnx2torch import convert
+
+    spec = find_spec("rapidocr")
+    found = (
+        sorted((Path(spec.origin).parent / "models").glob("*v6_rec_small.onnx"))
+        if spec and spec.origin
+        else []
+    )
+    if not found:
+        raise MarksError(
+            "the network to start from is not there",
+            hint='install rapidocr 3.10 or later: pip install "tactile-marks[train]"',
+        )
+    model = onnx.load(str(found[0]))
+    graph = model.graph
+    tail = graph.node[-len(_HEAD_NODES) :]
+    if tuple(node.op_type for node in tail) != _HEAD_NODES:
+        raise MarksError(
+            f"{found[0].name} does not end in a head of characters", hint="install rapidocr 3.10"
+        )
+    arrays = {one.name: onnx.numpy_helper.to_array(one) for one in graph.initializer}
+    weights, bias = arrays[tail[0].input[1]], arrays[tail[1].input[1]]
+    features = tail[0].input[0]
+    del graph.node[-len(_HEAD_NODES) :]
+    graph.output[0].name = features
+    del graph.output[0].type.tensor_type.shape.dim[:]
+    for node in graph.node:
+        _pad_by_numbers(node)
+    body = convert(model)
+    _make_constants_learnable(body)
+    names = ["", *_characters(model), " "]
+    return PublicStart(
+        body, {c: (torch.from_numpy(weights[:, k].copy()), float(bias[k])) for k, c in enumerate(names)}
+    )
+
+
+def _characters(model: Any) -> list[str]:
+    listed = next(one.value for one in model.metadata_props if one.key == "character")
+    return str(listed).splitlines()
+
+
+def _pad_by_numbers(node: Any) -> None:
+    """Write `SAME_UPPER` of 2x2 kernels out, which the converter does not know."""
+    from onnx.helper import make_attribute
+
+    for attribute in list(node.attribute):
+        if attribute.name == "auto_pad" and attribute.s == b"SAME_UPPER":
+            node.attribute.remove(attribute)
+            node.attribute.append(make_attribute("pads", [0, 0, 1, 1]))
+
+
+def _make_constants_learnable(body: nn.Module) -> None:
+    """Biases and matrices that the converter keeps as buffers become weights; single numbers stay."""
+    for module in body.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            continue
+        for name, value in list(module.named_buffers(recurse=False)):
+            if value.dtype.is_floating_point and value.numel() > 1:
+                del module._buffers[name]
+                module.register_parameter(name, nn.Parameter(value.clone()))

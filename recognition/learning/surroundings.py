@@ -1,0 +1,98 @@
+"""What lies around a line, and lines that are shown the wrong way.
+
+    more land, the part's edge and nothing beyond it        upside down, mirrored
+    ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: nothing can be read
+
+A line is often taken longer than it is, so most strips show more than its characters. What stands upside down reads
+as other characters; a recogniser that learned from upright ones alone is sure of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.language.orientation import Way, images_of
+from recognition.learning.training_strips import TALL_ROWS, TrainingStrip
+from recognition.views.text_line import HEIGHT_ROWS
+from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
+
+_GAP_COLUMNS = 4.0
+"""Between a character and what is changed beside it."""
+
+
+def set_about(
+    strips: Sequence[TrainingStrip],
+    *,
+    rng: np.random.Generator,
+    longer: float = 0.25,
+    edge: float = 0.2,
+    turned: float = 0.1,
+) -> list[TrainingStrip]:
+    """Strips with other surroundings, some of them the wrong way up, which then say nothing.
+
+    Args:
+        strips: to learn from; those without places keep their surroundings.
+        rng: the only source of randomness.
+        longer: share of ends beyond which more land is shown.
+        edge: share of ends at which the part ends.
+        turned: share of strips shown upside down or mirrored.
+    """
+    return [_wrong_way(_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
+
+
+def _ends(strip: TrainingStrip, longer: float, edge: float, rng: np.random.Generator) -> TrainingStrip:
+    if not strip.places:
+        return strip
+    layers, places = strip.layers, np.array(strip.places)
+    free = places[:, 0].min(), layers.shape[2] - places[:, 1].max()
+    margins = [int(max(one - _GAP_COLUMNS, 0.0)) for one in free]
+    more = [int(rng.uniform(0.0, 2.5) * HEIGHT_ROWS) * (rng.random() < longer and m > 3) for m in margins]
+    layers = np.concatenate(
+        [_land(layers[:, :, : margins[0]], more[0]), layers, _land(layers[:, :, ::-1][:, :, : margins[1]], more[1])],
+        axis=2,
+    )  # fmt: skip
+    for flipped, room in ((False, margins[0] + more[0]), (True, margins[1] + more[1])):
+        if rng.random() < edge:
+            _end_part(layers[:, :, ::-1] if flipped else layers, room, rng)
+    return replace(strip, layers=layers, places=tuple((a + more[0], b + more[0]) for a, b in strip.places))
+
+
+def _land(margin: NDArray[np.float16], columns: int) -> NDArray[np.float16]:
+    """As much land as that, like the margin's."""
+    if columns == 0:
+        return margin[:, :, :0]
+    there_and_back = np.concatenate([margin, margin[:, :, ::-1]], axis=2)
+    return np.tile(there_and_back, (1, 1, columns // there_and_back.shape[2] + 1))[:, :, :columns]
+
+
+def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:
+    """Let the part end left of its characters; a photograph shows something else beyond, a scan nothing."""
+    at = rng.uniform(0.1, 1.0) * room + rng.uniform(-0.15, 0.15) * (np.arange(TALL_ROWS) - TALL_ROWS / 2)
+    beyond = np.arange(layers.shape[2]) < np.minimum(at, room)[:, None]
+    shade = layers[GREY].any() and rng.random() < 0.7
+    grey = rng.random() + 0.05 * rng.random() * rng.standard_normal(beyond.shape)
+    layers[:, beyond] = 0
+    if shade:
+        layers[GREY, beyond] = np.clip(grey, 0.01, 1.0)[beyond]
+        layers[KNOWN, beyond] = 1
+    elif layers[HEIGHTS].any():
+        # land is levelled where the line is, not where the part ends
+        layers[HEIGHTS] += (rng.normal(0.0, 0.04) * layers[KNOWN]).astype(np.float16)
+
+
+def _wrong_way(strip: TrainingStrip, share: float, rng: np.random.Generator) -> TrainingStrip:
+    if rng.random() >= share:
+        return strip
+    way = Way.UPSIDE_DOWN if rng.random() < 0.7 else Way.ROWS_REVERSED
+    text = strip.text.replace(" ", "")
+    plain = sum(not images_of(char, way, exact=True) for char in text)
+    if plain < max(2.0, 0.4 * len(text)):
+        return strip
+    order = list(range(strip.layers.shape[0]))
+    order[EDGES:KNOWN] = [4, 5, 2, 3] if way is Way.UPSIDE_DOWN else [2, 5, 4, 3]
+    columns = -1 if way is Way.UPSIDE_DOWN else 1
+    return replace(strip, layers=strip.layers[order][:, ::-1, ::columns], text="", places=())

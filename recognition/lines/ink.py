@@ -1,0 +1,112 @@
+"""A line laid on its ink: how far its characters lie above or below it says how it bends, turns and how high it is.
+
+strip, taller than the line --slopes--> middle and spread of the ink at each place --robust parabola--> line
+
+          A B C                      offsets of the places from the line, heights:
+    9 .-'       '-. 0                  + 0.3   - 0.1   - 0.1   + 0.3
+---------------------- line as found   bent by them, the line runs along the characters
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine, points_along
+from recognition.views.view import GREY, HEIGHTS, KNOWN, View
+
+Floats = NDArray[np.float64]
+
+
+def on_ink(
+    view: View,
+    line: TextLine,
+    columns: Floats,
+    *,
+    height_known: bool = False,
+    rows: int = 52,
+    half_place: float = 0.35,
+    usual_spread: float = 0.31,
+    least_off: float = 0.15,
+    least_change: float = 0.12,
+    most_size: float = 1.35,
+    land_percent: float = 60.0,
+    edge_percent: float = 98.0,
+    scatter: float = 0.05,
+    least_sag: float = 0.03,
+) -> tuple[TextLine, ...]:
+    """The line moved, turned and bent onto the ink of its places: as high as it was, and as high as its ink is.
+
+    Args:
+        view: that was read.
+        line: as it was found.
+        columns: (places,) of its strip.
+        height_known: the line is as high as it should be.
+        rows: of the strip that is looked at; a line may lie half a height off.
+        half_place: either side of a place, where its ink is looked for, heights.
+        usual_spread: standard deviation of ink down a character, heights: clean characters of three fonts, where
+            they were stamped.
+        least_off: of the ink from the line, heights: a line that lies closer is as well as it is.
+        least_change: of the logarithm of the height, that is more than fonts differ in.
+        most_size: ratio of heights that is believed.
+        land_percent, edge_percent: of slopes, what is land, and the most that counts.
+        scatter: of the middles of characters about their line, heights; what lies further off counts less.
+        least_sag: of a bend that is more than scatter, heights.
+
+    Returns:
+        No line where no ink is seen or it lies on the line as it is, one where the height suits, else two.
+    """
+    offsets, spreads = _ink(view.strip(line, rows=rows), columns, half_place, land_percent, edge_percent)
+    seen = np.isfinite(offsets)
+    if not seen.any():
+        return ()
+    shares = np.linspace(0.0, 1.0, 33)
+    at = ((shares * line.length_mm / line.height_mm) + MARGIN) * HEIGHT_ROWS
+    off = _parabola(columns[seen], offsets[seen], at, scatter)
+    size = float(np.clip(np.median(spreads[seen]) / usual_spread, 1.0 / most_size, most_size))
+    right_size = height_known or abs(np.log(size)) < least_change
+    within = (at >= columns[0]) & (at <= columns[-1])
+    if right_size and np.abs(off[within]).max(initial=0.0) < least_off:
+        return ()
+    points = points_along(line, shares)
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    points = points + (off * line.height_mm)[:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    chord = np.linspace(points[0], points[-1], len(points))
+    if np.linalg.norm(points - chord, axis=1).max() < least_sag * line.height_mm:
+        points = points[[0, -1]]
+    laid = TextLine(points, line.height_mm)
+    return (laid,) if right_size else (laid, TextLine(points, line.height_mm * size))
+
+
+def _ink(
+    strip: NDArray[np.float32], columns: Floats, half: float, land_percent: float, edge_percent: float
+) -> tuple[Floats, Floats]:
+    """(places,) middle and standard deviation of the ink down each place, heights; NaN where there is none."""
+    surface = strip[HEIGHTS] if strip[HEIGHTS].any() else strip[GREY]
+    slope = np.hypot(*np.gradient(surface)) * strip[KNOWN]
+    land, most = np.percentile(slope, (land_percent, edge_percent))
+    ink = np.clip(slope, land, max(most, land)) - land
+    down = (np.arange(ink.shape[0]) - 0.5 * (ink.shape[0] - 1)) / HEIGHT_ROWS
+    middles, spreads = np.full(columns.size, np.nan), np.full(columns.size, np.nan)
+    for k, column in enumerate(columns):
+        low, high = np.clip(
+            np.rint([column - half * HEIGHT_ROWS, column + half * HEIGHT_ROWS]), 0, ink.shape[1]
+        )
+        weight = ink[:, int(low) : int(high)].sum(axis=1)
+        if weight.sum() > 0.0:
+            middles[k] = np.average(down, weights=weight)
+            spreads[k] = np.sqrt(np.average((down - middles[k]) ** 2, weights=weight))
+    return middles, spreads
+
+
+def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> Floats:
+    """A robust parabola through offsets, of fewer places a straight line or none."""
+    from scipy.optimize import least_squares
+
+    degree = min(2, max(0, (columns.size - 1) // 2))
+    middle, half = columns.mean(), max(float(np.ptp(columns)) / 2, 1.0)
+    powers = np.vander((columns - middle) / half, degree + 1)
+    start = np.linalg.lstsq(powers, offsets, rcond=None)[0]
+    fit = least_squares(lambda p: powers @ p - offsets, start, loss="soft_l1", f_scale=scatter)
+    return np.asarray(np.vander((at - middle) / half, degree + 1) @ fit.x)

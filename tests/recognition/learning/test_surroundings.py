@@ -1,0 +1,66 @@
+"""What lies around a training strip changes, its characters do not; what is shown the wrong way says nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recognition.learning.surroundings import set_about
+from recognition.learning.training_strips import TALL_ROWS, TrainingStrip
+from recognition.views.view import EDGES, KNOWN, LAYERS
+
+FIRST, LAST = 30, 110
+
+
+def strip(text: str = "K7B2", *, places: bool = True) -> TrainingStrip:
+    """Land that is known all over, and characters as noise."""
+    rng = np.random.default_rng(3)
+    layers = np.zeros((LAYERS, TALL_ROWS, 140), dtype=np.float16)
+    layers[0] = 0.01
+    layers[:KNOWN, :, FIRST:LAST] = rng.normal(0.0, 1.0, (KNOWN, TALL_ROWS, LAST - FIRST))
+    layers[KNOWN] = 1
+    at = np.linspace(FIRST, LAST, len(text) + 1)
+    where = tuple(zip(at[:-1].tolist(), at[1:].tolist(), strict=True)) if places else ()
+    return TrainingStrip(layers, text, "felt", "gothic", "", 0.0, 4, where)
+
+
+def test_characters_stay_and_their_places_move_with_them() -> None:
+    many = set_about([strip()] * 60, rng=np.random.default_rng(1), turned=0.0)
+    whole = strip().layers[:, :, FIRST:LAST]
+    for one in many:
+        first = round(one.places[0][0])
+        assert np.array_equal(one.layers[EDGES:, :, first : first + LAST - FIRST], whole[EDGES:])
+        assert one.text == "K7B2"
+    assert max(one.layers.shape[2] for one in many) > 160
+    assert min(one.layers[KNOWN].min() for one in many) == 0
+
+
+def test_without_places_the_surroundings_stay() -> None:
+    given = strip(places=False)
+    (made,) = set_about([given], rng=np.random.default_rng(1), turned=0.0)
+    assert made is given
+
+
+def test_a_turned_strip_says_nothing_and_its_directions_change_places() -> None:
+    given = strip()
+    found = set_about([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
+    ways = {(2, 1): [4, 5, 2, 3], (1, 2): [2, 5, 4, 3]}
+    counts = {
+        order[0]: sum(
+            np.array_equal(
+                one.layers[EDGES:KNOWN], given.layers[order][:, ::-1, :: -1 if order[0] == 4 else 1]
+            )
+            for one in found
+        )
+        for order in ways.values()
+    }
+    assert all(one.text == "" for one in found)
+    assert sum(counts.values()) == len(found)
+    assert min(counts.values()) > 0
+
+
+def test_a_text_that_reads_the_other_way_as_well_is_never_turned() -> None:
+    given = strip("806960")
+    found = set_about([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
+    kept = [one for one in found if one.text]
+    assert len(kept) > 20  # upside down it is another serial; mirrored it is none
+    assert all(np.array_equal(one.layers, given.layers) for one in kept)

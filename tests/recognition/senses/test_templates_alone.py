@@ -1,0 +1,99 @@
+"""Touch reads by templates alone: the line found by their answers, and no network opened."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glyphs import HeightMap, stamp
+from glyphs.surface.maps import TraceDirection
+from recognition.decision.reading import Decision
+from recognition.lines import networks
+from recognition.senses.settings import ReaderSettings
+from recognition.senses.touch import TactileReader
+from recognition.views.levelling import level
+from whisker_array.scan.scan import trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+READERS: dict[ReaderSettings, TactileReader] = {}
+
+
+@pytest.fixture(autouse=True)
+def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    def opened(*_: object) -> None:
+        raise AssertionError("a network was opened")
+
+    for module in ("lines.find", "experts.recogniser"):
+        monkeypatch.setattr(f"recognition.{module}._session", opened)
+    monkeypatch.setattr(networks, "opened", opened)
+
+
+def reader(**changed: object) -> TactileReader:
+    given = {"fonts": ("gothic",), "format": "AA99", "orientation": "upright", **changed}
+    settings = ReaderSettings(experts=("templates",), **given)  # type: ignore[arg-type]
+    return READERS.setdefault(settings, TactileReader(settings))
+
+
+def test_a_clean_part_is_read_and_accepted_at_the_height_that_is_known() -> None:
+    part = stamp("KX47", font="gothic", height_mm=4.0, seed=1)
+    reading = reader(height_mm=4.0).read_height_map(part.height_map)
+    assert (reading.text, reading.decision) == ("KX47", Decision.ACCEPT)
+    assert reading.trace.experts == "templates"
+    assert [c.depth is not None for c in reading.characters] == [True] * 4
+
+
+def test_the_height_is_found_where_nobody_knows_it() -> None:
+    part = stamp("TB83", font="gothic", height_mm=6.0, seed=2)
+    reading = reader().read_height_map(part.height_map)
+    assert reading.text == "TB83"
+    assert reading.height_mm == pytest.approx(6.0, rel=0.07)
+
+
+@pytest.mark.parametrize("turned_deg", [-4.0, 4.0])
+def test_a_line_that_is_turned_a_little_is_read(turned_deg: float) -> None:
+    part = stamp("NR26", font="gothic", height_mm=4.0, line_rotation_deg=turned_deg, practice="ideal")
+    reading = reader(height_mm=4.0).read_height_map(part.height_map)
+    assert reading.text == "NR26"
+    assert reading.rotation_deg == pytest.approx(turned_deg, abs=1.0)
+
+
+def test_raised_marks_are_read() -> None:
+    sunk = stamp("KX47", font="gothic", height_mm=4.0, seed=4).height_map
+    reading = reader(height_mm=4.0).read_height_map(HeightMap(-sunk.z_mm, sunk.pitch_mm))
+    assert (reading.text, reading.raised) == ("KX47", True)
+
+
+def test_a_part_that_lies_upside_down_is_read_where_that_may_be() -> None:
+    part = stamp("KF47", font="gothic", height_mm=4.0, seed=5).height_map
+    turned = HeightMap(np.ascontiguousarray(part.z_mm[::-1, ::-1]), part.pitch_mm)
+    assert reader(height_mm=4.0, orientation="any").read_height_map(turned).text == "KF47"
+    assert reader(height_mm=4.0).read_height_map(turned).decision is not Decision.ACCEPT
+
+
+def test_a_scan_of_two_directions_is_read() -> None:
+    surface = level(stamp("KX47", font="gothic", height_mm=4.0, seed=9).height_map)
+    plan = default_plan(
+        (0.0, 0.0, *surface.size_mm),
+        character_height_mm=4.0,
+        directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y),
+    )
+    scan = trace_scan(surface, touch=default_touch(4.0), plan=plan, fidelity=Fidelity.CONTACT)
+    assert reader(height_mm=4.0).read_scan(scan).text == "KX47"
+
+
+def test_without_a_format_all_characters_are_read() -> None:
+    part = stamp("7EH2M", font="gothic", height_mm=4.0, seed=6)
+    assert reader(format=None, height_mm=4.0).read_height_map(part.height_map).text == "7EH2M"
+
+
+def test_what_the_format_does_not_allow_is_not_accepted() -> None:
+    part = stamp("KX4713", font="gothic", height_mm=4.0, seed=7)
+    assert reader(height_mm=4.0).read_height_map(part.height_map).decision is not Decision.ACCEPT
+
+
+def test_a_bare_plate_is_no_serial() -> None:
+    noise = np.random.default_rng(8).normal(scale=0.002, size=(120, 300)).astype(np.float32)
+    reading = reader(height_mm=4.0).read_height_map(HeightMap(noise, 0.1))
+    assert (reading.text, reading.decision) == ("", Decision.REJECT)
