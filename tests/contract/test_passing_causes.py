@@ -156,6 +156,15 @@ def test_one_job_that_cannot_be_parsed_leaves_the_others(
         path.unlink()
 
 
+@pytest.fixture
+def hangups() -> Iterator[None]:
+    """Hangups end what is started here, also where whoever runs the tests ignores them (`nohup`)."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hangups")
 def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(place: Path) -> None:
     evidence = place / "late" / "evidence"
     (evidence / "incoming").mkdir(parents=True)

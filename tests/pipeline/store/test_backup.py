@@ -334,9 +334,9 @@ TAMPERED = (
         "events",
         "INSERT INTO events (part_id, at, kind, data) SELECT part_id, at, 'approved', '{}' FROM reviews",
     ),
-    ("evidence", "UPDATE evidence SET sha256 = replace(sha256, '1', '2') WHERE id = 5"),
+    ("evidence", "UPDATE evidence SET sha256 = substr(sha256, 2) || substr(sha256, 1, 1) WHERE id = 5"),
     ("seals", "DELETE FROM seals WHERE number = 2"),
-    ("seals", "UPDATE seals SET digest = replace(digest, 'a', 'b') WHERE number = 3"),
+    ("seals", "UPDATE seals SET digest = substr(digest, 2) || substr(digest, 1, 1) WHERE number = 3"),
     ("seals", "DELETE FROM seals WHERE number = 3"),
     ("seals", "DELETE FROM seals WHERE part_id IN (SELECT part_id FROM reviews)"),
 )
