@@ -278,7 +278,7 @@ def read_surface(
         surface: top of the part and of what lies on it.
         soil: what lies on it, if known.
         rows_known: whether the order of its rows is known; else a serial that reads otherwise mirrored goes to review,
-            and a part that is not surely read is read mirrored as well, where its line says as much mirrored.
+            and a part that is not surely read is read mirrored as well, unless its line says much less mirrored.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.

@@ -136,7 +136,7 @@ class CorrelationSearch(LineSearch):
         pixels: int,
         touch: Touch | None = None,
     ) -> GlyphImages:
-        """The templates of a font at some height, felt with a touch; with the usual one of that height unless given."""
+        """A font's templates at a height, felt with `touch` or, without one, with the usual touch of that height."""
         felt = touch if touch is not None else default_touch(height_mm)
         key = template_key(font, felt, DIRECTIONS, height_mm=height_mm, face=guise.face, raised=guise.raised)
         templates = self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)

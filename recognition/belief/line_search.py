@@ -66,8 +66,8 @@ PLAIN, SURE, SOME = 0.9, 0.7, 0.4
 """Of what a place may say at most, from which a line is not looked at otherwise, nor upside down; no fainter ones are
 looked for; and no turned or small ones."""
 SETTLED, MOST_LAID, LAID_GAIN = 0.9975, 3, 0.3
-"""Of the same, from which a line is not laid on its ink to see whether it says more so; how often it is at most, and
-the share of its doubt that this must take away."""
+"""Share of the most that places may say, above which a line is not laid on its ink; how often it is laid at most; and
+the share of its doubt that this must remove."""
 END_HEIGHTS = 0.55
 """A character so near a strip's end may have a neighbour beyond."""
 GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3

@@ -1,4 +1,4 @@
-"""What the templates' belief is worth beside the recogniser's, by how doubtful the place is.
+"""Weights of the templates' belief beside the recogniser's, by how doubtful a place is.
 
     power of an expert at a place = sure + doubt * d        d: mean of 1 - (share of the likeliest), over experts
 

@@ -122,7 +122,7 @@ def _sketch(fonts: Sequence[Path], rng: np.random.Generator) -> _Sketch:
 
 
 def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field, Places]:
-    """Where ink is, 0 to 1; how deep each character went in; where each begins and ends, columns of the strip."""
+    """Draw a line: ink from 0 to 1, the depth of each character, and the columns where each begins and ends."""
     gap = float(rng.choice([0.0, rng.uniform(-0.03, 0.25)]))
     stretch = float(np.exp(rng.normal(0.0, 0.12)))
     slant = float(rng.normal(0.0, 0.08))

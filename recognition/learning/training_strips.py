@@ -117,7 +117,7 @@ def views_of(made: TrainingPart) -> list[View]:
 
 
 def strips_of(made: TrainingPart) -> list[TrainingStrip]:
-    """What is felt, seen and measured of a part's lines.
+    """Strips of the lines of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.

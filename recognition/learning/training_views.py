@@ -35,7 +35,7 @@ class TrainingView:
 
 
 def training_views(made: TrainingPart) -> list[TrainingView]:
-    """What is felt, seen and measured of a part.
+    """Views of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.

@@ -216,10 +216,8 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
         band_mm: either side of its middle; 0.6 of the greater height unless given.
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
-    points, curve = (
-        points_along(one, np.linspace(0.05, 0.95, 15)),
-        points_along(other, np.linspace(0.0, 1.0, 61)),
-    )
+    points = points_along(one, np.linspace(0.05, 0.95, 15))
+    curve = points_along(other, np.linspace(0.0, 1.0, 61))
     far = np.linalg.norm(points[:, None] - curve, axis=2)
     nearest = far.argmin(axis=1)
     inside = (far.min(axis=1) < band_mm) & (nearest > 0) & (nearest < len(curve) - 1)

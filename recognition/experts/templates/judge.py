@@ -37,7 +37,7 @@ STRUCK_SCORE = 0.7
 """Mean correlation of marks of a flat die below which dotted ones are tried."""
 _SLIGHT = 1e-6
 MOST_SETTLED = 2
-"""Fonts that nobody named whose places are settled, to see which suits."""
+"""Where no font is named, so many of the best have their places settled before one is chosen."""
 OWN_SCORE = 0.75
 """Mean correlation of what was read with a font that nobody named, from which it has a say."""
 
