@@ -218,7 +218,8 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
             lead_in = calibrate_scan(in_a_worker(load_scan, recording, raw=True))
             unit = save_calibration(recording, lead_in.calibration, out=out)
         except SensorError as error:
-            raise FileError(recording, f"cannot be calibrated: {error.what}", error.hint) from error
+            place = f"{error.where}: " if error.where else ""
+            raise FileError(recording, f"cannot be calibrated: {place}{error.what}", error.hint) from error
     gain_unit = "1" if unit == "N mm" else f"{unit} / (N mm)"
     print(f"{'':7}  {'gain':>10}  {'offset':>9}  {'residual':>10}      samples\n"
           f"whisker  {gain_unit:>10}  {unit:>9}  {'N mm, rms':>10}    air   land")  # fmt: skip

@@ -4,8 +4,8 @@
 
 * A file is looked at whenever its job is named, so jobs are made, changed and taken away while the service runs. One
   that was there within the last hour may come back: until then whoever names it is asked to come again.
-* At the start every job must be one that can be used. One that is spoilt later goes on as it was before; the log and
-  the list say so.
+* A job that cannot be used costs its own parts alone: they are asked to come again. One that is spoilt later goes on
+  as it was before. The log and the list say so.
 * Jobs that come or change while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
 """
@@ -97,20 +97,19 @@ class JobFolder:
             call: has a worker call a function; this process does unless given.
 
         Raises:
-            FileError: a job that cannot be used.
             SettingsError: settings that name a certificate that does not hold for them.
         """
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
         self._own_watch = _watch_of(own)
-        self.call = call
         self._known: dict[str, _Known] = {}
         self._recent, self._needed = RecentFiles(folder, SUFFIX), needed
         self._known_lock = threading.Lock()
         self.lock = threading.RLock()
-        for name, path in self._recent.files().items():
-            job, watch = _checked(path, call=_called_here)
-            self._known[name] = _Known(_state_of(path), job, watch)
+        self.call = _called_here  # workers start later
+        for name in self._recent.files():
+            self._look(name)
+        self.call = call
 
     def settings(self, name: str) -> ReadSettings:
         """How parts of a job are read.

@@ -206,3 +206,12 @@ def test_calibrate_without_land_is_an_error(command: Command, tmp_path: Path) ->
     assert done.status == 1
     assert "no whisker runs in on the part's land" in done.err
     assert not (tmp_path / "scan-calibrated.h5").exists()
+
+
+def test_calibrate_names_the_whisker_that_feels_nothing(command: Command, tmp_path: Path) -> None:
+    columns = table()
+    columns["w"] = np.random.default_rng(3).normal(0.2, 1e-4, columns["w"].size)
+    imported(command, tmp_path, *write(tmp_path, columns))
+    done = command("calibrate", tmp_path / "scan.h5")
+    assert done.status == 1
+    assert "scan.h5: cannot be calibrated: whisker 0: " in done.err

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware import body_limit
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
@@ -91,7 +92,9 @@ class RequestLayer:
                 if begun:
                     raise
                 await problem_answer(stopping(), scope)(scope, receive, sent)
-            except Exception:
+            except Exception as error:
+                if type(error).__module__ == body_limit.__name__:
+                    raise  # the body is over its limit, which starlette answers with 413
                 log.exception("request failed", path=scope["path"])
                 if begun:
                     raise

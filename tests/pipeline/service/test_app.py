@@ -215,6 +215,17 @@ def test_an_upload_over_the_limit_is_refused_before_it_is_read(tmp_path: Path) -
         assert not list(service.evidence.incoming.iterdir())
 
 
+@pytest.mark.parametrize("declared", [True, False])
+def test_settings_over_the_limit_are_no_fault_of_the_program(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], declared: bool
+) -> None:
+    body = b'{"format": "' + bytes(6_000_000) + b'"}'
+    with inline_service(tmp_path, max_upload_mb=1) as (_, client):
+        answer = client.put("/v1/jobs/left", content=body if declared else iter([body]))
+        assert answer.status_code == 413
+    assert "Traceback" not in caplog.text + capsys.readouterr().out
+
+
 def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts: Path) -> None:
     with inline_service(tmp_path, max_photo_pixels=1000) as (_, client):
         answer = client.post("/v1/parts", files=photo(parts, CLEAN))

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Scope
@@ -111,14 +110,32 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
         assert post(client, job=odd).status_code == 422
 
 
-def test_a_service_does_not_start_with_a_job_that_cannot_be(tmp_path: Path) -> None:
-    put(tmp_path / "jobs", "left", 'format = "re:["\n')
-    with pytest.raises(FileError, match=r"left\.toml: format is"), inline_service(tmp_path):
-        pass
-    (tmp_path / "jobs" / "left.toml").unlink()
+@pytest.mark.parametrize("text", ['format = "re:["\n', f"height_mm = {'9' * 5000}\n", "no toml at all"])
+def test_a_job_that_cannot_be_used_costs_its_own_parts_alone(tmp_path: Path, text: str) -> None:
+    put(tmp_path / "jobs", "left", 'format = "A9"\n')
+    put(tmp_path / "jobs", "bad", text)
+    with inline_service(tmp_path) as (service, client):
+        service.pool.instead = by_format  # type: ignore[attr-defined]
+        assert post(client, job="left").json()["text"] == "A9"
+        refused = post(client, job="bad")
+        assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
+        assert refused.json()["detail"].startswith("the job bad cannot be used: bad.toml: ")
+        assert [job["name"] for job in client.get("/v1/jobs").json() if job["problem"]] == ["bad"]
+        put(tmp_path / "jobs", "bad", 'format = "99"\n')
+        assert post(client, job="bad").json()["text"] == "99"
+
+
+def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path: Path) -> None:
+    watch = tmp_path / "camera"
     with (
         pytest.raises(SettingsError, match="watch_job: there is no job 'left'; there is none"),
-        inline_service(tmp_path, watch=tmp_path / "jobs", watch_job="left"),
+        inline_service(tmp_path, watch=watch, watch_job="left"),
+    ):
+        pass
+    put(tmp_path / "jobs", "left", 'format = "re:["\n')
+    with (
+        pytest.raises(SettingsError, match=r"watch_job: the job left cannot be used: left\.toml: format is"),
+        inline_service(tmp_path, watch=watch, watch_job="left"),
     ):
         pass
 
