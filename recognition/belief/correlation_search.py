@@ -19,7 +19,6 @@ from glyphs.stamping.die import Face
 from recognition.belief.line_belief import believed
 from recognition.belief.line_search import OTHER_SCALE, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import ReadLine, about_region
-from recognition.belief.weights import ExpertWeights, Power
 from recognition.experts.correlation import (
     GlyphImages,
     Image,
@@ -33,12 +32,11 @@ from recognition.experts.correlation import (
 )
 from recognition.experts.steps import Steps
 from recognition.experts.templates.decode import Placed
-from recognition.experts.templates.judge import Guise
 from recognition.experts.templates.predicted import TemplateCache, template_key
 from recognition.experts.templates.segmentation import place_bounds
 from recognition.lines.find import overlap
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import DIRECTIONS, View, ViewKind
+from recognition.views.view import View, ViewKind
 from whisker_array.whisker.touch import Touch, default_touch
 
 COARSE_PIXELS, FINE_PIXELS = 16, 32
@@ -58,8 +56,15 @@ BEYOND_HEIGHTS = 1.0
 MOST_MOVED, OFF_HEIGHTS = 3, 0.06
 """Characters further off their line's row than this are looked at again along the line through them."""
 
-ALONE = ExpertWeights({"templates": Power(1.0)}, slip=1e-4)
-"""Templates by themselves are taken at their word, but for a slip."""
+
+@dataclass(frozen=True)
+class Guise:
+    """What a font may look like on a part."""
+
+    face: Face = Face.FLAT
+    raised: bool = False
+
+
 GUISES = (Guise(), Guise(raised=True), Guise(face=Face.DOTTED))
 FIRST, FURTHER = slice(0, 3), slice(3, 9)
 TRIES = ((GUISES[0], FIRST), (GUISES[0], FURTHER), *((guise, FIRST) for guise in GUISES[1:]))
@@ -112,10 +117,6 @@ class CorrelationSearch(LineSearch):
                 break
         return seen
 
-    def weights_of(self, kind: ViewKind) -> ExpertWeights:
-        """Of templates by themselves."""
-        return ALONE
-
     def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line: a look at one has moved it where it belongs."""
         return seen[0]
@@ -138,7 +139,7 @@ class CorrelationSearch(LineSearch):
     ) -> GlyphImages:
         """A font's templates at a height, felt with `touch` or, without one, with the usual touch of that height."""
         felt = touch if touch is not None else default_touch(height_mm)
-        key = template_key(font, felt, DIRECTIONS, height_mm=height_mm, face=guise.face, raised=guise.raised)
+        key = template_key(font, felt, height_mm=height_mm, face=guise.face, raised=guise.raised)
         templates = self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)
         return glyph_images(templates, pixels=pixels, slopes=view.kind is ViewKind.HEIGHTS)
 
@@ -224,7 +225,7 @@ class CorrelationSearch(LineSearch):
             found = again
         if not found.placed:
             return None
-        bounds = place_bounds(found.placed, glyphs.half_cols, found.image.shape[1])
+        bounds = place_bounds(found.placed, glyphs.half_cols, found.image.shape[1], pixels=FINE_PIXELS)
         cells = np.array(
             [
                 cell_correlations(found.image, glyphs, row=row, column=one.column, bounds=bound)
@@ -233,7 +234,7 @@ class CorrelationSearch(LineSearch):
         )
         columns = found.columns - (BEYOND_HEIGHTS - MARGIN) * HEIGHT_ROWS
         steps = steps_of(cells, glyphs.chars, columns, chars=self.chars, rare=self.rare)
-        belief = believed([steps], self.grammar, weights=ALONE)
+        belief = believed([steps], self.grammar)
         return None if belief is None else ReadLine(found.line, belief)
 
     def _placed(self, view: View, line: TextLine, font: Font, glyphs: GlyphImages) -> _PlacedLine:

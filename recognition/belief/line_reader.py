@@ -32,21 +32,17 @@ from recognition.belief.part_lines import (
     Judge,
     LineFormat,
     PartLines,
-    Place,
     ReadLine,
     Region,
     stands_in,
 )
-from recognition.belief.weights import EXPERTS
-from recognition.experts.steps import Steps
+from recognition.experts.steps import EXPERTS, Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-RIVALS = 2
-"""Lines of those seen from which who knows shapes may choose, beside the best."""
 AGREED, AGREED_EVIDENCE = 0.99, -1.0
 """Belief in every place, and log probability of all that the format allows, from which one look is enough."""
 PLAIN_EVIDENCE = -0.5
@@ -107,7 +103,6 @@ class LineReader:
         *others: View,
         about: TextLine | None = None,
         judge: Judge | None = None,
-        place: Place | None = None,
     ) -> PartLines:
         """The lines of a view.
 
@@ -117,7 +112,6 @@ class LineReader:
                 enough.
             about: where the line lies, if that is known.
             judge: other experts.
-            place: who knows more closely where a line stands that is not surely read.
         """
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
@@ -135,18 +129,9 @@ class LineReader:
         meant = self.search.meant(view, seen)
         if not meant:
             return PartLines(None)
-        best = self.search.settled(view, meant) if place is None else meant[0]
-        best = self._right_way_up(view, best)
-        main = self._believed(
-            view,
-            best,
-            self.grammar,
-            others=dimmer,
-            closely=len(looked) > 1,
-            judge=judge,
-            place=place,
-            rivals=meant[:RIVALS],
-        )
+        best = self._right_way_up(view, self.search.settled(view, meant))
+        closely = len(looked) > 1
+        main = self._believed(view, best, self.grammar, others=dimmer, closely=closely, judge=judge)
         main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
@@ -163,12 +148,11 @@ class LineReader:
 
     def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
         """The line of these that this format and region mean; None where none does."""
-        weights = self.search.weights_of(view.kind)
         fits = [
             ReadLine(one.line, belief)
             for one in rest
             if stands_in(asked.region, one.line, view)
-            and (belief := believed(one.belief.looks, asked.grammar, weights=weights)) is not None
+            and (belief := believed(one.belief.looks, asked.grammar)) is not None
         ]
         if not fits:
             return None
@@ -192,37 +176,28 @@ class LineReader:
         others: Sequence[View] = (),
         closely: bool = False,
         judge: Judge | None = None,
-        place: Place | None = None,
-        rivals: Sequence[ReadLine] = (),
     ) -> ReadLine | None:
-        """What all experts believe of a line: of one look where that is sure, or of several.
+        """What all experts believe of a line: of one look where that is sure, of several where it is not.
 
-        Several looks are taken where `place` has the line, of these and its rivals; where asked for `closely`, always.
+        Where asked for `closely`, several looks are always taken.
         """
         line = best.line
         looks = list(best.belief.looks)
-        weights = self.search.weights_of(view.kind)
-        belief = believed(looks, grammar, weights=weights)
+        belief = believed(looks, grammar)
         if belief is None or closely or not agreed(belief):
-            moves = (BESIDE, *JITTERS)
-            near = (
-                place(view, [line, *(one.line for one in rivals)], belief or best.belief) if place else None
-            )
-            if near is not None:
-                line, looks, moves = near, [], (HERE, BESIDE, *JITTERS)
-            looks += self.search.more_looks(view, line, moves)
+            looks += self.search.more_looks(view, line, (BESIDE, *JITTERS))
             for number, other in enumerate(others, start=1):
                 looks += _of_view(number, self.search.more_looks(other, line, (HERE, *JITTERS)))
-            belief = believed(looks, grammar, weights=weights)
+            belief = believed(looks, grammar)
         elif judge is not None:
             looks += self.search.more_looks(view, line, (BESIDE,))
-            belief = believed(looks, grammar, weights=weights)
+            belief = believed(looks, grammar)
         if belief is None:
             return None
         more = judge(line, belief) if judge is not None else {}
         by_expert = {name: own for name, own in {**more, **belief.by_expert}.items() if name in self.experts}
         if by_expert.keys() != belief.by_expert.keys():
-            belief = replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
+            belief = replace(belief, lattice=pooled(by_expert), by_expert=by_expert)
         return ReadLine(line, belief)
 
 

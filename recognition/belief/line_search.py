@@ -13,7 +13,6 @@ import numpy as np
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import ReadLine, Region, about_region, stands_in
-from recognition.belief.weights import ExpertWeights, weights_of
 from recognition.experts import recogniser
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
@@ -158,10 +157,6 @@ class LineSearch:
         # on what was felt a guess would have a blank plate scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
 
-    def weights_of(self, kind: ViewKind) -> ExpertWeights:
-        """Of the experts, in a kind of view."""
-        return weights_of(kind)
-
     def candidates(self, view: View) -> list[TextLine]:
         """Where lines may lie, most promising first, without a look at them."""
         return [one.line for one in find_lines(view)]
@@ -220,7 +215,7 @@ class LineSearch:
         if not lines:
             return []
         steps = self.steps_of(view, lines)
-        beliefs = [believed([one], self.grammar, weights=self.weights_of(view.kind)) for one in steps]
+        beliefs = [believed([one], self.grammar) for one in steps]
         return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -22,8 +22,6 @@ MOST_OF_VIEW = 0.6
 """Share of a view from which its part about a region is not worth a search of its own."""
 Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
 """Lattices of other experts, of the places that are believed."""
-Place = Callable[[View, Sequence[TextLine], LineBelief], TextLine | None]
-"""The best of lines of a view, and where it stands more closely, by who knows shapes; None where that is not known."""
 
 
 @dataclass(frozen=True)

@@ -36,9 +36,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.decision.laid_text import LaidText
 from recognition.decision.reading import MarkDepth
-from recognition.experts.templates.placed_line import PlacedLine
-from recognition.experts.templates.refine import Cell
 from recognition.strokes.centre_lines import centre_line
 from recognition.strokes.depth_sampling import (
     DepthField,
@@ -81,24 +80,22 @@ LEAST_KNOWN = 0.5
 Points = NDArray[np.float64]
 
 
-def mark_depths(
-    relief: Relief, line: PlacedLine, cells: Sequence[Cell], chars: Sequence[str]
-) -> tuple[MarkDepth | None, ...]:
+def mark_depths(relief: Relief, laid: LaidText, chars: Sequence[str]) -> tuple[MarkDepth | None, ...]:
     """Depth of each character of a line; None where too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
-        line: the line read, its height settled.
-        cells: one a character.
+        laid: the line's text in the templates of a font.
         chars: what each was read as.
     """
-    field = DepthField(relief, raised=line.raised)
+    field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
+    places = zip(chars, laid.places_mm(), laid.turns_deg(), strict=True)
     marks = [
-        _settled(field, _placed(field, line, cell, char), height_mm=line.height_mm)
-        for cell, char in zip(cells, chars, strict=True)
+        _settled(field, _placed(field, laid, char, place, float(turn)), height_mm=height_mm)
+        for char, place, turn in places
     ]
-    land = _land(field, marks, height_mm=line.height_mm)
-    return tuple(_depth(field, mark, land, height_mm=line.height_mm) for mark in marks)
+    land = _land(field, marks, height_mm=height_mm)
+    return tuple(_depth(field, mark, land, height_mm=height_mm) for mark in marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,19 +107,14 @@ class _Mark:
     half_width_mm: float
 
 
-def _placed(field: DepthField, line: PlacedLine, cell: Cell, char: str) -> _Mark:
+def _placed(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn_deg: float) -> _Mark:
     """The centre line of a character where it was read."""
-    shape = centre_line(line.font, char, face=line.face)
-    x, y = line.image.plate_from_line(cell.u_mm, cell.v_mm)
-    matrix = turn_matrix(line.image.rotation_deg + cell.turn_deg)
-    across, down = (shape.points * line.height_mm @ matrix).T
-    row = (y + down - field.origin_mm[1]) / field.pitch_mm
-    col = (x + across - field.origin_mm[0]) / field.pitch_mm
-    return _Mark(
-        np.column_stack([row, col]),
-        (shape.normals @ matrix)[:, ::-1],
-        shape.half_width * line.height_mm,
-    )
+    height_mm = laid.line.height_mm
+    shape = centre_line(laid.font, char, face=laid.face)
+    matrix = turn_matrix(turn_deg)
+    middle = (place_mm - field.origin_mm)[::-1] / field.pitch_mm
+    points = middle + (shape.points * height_mm @ matrix)[:, ::-1] / field.pitch_mm
+    return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * height_mm)
 
 
 def _settled(field: DepthField, mark: _Mark, *, height_mm: float) -> _Mark:

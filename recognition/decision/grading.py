@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.maps import TraceDirection
 from recognition.decision.grade import GradeError, grade_character
+from recognition.decision.laid_text import LaidText
 from recognition.decision.reading import CharacterReading, Reading
-from recognition.experts.templates.frames import LineImage, is_edge_channel, resampled
-from recognition.experts.templates.judge import JudgedLine
+from recognition.experts.correlation import Image
 from recognition.experts.templates.predicted import PIXELS
-from recognition.experts.templates.refine import Cell, fine_templates
 
 ALIKE_LETTERS = "AB"
 """Grades of completeness from which strokes of a font that nobody named are those of the part."""
@@ -21,30 +19,33 @@ TALL_HEIGHTS, SIDE_HEIGHTS = 0.58, 0.12
 """What is graded with a character: rows about its middle, land beside its ink."""
 
 
-def graded(reading: Reading, judged: JudgedLine, directions: tuple[TraceDirection, ...]) -> Reading:
+def graded(reading: Reading, laid: LaidText) -> Reading:
     """The reading with a grade at every character that has a template.
 
     Args:
         reading: of the line.
-        judged: the line by templates, one cell a character.
-        directions: of the edge map.
+        laid: its text in the templates of a font.
     """
-    line, templates, cells = judged.line, judged.line.templates, judged.cells
-    if len(cells) != len(reading.characters):
-        return reading
-    pixel = line.height_mm / PIXELS
-    fine = resampled(line.image, pitch_u_mm=pixel, pitch_v_mm=pixel)
-    edge = is_edge_channel(directions)
-    predicted = fine_templates(templates, directions)[0.0]
+    felt_layers = np.abs(laid.image).max(axis=(0, 1)) > 0.0
+    image = np.pad(_steps(laid.image, felt_layers), ((0, 0), (PIXELS, PIXELS), (PIXELS, PIXELS)))
     characters = []
-    for character, cell in zip(reading.characters, cells, strict=True):
-        if character.char not in templates.chars:
-            characters.append(character)
-            continue
-        best = templates.chars.index(character.char)
-        half = float(templates.half_width[best])
-        characters.append(_graded(character, cell, predicted[best][edge], fine, edge, half))
+    for character, row, column in zip(reading.characters, laid.rows, laid.columns, strict=True):
+        if character.char in laid.glyphs.chars:
+            template = laid.glyphs.images[laid.glyphs.chars.index(character.char)]
+            tall, side = min(template.shape[0] // 2, round(TALL_HEIGHTS * PIXELS)), template.shape[1] // 2
+            middle = template.shape[0] // 2
+            want = _steps(template[middle - tall : middle + tall + 1], felt_layers)
+            r, c = int(row) + PIXELS - tall, int(column) + PIXELS - side
+            felt = image[:, r : r + want.shape[1], c : c + want.shape[2]]
+            character = _graded(character, felt, want)
+        characters.append(character)
     return replace(reading, characters=tuple(characters))
+
+
+def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(2, rows, columns) half differences of opposite directions, which answer steps of the surface; of those felt."""
+    known = np.moveaxis(layers * felt, 2, 0)
+    return np.asarray(0.5 * (known[:2] - known[2:]))
 
 
 def explained(reading: Reading, *, by_font: bool) -> Reading:
@@ -68,29 +69,11 @@ def _is_alike(character: CharacterReading) -> bool:
 
 
 def _graded(
-    character: CharacterReading,
-    cell: Cell,
-    template: NDArray[np.float32],
-    fine: LineImage,
-    edge: NDArray[np.bool_],
-    half_width: float,
+    character: CharacterReading, felt: NDArray[np.float32], want: NDArray[np.float32]
 ) -> CharacterReading:
-    tall = min(template.shape[1] // 2, round(TALL_HEIGHTS * PIXELS))
-    side = min(template.shape[2] // 2, round((half_width + SIDE_HEIGHTS) * PIXELS))
-    row, col = template.shape[1] // 2, template.shape[2] // 2
-    want = template[:, row - tall : row + tall + 1, col - side : col + side + 1]
-    r = round((cell.v_mm - fine.origin_mm[1]) / fine.pitch_v_mm) - tall
-    c = round((cell.u_mm - fine.origin_mm[0]) / fine.pitch_u_mm) - side
-    felt = np.zeros_like(want)
-    known = np.zeros(want.shape[1:], dtype=np.bool_)
-    _, rows, cols = fine.channels.shape
-    rr, cc = slice(max(0, r), min(rows, r + want.shape[1])), slice(max(0, c), min(cols, c + want.shape[2]))
-    if rr.stop > rr.start and cc.stop > cc.start:
-        inside = (slice(rr.start - r, rr.stop - r), slice(cc.start - c, cc.stop - c))
-        felt[:, inside[0], inside[1]] = fine.channels[edge][:, rr, cc]
-        known[inside] = True
+    if felt.shape != want.shape:
+        return character  # it stands beyond the map
     try:
-        grade = grade_character(felt, want, known)
+        return replace(character, grade=grade_character(felt, want))
     except GradeError:
         return character
-    return replace(character, grade=grade)

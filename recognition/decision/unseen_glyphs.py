@@ -10,31 +10,30 @@ from collections.abc import Sequence
 
 from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.laid_text import LaidText
 from recognition.decision.reading import Reading
-from recognition.experts.templates.judge import JudgedLine
 
 NEAR_SCORE = 0.05
 """Correlation by which a guess may fall short and still be meant: where a character that was felt answered instead of
 the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O)."""
 
 
-def doubted_guesses(reading: Reading, judged: JudgedLine, places: Sequence[str] | None) -> Reading:
+def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | None) -> Reading:
     """The reading, sent to review where a character of it may be one that its font was never taught.
 
     Args:
         reading: of the line.
-        judged: the line it was read from, one cell a character.
+        laid: its text in the templates of a font.
         places: characters allowed at each place of a known format, or None.
     """
-    templates, cells = judged.line.templates, judged.cells
-    glyphs = judged.line.font.glyphs
-    guessed = {c for c in templates.chars if glyphs[c].guessed}
-    if not guessed or len(cells) != len(reading.characters):
+    known = laid.glyphs.chars
+    guessed = {c for c in known if laid.font.glyphs[c].guessed}
+    if not guessed:
         return reading
     doubted = []
-    for k, (character, cell) in enumerate(zip(reading.characters, cells, strict=True)):
-        best = {char: float(score) for char, score in zip(templates.chars, cell.scores, strict=True)}
-        allowed = set(places[k]) if places is not None and len(places) == len(cells) else set(best)
+    for k, (character, scores) in enumerate(zip(reading.characters, laid.correlations(), strict=True)):
+        best = dict(zip(known, scores.tolist(), strict=True))
+        allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
         own = best.get(character.char, -1.0)
         near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - NEAR_SCORE]
         if character.char in guessed:

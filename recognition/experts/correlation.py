@@ -109,12 +109,15 @@ def glyph_images(templates: TemplateSet, *, pixels: int, slopes: bool) -> GlyphI
         pixels: to a character height.
         slopes: half differences of opposite directions, for what an instrument has measured.
     """
+    made: GlyphImages = templates.derived(
+        ("correlation", pixels, slopes), lambda: _glyph_images(templates, pixels, slopes=slopes)
+    )
+    return made
+
+
+def _glyph_images(templates: TemplateSet, pixels: int, *, slopes: bool) -> GlyphImages:
     from glyphs.opencv import cv2
 
-    key = ("correlation", pixels, slopes)
-    kept = templates.work.get(key)
-    if isinstance(kept, GlyphImages):
-        return kept
     patches = templates.patches
     if slopes:
         patches = 0.5 * (patches[:, :2] - patches[:, 2:])
@@ -131,9 +134,7 @@ def glyph_images(templates: TemplateSet, *, pixels: int, slopes: bool) -> GlyphI
         sampled = cv2.remap(smooth, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
         images.append(np.asarray(sampled, dtype=np.float32))
     half_cols = np.maximum(1, np.rint(templates.half_width * pixels)).astype(np.int64)
-    made = GlyphImages(templates.chars, tuple(images), half_cols, pixels)
-    templates.work[key] = made
-    return made
+    return GlyphImages(templates.chars, tuple(images), half_cols, pixels)
 
 
 def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:

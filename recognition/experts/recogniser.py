@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ from recognition.views.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
 """All that it tells apart; the blank comes before them."""
-STEP_COLUMNS = 20 / 3
-"""Columns of a strip to a step."""
+STEP_COLUMNS, FEATURE_COLUMNS = 20 / 3, 10 / 3
+"""Columns of a strip to a step, and to a step of the features."""
 LAG_COLUMNS = 1.2
 """By which characters lie to the right of the middle of the step at which they show: the median of 349 characters of
 held-out fonts, whose places are known; half of them lie within 1.9 columns of it."""
@@ -30,6 +30,7 @@ _MULTIPLE = 20
 """Columns of a strip are filled up to a multiple of it."""
 WEIGHTS = Path(__file__).with_name("recogniser.onnx")
 _CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
+Features: TypeAlias = NDArray[np.float32]
 
 
 def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
@@ -37,12 +38,21 @@ def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
     return [_believed(strip) for strip in strips]
 
 
+def features_of(strip: Layers) -> Features:
+    """(features, rows, steps) of a strip, as the network has them before its last layers."""
+    return _run(strip, "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
+
+
 def _believed(strip: Layers) -> NDArray[np.float32]:
+    return _run(strip, "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
+
+
+def _run(strip: Layers, output: str) -> NDArray[np.float32]:
     # by itself: beside a longer one it would be filled up, and what is filled costs as much as what is seen
-    columns = strip.shape[2]
-    fed = np.pad(strip, ((0, 0), (0, 0), (0, -columns % _MULTIPLE)))[None].astype(np.float32, copy=False)
-    found: NDArray[np.float32] = _session().run(None, {"strip": fed})[0][0]
-    return found[: math.ceil(columns / STEP_COLUMNS)]
+    padding = ((0, 0), (0, 0), (0, -strip.shape[2] % _MULTIPLE))
+    fed = np.pad(strip, padding)[None].astype(np.float32, copy=False)
+    found: NDArray[np.float32] = _session().run([output], {"strip": fed})[0][0]
+    return found
 
 
 def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_columns: int = 0) -> list[Steps]:

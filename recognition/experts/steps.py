@@ -16,6 +16,8 @@ from glyphs.surface.display import one_line
 from recognition.experts.ctc import PlaceBelief, count_belief, place_belief
 
 Floats = NDArray[np.float64]
+EXPERTS = ("network", "templates")
+"""Who says what stands at a place: the recogniser, and templates of fonts."""
 FLOOR = 1e-6
 """Probability that a step leaves to everything: no character is ruled out by one network."""
 

@@ -23,10 +23,10 @@ from glyphs.fonts.glyph import RELIEF_PIXELS
 from glyphs.surface.maps import EdgeMap
 from recognition.belief.line_reader import LineReader
 from recognition.experts.recogniser import CHARACTERS
-from recognition.experts.templates.frames import LineImage, line_image
 from recognition.language.grammar import Grammar
 from recognition.learning.tactile_cell import (
     HALF_COLUMNS_HEIGHTS,
+    LineFrame,
     cell_grid,
     felt_cell,
     ink_box,
@@ -118,13 +118,13 @@ def cut_line(
         raise ExemplarError(
             f"the text does not fit the marks (belief {likely:.2f} a character)", hint="see that it is right"
         )
-    image = line_image(edges, rotation_deg=found.line.turned_deg)
-    middle = image.from_plate(places_mm(found.line, found.belief.columns))
+    frame = LineFrame(found.line.turned_deg)
+    middle = frame.from_plate(places_mm(found.line, found.belief.columns))
     line_at = _Line(found.line.height_mm, _stands_out(view.strip(found.line)))
-    line_at, places = _sized(relief, line_at, middle, image)
-    bounds = _bounds(relief, image, places, line_at.height_mm, raised=line_at.raised)
+    line_at, places = _sized(relief, line_at, middle, frame)
+    bounds = _bounds(relief, frame, places, line_at.height_mm, raised=line_at.raised)
     made = (
-        _cut(edges, relief, line_at, image, place, reach, char=char, score=float(likely))
+        _cut(edges, relief, line_at, frame, place, reach, char=char, score=float(likely))
         for char, place, reach in zip(plain, places, bounds, strict=True)
     )
     return tuple(cut for cut in made if cut is not None)
@@ -141,16 +141,16 @@ def _stands_out(strip: Layers) -> bool:
 
 
 def _sized(
-    relief: Relief, line: _Line, middles: NDArray[np.float64], image: LineImage
+    relief: Relief, line: _Line, middles: NDArray[np.float64], frame: LineFrame
 ) -> tuple[_Line, list[tuple[float, float]]]:
     """The line with the height of its own ink, whatever font found it, and the middle of every character."""
     height = line.height_mm
     places = [(float(u), float(v)) for u, v in middles]
     boxes: list[tuple[float, float, float, float] | None] = []
     for _ in range(2):
-        bounds = _bounds(relief, image, places, height, raised=line.raised)
+        bounds = _bounds(relief, frame, places, height, raised=line.raised)
         boxes = [
-            ink_box(felt_cell(relief, image, place, height, raised=line.raised), height, bounds=reach)
+            ink_box(felt_cell(relief, frame, place, height, raised=line.raised), height, bounds=reach)
             for place, reach in zip(places, bounds, strict=True)
         ]
         known = [box for box in boxes if box is not None]
@@ -182,7 +182,7 @@ def _sized(
 
 def _bounds(
     relief: Relief,
-    image: LineImage,
+    frame: LineFrame,
     places: Sequence[tuple[float, float]],
     height_mm: float,
     *,
@@ -194,7 +194,7 @@ def _bounds(
     for k in range(len(places) - 1):
         (u0, v0), (u1, v1) = places[k], places[k + 1]
         apart = u1 - u0
-        felt = felt_cell(relief, image, (0.5 * (u0 + u1), 0.5 * (v0 + v1)), height_mm, raised=raised)
+        felt = felt_cell(relief, frame, (0.5 * (u0 + u1), 0.5 * (v0 + v1)), height_mm, raised=raised)
         u = cell_grid(height_mm)[0][0]
         ink = np.clip(-np.nan_to_num(felt), 0.0, None).sum(axis=0)
         # the gap lies about half way; between the legs of a U there is little ink, too
@@ -208,7 +208,7 @@ def _cut(
     edges: EdgeMap,
     relief: Relief,
     line: _Line,
-    image: LineImage,
+    frame: LineFrame,
     place: tuple[float, float],
     bounds: tuple[float, float],
     *,
@@ -219,13 +219,13 @@ def _cut(
     from scipy.ndimage import map_coordinates
 
     height = line.height_mm
-    felt = felt_cell(relief, image, place, height, raised=line.raised)
+    felt = felt_cell(relief, frame, place, height, raised=line.raised)
     u, v = cell_grid(height)
     middle = (np.abs(u) < 0.3 * height) & (np.abs(v) < 0.5 * height)
     if np.isfinite(felt[middle]).mean() < LEAST_KNOWN:
         return None
     own = (u > -bounds[0]) & (u < bounds[1])
-    x, y = plate_of_cell(image, place, height)
+    x, y = plate_of_cell(frame, place, height)
     at = [(y - edges.origin_mm[1]) / edges.pitch_mm, (x - edges.origin_mm[0]) / edges.pitch_mm]
     layers = np.stack([map_coordinates(layer, at, order=1, mode="constant") for layer in edges.enhancement])
     valid = map_coordinates(edges.valid.astype(np.float32), at, order=1, mode="constant") > 0.99
@@ -239,4 +239,4 @@ def _cut(
         (float(u[0, 0]), float(v[0, 0])),
     )
     shape = np.where(own, felt / height, np.nan).astype(np.float16).astype(np.float32)
-    return Cut(char, cut_map, shape, height, image.rotation_deg, line.raised, score)
+    return Cut(char, cut_map, shape, height, frame.rotation_deg, line.raised, score)

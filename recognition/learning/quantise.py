@@ -62,6 +62,20 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
             op_types_to_quantize=["Conv"],
             nodes_to_exclude=_kept(onnx.load(str(prepared)).graph),
         )
+    show_features(out)
+
+
+def show_features(path: Path) -> None:
+    """Make what a network has before its last pooling an output of its own, named features."""
+    import onnx
+
+    model = onnx.load(str(path))
+    pooling = [node for node in model.graph.node if node.op_type == "AveragePool"][-1]
+    model.graph.node.append(onnx.helper.make_node("Identity", [pooling.input[0]], ["features"]))
+    shape = ("n", "features", "rows", "steps")
+    kind = onnx.TensorProto.FLOAT
+    model.graph.output.append(onnx.helper.make_tensor_value_info("features", kind, shape))
+    onnx.save(model, str(path))
 
 
 def _kept(graph: Any) -> list[str]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import RELIEF_PIXELS
-from recognition.experts.templates.frames import LineImage
 from whisker_array.estimation.relief import Relief
 
 HALF_ROWS_HEIGHTS, HALF_COLUMNS_HEIGHTS = 0.66, 0.8
@@ -22,6 +22,24 @@ LAND_SHARE, LAND_ROUNDS, LEAST_LAND = 0.35, 4, 60
 Layer = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class LineFrame:
+    """The plate's frame turned about its origin, so that a line runs along +u.
+
+    Attributes:
+        rotation_deg: of the line.
+    """
+
+    rotation_deg: float
+
+    def from_plate(self, places: Layer) -> Layer:
+        """(n, 2) u, v of places x, y of the plate."""
+        angle = math.radians(self.rotation_deg)
+        cos, sin = math.cos(angle), math.sin(angle)
+        x, y = places.T
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+
+
 def cell_grid(height_mm: float) -> tuple[Layer, Layer]:
     """Offsets (u, v) of a cut's pixels from its middle, mm."""
     pitch = height_mm / RELIEF_PIXELS
@@ -30,22 +48,22 @@ def cell_grid(height_mm: float) -> tuple[Layer, Layer]:
     return u, v
 
 
-def plate_of_cell(image: LineImage, place: tuple[float, float], height_mm: float) -> tuple[Layer, Layer]:
+def plate_of_cell(frame: LineFrame, place: tuple[float, float], height_mm: float) -> tuple[Layer, Layer]:
     """Plate coordinates (x, y) of a cut's pixels."""
     u, v = cell_grid(height_mm)
-    angle = math.radians(image.rotation_deg)
+    angle = math.radians(frame.rotation_deg)
     cos, sin = math.cos(angle), math.sin(angle)
     u, v = u + place[0], v + place[1]
-    return image.centre_mm[0] + cos * u - sin * v, image.centre_mm[1] + sin * u + cos * v
+    return cos * u - sin * v, sin * u + cos * v
 
 
 def felt_cell(
-    relief: Relief, image: LineImage, place: tuple[float, float], height_mm: float, *, raised: bool
+    relief: Relief, frame: LineFrame, place: tuple[float, float], height_mm: float, *, raised: bool
 ) -> Layer:
     """(rows, cols) heights of a cut over its land, mm, negative in the mark; NaN where not known."""
     from scipy.ndimage import map_coordinates
 
-    x, y = plate_of_cell(image, place, height_mm)
+    x, y = plate_of_cell(frame, place, height_mm)
     at = [(y - relief.origin_mm[1]) / relief.pitch_mm, (x - relief.origin_mm[0]) / relief.pitch_mm]
     felt = map_coordinates(relief.height_mm.astype(np.float64), at, order=1, mode="constant", cval=np.nan)
     felt = -felt if raised else felt
@@ -54,7 +72,6 @@ def felt_cell(
 
 def _levelled(felt: Layer) -> Layer:
     """Heights over the land: a bowl fitted to what is not ink, for the plate's waves may be as deep as a worn mark."""
-    from scipy import ndimage
 
     known = np.isfinite(felt)
     if known.sum() < LEAST_LAND:

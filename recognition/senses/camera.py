@@ -5,10 +5,9 @@ photograph --codes filled, pixels enough--> view --LineReader--> line and belief
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -17,15 +16,14 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.belief.line_belief import LineBelief, over_views
 from recognition.belief.line_reader import LineReader, agreed
-from recognition.belief.weights import EXPERTS
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.which_way_up import ways_possible, weighed
-from recognition.experts.templates.photo_judge import SCALES, allowed_of, judged_photo, placed
-from recognition.experts.templates.photo_shapes import PhotoShapes, photo_shapes
+from recognition.experts.prototypes import Prototypes, belief_of, lit_prototypes
+from recognition.experts.steps import EXPERTS
 from recognition.language.lattice import Lattice
 from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
@@ -90,10 +88,8 @@ class VisionReader:
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
             views, left_out = photo_views(without_codes(photo, codes))
-            pictures = _Pictures(self, views, scaled=scaled) if self.shapes else None
-            part = self._readers[scaled].read(
-                *views, about=about, judge=pictures, place=None if pictures is None else pictures.place
-            )
+            judge = partial(self._judged, views) if self.prototypes else None
+            part = self._readers[scaled].read(*views, about=about, judge=judge)
         made = reading_of_line(
             part,
             self.settings,
@@ -122,47 +118,21 @@ class VisionReader:
         return weighed(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
 
     @cached_property
-    def shapes(self) -> tuple[tuple[PhotoShapes, ...], ...]:
-        """Pictures of the fonts that are named, at the scales at which they are compared."""
+    def prototypes(self) -> tuple[Prototypes, ...]:
+        """Of the fonts that are named, under several lights."""
         if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
             return ()
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
-        return tuple(tuple(photo_shapes(font, chars, pixels=n) for n in SCALES) for font, chars in has)
+        return tuple(one for font, chars in has for one in lit_prototypes(font, chars))
 
-
-class _Pictures:
-    """Places and judges a line by the pictures of the named fonts, where the networks are not sure of it."""
-
-    def __init__(self, reader: VisionReader, views: Sequence[View], *, scaled: bool) -> None:
-        self.reader, self.views = reader, views
-        self.height_mm = reader.settings.height_mm if scaled else None
-
-    def place(self, view: View, lines: Sequence[TextLine], belief: LineBelief) -> TextLine | None:
-        """The line as the font has it that suits it best."""
-        fits = [
-            placed(view, scales[0], lines, allowed, self.reader.gaps, height_mm=self.height_mm)
-            for scales in self.reader.shapes
-            if (allowed := allowed_of(scales[0], belief.lattice)) is not None
-        ]
-        best = max((fit for fit in fits if fit is not None), key=lambda fit: fit.value, default=None)
-        return None if best is None else best.placed
-
-    def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
-        """What the pictures of the font believe that suits the line best in all views."""
+    def _judged(self, views: Sequence[View], line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
+        """What the named fonts make of a line that the recogniser is not sure of."""
         if agreed(belief):
             return {}
-        best: tuple[float, list[Lattice]] = (-math.inf, [])
-        for scales in self.reader.shapes:
-            told = [judged_photo(v, scales, line, belief.lattice, self.reader.gaps) for v in self.views]
-            found = [one for one in told if one is not None]
-            if found:
-                best = max(best, (sum(value for value, _ in found), [own for _, own in found]), key=_first)
-        if not best[1]:
-            return {}
-        log = over_views([np.maximum(own.log_belief, -1e9) for own in best[1]])
-        log = np.where(np.isfinite(best[1][0].log_belief), log, -np.inf)
-        log -= np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None]
-        return {"templates": replace(best[1][0], log_belief=np.minimum(log, 0.0))}
+        own = [belief_of(view, line, belief.columns, self.prototypes, belief.lattice) for view in views]
+        log = over_views([one.log_belief for one in own])
+        log -= np.logaddexp.reduce(log, axis=1, keepdims=True)
+        return {"templates": replace(own[0], log_belief=np.minimum(log, 0.0))}
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:
@@ -180,7 +150,3 @@ def _candidate_notes(lines: Sequence[TextLine], view: View) -> tuple[str, ...]:
         f"several candidates: {len(lines)} places look like a line of text, with their middles at {places} (shares of "
         "the photograph's width and height); give the right one with --region",
     )
-
-
-def _first(one: tuple[float, list[Lattice]]) -> float:
-    return one[0]

@@ -14,9 +14,9 @@ from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
 from recognition.belief.part_lines import LineFormat, Region, check_region
-from recognition.belief.weights import EXPERTS
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
+from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC

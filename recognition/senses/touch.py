@@ -22,21 +22,21 @@ from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
 from recognition.belief.part_lines import PartLines, ReadLine
-from recognition.belief.weights import EXPERTS
 from recognition.decision.accept import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.grading import explained, graded
 from recognition.decision.known_ground import on_known_ground
+from recognition.decision.laid_text import MOST_SAG_HEIGHTS, OWN_FIT, laid_text, suited_fonts
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weighed
-from recognition.experts.templates.judge import JudgedLine, judged
-from recognition.experts.templates.placed_line import TouchedPart
-from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache
+from recognition.experts.prototypes import belief_of, felt_prototypes
+from recognition.experts.steps import EXPERTS
+from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache, template_key
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.senses.settings import ReaderSettings, Repertoire
@@ -45,7 +45,7 @@ from recognition.strokes.other_lines import felt_others
 from recognition.strokes.strokes_felt import FeltLine
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
-from recognition.views.view import felt_view, heights_view, relief_of
+from recognition.views.view import View, felt_view, heights_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults
 from whisker_array.estimation.left_out import without_faulty
@@ -172,18 +172,17 @@ class TactileReader:
             about: where the line lies, if that is known: no other is looked for.
         """
         timer = timer if timer is not None else StepTimer()
-        shapes = _Shapes(self, edges, touch, relief)
+        shapes = _Shapes(self, felt_view(edges, relief, touch), touch, relief)
         with timer.step("read"):
-            part = self.lines.read(felt_view(edges, relief, touch), about=about, judge=shapes)
+            part = self.lines.read(shapes.view, about=about, judge=shapes)
             if shapes.felt_line is not None:
                 part = felt_others(part, shapes.felt_line)
         reading = self._answer(part, flags)
-        if shapes.judged is not None and reading.characters:
-            with timer.step("measure"):
-                reading = self._measured(reading, shapes.judged, edges, relief)
-        if shapes.felt_line is not None and part.main is not None and reading.characters:
+        if part.main is not None and reading.characters:
             with timer.step("strokes"):
                 reading = _stroked(reading, part.main, shapes.felt_line)
+            with timer.step("measure"):
+                reading = only_whole(self._measured(reading, part.main, shapes))
         reading = strokes_asked(reading)
         reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
         with timer.step("ground"):
@@ -227,72 +226,74 @@ class TactileReader:
             asked=self.settings.asked,
         )
 
-    def _measured(
-        self, reading: Reading, shapes: JudgedLine, edges: EdgeMap, relief: Relief | None
-    ) -> Reading:
-        """The reading with what is measured along the strokes of a font that suits it."""
-        line, chars = shapes.line, [c.char for c in reading.characters]
-        if len(shapes.cells) != len(chars):
+    def _measured(self, reading: Reading, main: ReadLine, shapes: _Shapes) -> Reading:
+        """The reading with what is measured along the strokes of the font that suits it."""
+        line, columns = main.line, main.belief.columns
+        if shapes.felt_line is not None:
+            line, columns = shapes.felt_line.line, shapes.felt_line.columns
+        text = [c.char for c in reading.characters]
+        if columns.size != len(text) or line.sag_mm > MOST_SAG_HEIGHTS * line.height_mm:
             return reading
-        reading = graded(reading, shapes, edges.directions)
-        if relief is not None and all(c in line.templates.chars for c in chars):
-            depths = mark_depths(relief, line, shapes.cells, chars)
+        fonts = self.fonts if self.named else suited_fonts(self.fonts, reading.trace.strokes)
+        laid = laid_text(
+            shapes.view, shapes.touch, line, columns, text, fonts,
+            cache=self.cache, chars=self.chars, raised=shapes.raised,
+        )  # fmt: skip
+        if laid is None:
+            return reading
+        reading = graded(reading, laid)
+        if shapes.relief is None:
+            reading = replace(reading, raised=laid.raised)
+        elif all(c in laid.glyphs.chars for c in text):
+            depths = mark_depths(shapes.relief, laid, text)
             characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
             reading = replace(reading, characters=characters)
-        if relief is None:
-            reading = replace(reading, raised=line.raised)
-        if shapes.lattice is not None:
-            settled = replace(
-                reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
+        known = self.named or laid.fit >= OWN_FIT
+        if known:
+            reading = replace(
+                reading, font=laid.font.name, height_mm=line.height_mm, rotation_deg=laid.rotation_deg
             )
-            reading = doubted_guesses(settled, shapes, self.places)
-        return explained(reading, by_font=shapes.lattice is not None)
+            reading = doubted_guesses(reading, laid, self.places)
+        return explained(reading, by_font=known)
 
 
-def _stroked(reading: Reading, main: ReadLine, line: FeltLine) -> Reading:
+def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:
     """The reading with what was felt of its characters' strokes and of their rivals'."""
+    if line is None:
+        return reading
     slope = calibration_of("tactile").slope
     strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice, slope=slope)
     resized = line.line is not main.line and reading.height_mm == main.line.height_mm
     sized = replace(
         reading, height_mm=line.line.height_mm if resized else reading.height_mm, raised=line.raised
     )
-    return only_whole(sized.traced(felt_line=line, strokes=strokes))
+    return sized.traced(felt_line=line, strokes=strokes)
 
 
 class _Shapes:
-    """Asks the templates once the places of a line are known, and keeps what they have found."""
+    """Asks the strokes and the named fonts about a line, once its places are known."""
 
-    def __init__(self, reader: TactileReader, edges: EdgeMap, touch: Touch, relief: Relief | None) -> None:
-        self.reader, self.relief = reader, relief
+    def __init__(self, reader: TactileReader, view: View, touch: Touch, relief: Relief | None) -> None:
+        self.reader, self.view, self.touch, self.relief = reader, view, touch, relief
         self.felt_line: FeltLine | None = None
-        self.part = TouchedPart(edges, touch, reader.cache, chars=reader.chars)
-        self.judged: JudgedLine | None = None
+        self.raised: bool | None = None
 
     def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
         reader, columns = self.reader, belief.columns
-        raised: bool | None = None
         if self.relief is not None:
             text = [belief.lattice.chars[k] for k in belief.lattice.log_belief.argmax(axis=1)]
             felt = FeltLine(self.relief, line, columns, raised=False, fonts=reader.strokes_of)
-            raised = felt.stands_out(text)
-            self.felt_line = replace(felt, raised=bool(raised)).sized(text)
+            self.raised = felt.stands_out(text)
+            self.felt_line = replace(felt, raised=bool(self.raised)).sized(text)
             line, columns = self.felt_line.line, self.felt_line.columns
-        found = judged(
-            self.part,
-            reader.fonts,
-            line,
-            belief.lattice,
-            columns,
-            named=reader.named,
-            raised=raised,
-            gaps=reader.gaps,
-            anew="templates" not in belief.by_expert,
-        )
-        self.judged = found
-        if raised is None and found is not None and found.line.raised and self.felt_line is not None:
-            self.felt_line = replace(self.felt_line, raised=True)
-        return {} if found is None or found.lattice is None else {"templates": found.lattice}
+        if not reader.named or "templates" in belief.by_expert or not columns.size:
+            return {}
+        fonts = []
+        for font in reader.fonts:
+            key = template_key(font, self.touch, height_mm=line.height_mm, raised=bool(self.raised))
+            chars = "".join(c for c in reader.chars if c in font.glyphs)
+            fonts.append(felt_prototypes(reader.cache.get(font, chars, key)))
+        return {"templates": belief_of(self.view, line, columns, fonts, belief.lattice)}
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

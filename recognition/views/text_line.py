@@ -70,6 +70,13 @@ class TextLine:
         return float(np.linalg.norm(np.diff(self.centre_mm, axis=0), axis=1).sum())
 
     @property
+    def sag_mm(self) -> float:
+        """Of the curve's points from the line between its ends, at most."""
+        first, last = self.centre_mm[0], self.centre_mm[-1]
+        along = (last - first) / np.linalg.norm(last - first)
+        return float(np.abs((self.centre_mm - first) @ np.array([-along[1], along[0]])).max())
+
+    @property
     def turned_deg(self) -> float:
         """From its start to its end, from +x towards +y."""
         across, down = self.centre_mm[-1] - self.centre_mm[0]

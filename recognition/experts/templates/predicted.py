@@ -1,33 +1,41 @@
 """Templates: what the ideal array feels on the ideal die, by the same physics that makes the scan.
 
-All glyphs of a font are laid out on one virtual plate, each in its own cell turned by the line's rotation,
-and scanned once::
+All glyphs of a font are laid out on one virtual plate, each in its own cell, and felt once::
 
     +-------+-------+-------+          the cell's middle is the glyph's reference point:
     |   A   |   B   |   C   |  ...     middle of its ink across, half the cap height up
     +-------+-------+-------+
+
+Plates are flat and lines run along their rows: a strip of a view is straightened the same way.
 """
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.camera.shading import Light, radiance
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph
-from glyphs.stamping.die import (
-    Die,
-    Face,
-    default_depth_mm,
-    default_die,
-    die_glyph,
-    shape_relief_mm,
-    to_plate,
+from glyphs.soiling.coat import Look
+from glyphs.stamping.die import Die, Face, default_depth_mm, default_die, die_glyph, shape_relief_mm
+from glyphs.surface.maps import HeightMap
+from recognition.views.text_line import TextLine
+from recognition.views.view import (
+    DIRECTIONS,
+    GREY,
+    KNOWN,
+    LAYERS,
+    View,
+    ViewKind,
+    felt_view,
+    relief_of,
 )
-from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
 from whisker_array.simulation.traces import Fidelity
@@ -35,15 +43,14 @@ from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 
-CELL_MARGIN_HEIGHTS = 0.16
-"""Land kept around a glyph in its cell, in character heights."""
+CELL_MARGIN_HEIGHTS, LAND_HEIGHTS = 0.16, 0.25
+"""Land kept around a glyph in its cell, in character heights; and that the plate has above and below all of them."""
 CANONICAL_HEIGHT_MM = 5.0
 """Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
-_TURN_DEG, _STEP = 5.0, 0.1
-"""Between two sets, of the turn and of preload and depth: patches are turned upright, and the directions' shares of an
-edge differ by a few per cent."""
-_ROUGH_TURN_DEG, _ROUGH_STEP = 40.0, 0.6
-"""The same, where they only have to tell which font it is."""
+_ROUGHNESS, _REFLECTANCE, _MIDDLE_GREY = 0.4, 0.3, 0.2
+"""Of brushed metal; and the mean of a photograph that is well exposed, linear."""
+_STEP = 0.1
+"""Between two sets, of preload and depth."""
 PIXELS = 40
 """Template pixels to a character height."""
 
@@ -53,8 +60,6 @@ class TemplateKey:
     """All that decides what a template set looks like, free of scale.
 
     Attributes:
-        directions: layers.
-        rotation_deg: of the glyphs in the plate frame.
         raised: raised marks.
         compliance: D11 over its yy element, row by row.
         arm: third row of T1 over its length.
@@ -63,8 +68,6 @@ class TemplateKey:
         die: at the canonical height.
     """
 
-    directions: tuple[TraceDirection, ...]
-    rotation_deg: float
     raised: bool
     compliance: tuple[float, ...]
     arm: tuple[float, ...]
@@ -84,33 +87,18 @@ class TemplateKey:
 
 
 def template_key(
-    font: Font,
-    touch: Touch,
-    directions: tuple[TraceDirection, ...],
-    *,
-    height_mm: float,
-    rotation_deg: float = 0.0,
-    raised: bool = False,
-    face: Face = Face.FLAT,
-    rough: bool = False,
+    font: Font, touch: Touch, *, height_mm: float, raised: bool = False, face: Face = Face.FLAT
 ) -> TemplateKey:
-    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set.
-
-    Rough ones are shared by almost all parts: to predict a set for each of the fonts that nobody has named would cost
-    more than all the rest of a reading.
-    """
-    turn, step = (_ROUGH_TURN_DEG, _ROUGH_STEP) if rough else (_TURN_DEG, _STEP)
+    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
     arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
-    depth = rounded(default_depth_mm(height_mm) / height_mm, step)
+    depth = rounded(default_depth_mm(height_mm) / height_mm, _STEP)
     return TemplateKey(
-        directions=directions,
-        rotation_deg=turn * round(rotation_deg / turn),
         raised=raised,
         compliance=tuple(float(f"{c:.4g}") for c in compliance.ravel()),
         arm=tuple(float(f"{a:.4g}") for a in arm),
-        preload=rounded(touch.preload_mm / height_mm, step),
-        tip_radius=rounded(touch.tip_radius_mm / height_mm, 2 * step) if touch.tip_radius_mm else 0.0,
+        preload=rounded(touch.preload_mm / height_mm, _STEP),
+        tip_radius=rounded(touch.tip_radius_mm / height_mm, 2 * _STEP) if touch.tip_radius_mm else 0.0,
         friction=round(touch.friction, 2),
         die=default_die(CANONICAL_HEIGHT_MM, font=font, face=face, depth_mm=depth * CANONICAL_HEIGHT_MM),
     )
@@ -124,79 +112,164 @@ def rounded(value: float, step: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TemplateSet:
-    """Predicted edge maps of a font's characters, all on one patch size.
+    """A font's characters side by side on a plate, as they are felt.
 
     Attributes:
         font: name of the font.
         chars: (T,) characters.
-        patches: (T, directions, rows, cols) float32, PIXELS to the height, the glyph's reference point in the
-            middle pixel; rows and cols odd. In the *line frame*: a rotated set has been turned back upright.
+        view: of the whole plate.
+        middles_mm: (T, 2) x, y of the glyphs' reference points.
+        height_mm: of the characters.
+        patches: (T, directions, rows, cols) float32 edges, PIXELS to the height, the glyph's reference point in the
+            middle pixel; rows and cols odd.
         half_width: (T,) half the ink's width, character heights.
-        work: place for what matching derives from the patches (spectra, norms), kept as long as the set.
+        work: place for what is derived from the plate and its patches, kept as long as the set.
     """
 
     font: str
     chars: tuple[str, ...]
+    view: View
+    middles_mm: NDArray[np.float64]
+    height_mm: float
     patches: NDArray[np.float32]
     half_width: NDArray[np.float64]
     work: dict[object, object] = field(default_factory=dict)
 
+    @property
+    def line(self) -> TextLine:
+        """Along the plate, from the middle of the first character to that of the last."""
+        return line_of(self.middles_mm, self.height_mm)
 
-def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
-    """Scan the ideal plate of a font's characters and cut out the cells.
+    def derived(self, key: object, make: Callable[[], Any]) -> Any:
+        """What was made of the set under a key, made on first use."""
+        if key not in self.work:
+            self.work[key] = make()
+        return self.work[key]
+
+
+@dataclass(frozen=True, eq=False)
+class IdealPlate:
+    """A font's characters side by side, each struck without fault.
+
+    Attributes:
+        surface: the plate.
+        middles_mm: (T, 2) x, y of the glyphs' reference points.
+        half_width: (T,) half the ink's width, character heights.
+        shape: (rows, cols) of a character's part of the plate, PIXELS to the height, both odd.
+        rows: of them that its cell has.
+    """
+
+    surface: HeightMap
+    middles_mm: NDArray[np.float64]
+    half_width: NDArray[np.float64]
+    shape: tuple[int, int]
+    rows: slice
+
+
+def line_of(middles_mm: NDArray[np.float64], height_mm: float) -> TextLine:
+    """The line along the middles of characters, with half a height of land at both ends."""
+    (x0, y), x1 = middles_mm[0], middles_mm[-1, 0]
+    return TextLine(np.array([[x0 - 0.5 * height_mm, y], [x1 + 0.5 * height_mm, y]]), height_mm)
+
+
+def ideal_plate(font: Font, chars: str, die: Die, *, raised: bool = False) -> IdealPlate:
+    """Strike the plate, at the canonical height and half the templates' pitch.
 
     Raises:
         FontError: a character that the font has not got.
         StampError, MapError: a die or a scale that cannot be.
     """
     height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
-    shapes = [die_glyph(font.glyph(c), key.die, height_mm=height) for c in chars]
+    shapes = [die_glyph(font.glyph(c), die, height_mm=height) for c in chars]
     boxes = [shape.ink_box for shape in shapes]
     half = 0.5 * np.array([b[2] - b[0] for b in boxes])
     tall = max(max(abs(b[1] - 0.5), abs(b[3] - 0.5)) for b in boxes)
-    cos, sin = abs(math.cos(math.radians(key.rotation_deg))), abs(math.sin(math.radians(key.rotation_deg)))
-    wide = float(half.max())
-    n_cols = math.ceil((wide * cos + tall * sin + CELL_MARGIN_HEIGHTS) * PIXELS)
-    n_rows = math.ceil((tall * cos + wide * sin + CELL_MARGIN_HEIGHTS) * PIXELS)
+    n_cols = math.ceil((float(half.max()) + CELL_MARGIN_HEIGHTS) * PIXELS)
+    n_rows, own = (math.ceil((tall + land) * PIXELS) for land in (LAND_HEIGHTS, CELL_MARGIN_HEIGHTS))
     # cells are felt at the template's pitch; the plate is drawn at half of it
     fine = 0.5 * pitch
-    cell_cols, cell_rows = 2 * n_cols + 1, 2 * n_rows + 1
-    z = np.zeros((2 * cell_rows, 2 * cell_cols * len(chars)), dtype=np.float32)
-    gx = (np.arange(2 * cell_cols) - 2 * n_cols) * fine
-    gy = (np.arange(2 * cell_rows) - 2 * n_rows) * fine
-    u, v = to_plate(gx[None, :], gy[:, None], rotation_deg=key.rotation_deg)
+    rows, cols = 2 * n_rows + 1, 2 * n_cols + 1
+    z = np.zeros((2 * rows, 2 * cols * len(chars)), dtype=np.float32)
+    u = (np.arange(2 * cols) - 2 * n_cols) * fine
+    v = (2 * n_rows - np.arange(2 * rows)) * fine
     for i, (shape, box) in enumerate(zip(shapes, boxes, strict=True)):
         middle = (0.5 * (box[0] + box[2]) * height, 0.5 * height)
-        z[:, 2 * cell_cols * i : 2 * cell_cols * (i + 1)] = _relief(shape, key, u, v, middle)
-    plate = HeightMap(-z if key.raised else z, fine)
+        z[:, 2 * cols * i : 2 * cols * (i + 1)] = _relief(shape, die, u[None, :], v[:, None], middle)
+    middles = np.column_stack(
+        [(np.arange(len(chars)) * cols + n_cols) * pitch, np.full(len(chars), n_rows * pitch)]
+    )
+    surface, own_rows = HeightMap(-z if raised else z, fine), slice(n_rows - own, n_rows + own + 1)
+    return IdealPlate(surface, middles, half, (rows, cols), own_rows)
+
+
+def lit_views(plate: IdealPlate, lights: Sequence[Light], *, albedo: float = 0.3) -> tuple[View, ...]:
+    """Photographs of an ideal plate of matt metal, one under each light.
+
+    Args:
+        plate: to be seen.
+        lights: under which.
+        albedo: share of the light that it throws back.
+    """
+    shape = plate.surface.shape
+    look = Look(
+        np.full((*shape, 3), albedo, dtype=np.float32),
+        np.full(shape, _ROUGHNESS, dtype=np.float32),
+        np.full(shape, _REFLECTANCE, dtype=np.float32),
+    )
+    views = []
+    for light in lights:
+        seen = radiance(plate.surface, look, light)[..., 1]
+        layers = np.zeros((LAYERS, *shape), dtype=np.float32)
+        layers[GREY] = np.clip(_MIDDLE_GREY * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
+        layers[KNOWN] = 1.0
+        views.append(View(ViewKind.PHOTO, layers, plate.surface.pitch_mm))
+    return tuple(views)
+
+
+def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
+    """Feel the ideal plate of a font's characters and cut out the cells.
+
+    Raises:
+        FontError: a character that the font has not got.
+        StampError, MapError: a die or a scale that cannot be.
+    """
+    height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
+    plate = ideal_plate(font, chars, key.die, raised=key.raised)
+    rows, cols = plate.shape
     plan = RasterPlan(
         array=WhiskerArray(n_whiskers=1, pitch_mm=pitch),
-        region_mm=(0.0, 0.0, (cell_cols * len(chars) - 1) * pitch, (cell_rows - 1) * pitch),
+        region_mm=(0.0, 0.0, (cols * len(chars) - 1) * pitch, (rows - 1) * pitch),
         line_pitch_mm=pitch,
-        sample_pitch_mm=fine,
-        directions=key.directions,
+        sample_pitch_mm=0.5 * pitch,
+        directions=DIRECTIONS,
         lead_mm=0.2 * height,
         air_samples=0,
     )
-    felt = edge_map(trace_scan(plate, touch=key.touch(), plan=plan, fidelity=Fidelity.CONTACT), ideal=True)
-    layers = felt.enhancement.reshape(len(key.directions), cell_rows, len(chars), cell_cols)
-    patches = np.ascontiguousarray(layers.transpose(2, 0, 1, 3))
-    if key.rotation_deg:
-        patches = _upright(patches, key.rotation_deg)
-    return TemplateSet(font=font.name, chars=tuple(chars), patches=patches, half_width=half)
+    scan = trace_scan(plate.surface, touch=key.touch(), plan=plan, fidelity=Fidelity.CONTACT)
+    felt = edge_map(scan, ideal=True)
+    layers = felt.enhancement.reshape(len(DIRECTIONS), rows, len(chars), cols)
+    return TemplateSet(
+        font=font.name,
+        chars=tuple(chars),
+        view=felt_view(felt, relief_of(scan, felt), key.touch()),
+        middles_mm=plate.middles_mm,
+        height_mm=height,
+        patches=np.ascontiguousarray(layers[:, plate.rows].transpose(2, 0, 1, 3)),
+        half_width=plate.half_width,
+    )
 
 
 def _relief(
     shape: Glyph,
-    key: TemplateKey,
+    die: Die,
     u: NDArray[np.float64],
     v: NDArray[np.float64],
     middle: tuple[float, float],
 ) -> NDArray[np.float32]:
-    """Sunk relief of one glyph at offsets (u, v) from its middle."""
+    """Sunk relief of one glyph at offsets (u right, v up) from its middle."""
     if shape.relief is not None:
         return _felt_relief(shape.relief, u, v)
-    return shape_relief_mm(shape, key.die, u + middle[0], v + middle[1], height_mm=CANONICAL_HEIGHT_MM)
+    return shape_relief_mm(shape, die, u + middle[0], v + middle[1], height_mm=CANONICAL_HEIGHT_MM)
 
 
 def _felt_relief(
@@ -209,29 +282,6 @@ def _felt_relief(
     at = [felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel]
     found = ndimage.map_coordinates(felt, at, order=1, mode="constant")
     return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
-
-
-def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.float32]:
-    """Turn plate-frame patches back into the line frame, about their middle pixel."""
-    from scipy import ndimage
-
-    angle = math.radians(rotation_deg)
-    cos, sin = math.cos(angle), math.sin(angle)
-    # output (row, col) in the line frame looks up the plate frame: x = u cos - v sin, y = u sin + v cos
-    matrix = np.array([[cos, sin], [-sin, cos]])
-    middle = 0.5 * (np.array(patches.shape[2:]) - 1.0)
-    out = np.empty_like(patches)
-    for t in range(patches.shape[0]):
-        for d in range(patches.shape[1]):
-            ndimage.affine_transform(
-                patches[t, d],
-                matrix,
-                offset=middle - matrix @ middle,
-                output=out[t, d],
-                order=1,
-                mode="constant",
-            )
-    return out
 
 
 MOST_SETS = 1024

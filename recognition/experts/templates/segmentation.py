@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from recognition.experts.templates.decode import Placed, Spacing
-from recognition.experts.templates.sparse_templates import EVIDENCE_PIXELS
 
-MARGIN_PIXELS = 6
-"""Padding around the map."""
-SIDE_HEIGHTS = 0.35
+SIDE_HEIGHTS = 0.25
+"""Land beside a character's ink that its place takes in at most."""
 STEP_COST, STEP_LIMIT, STANDS_OUT = 6.0, 1.2, 0.35
 
 
@@ -25,7 +23,7 @@ def usual_spacing(
     *,
     full: NDArray[np.float64],
     gaps: frozenset[int] = frozenset(),
-    pixels: int = EVIDENCE_PIXELS,
+    pixels: int,
 ) -> Spacing | None:
     """How far apart characters stand, from neighbours that both stand out; None if none do.
 
@@ -51,11 +49,20 @@ def usual_spacing(
     return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit, gaps)
 
 
-def place_bounds(placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int) -> list[tuple[int, int]]:
-    """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's."""
+def place_bounds(
+    placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int, *, pixels: int
+) -> list[tuple[int, int]]:
+    """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's.
+
+    Args:
+        placed: the characters.
+        half_cols: (T,) half the ink's width of each template, pixels.
+        width: of the image.
+        pixels: to a character height.
+    """
     left = [p.column - int(half_cols[p.template]) for p in placed]
     right = [p.column + int(half_cols[p.template]) for p in placed]
-    side = round(SIDE_HEIGHTS * EVIDENCE_PIXELS)
+    side = round(SIDE_HEIGHTS * pixels)
     out = []
     for i in range(len(placed)):
         low, high = left[i] - side, right[i] + side

@@ -1,0 +1,189 @@
+"""The characters of a text where a font's templates lie best: what their marks are graded and measured by.
+
+strip of the felt line          a template about its place          moved to where they go together best
+  |  K  7  B  |                       [  7  ]                             row, column, correlation
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face
+from recognition.experts.correlation import (
+    GlyphImages,
+    Image,
+    cell_correlations,
+    correlated,
+    glyph_images,
+    image_of,
+)
+from recognition.experts.templates.decode import Placed
+from recognition.experts.templates.predicted import PIXELS, TemplateCache, template_key
+from recognition.experts.templates.segmentation import place_bounds
+from recognition.strokes.strokes_felt import PlaceStrokes
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View
+from whisker_array.whisker.touch import Touch
+
+MARGIN_HEIGHTS = 1.0
+"""Of the strip before and after the line, and above and below its middle: room for a template at either end."""
+MOVED_HEIGHTS = 0.15
+"""By which a character may lie off its place."""
+STRUCK_FIT = 0.7
+"""Mean correlation with a flat die below which a dotted one is tried."""
+OWN_FIT = 0.75
+"""Mean correlation from which a font that nobody named is taken for the part's."""
+MOST_SAG_HEIGHTS = 0.3
+"""A line that bends more has each character turned otherwise than templates, which are straight."""
+LEAST_DIRECTION = 0.1
+"""Character heights on either side of a place that tell its line's direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaidText:
+    """A text in the templates of a font.
+
+    Attributes:
+        text: a character a place.
+        font: whose templates.
+        face: of its die.
+        raised: whether the marks stand out.
+        glyphs: templates of the font, felt as the part was, PIXELS to the height.
+        line: along which the text stands.
+        image: (rows, columns, layers) of the line.
+        columns, rows: (places,) of the image, where each character's middle lies.
+        fits: (places,) correlations of the characters with the image; 0 of those that the font has not got.
+    """
+
+    text: tuple[str, ...]
+    font: Font
+    face: Face
+    raised: bool
+    glyphs: GlyphImages
+    line: TextLine
+    image: Image
+    columns: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    fits: NDArray[np.float64]
+
+    @property
+    def fit(self) -> float:
+        """Mean correlation."""
+        return float(self.fits.mean())
+
+    @property
+    def rotation_deg(self) -> float:
+        """Of the line through the middles of the characters."""
+        if len(self.fits) < 2:
+            return self.line.turned_deg
+        along = TextLine(self.places_mm(), self.line.height_mm)
+        return along.turned_deg
+
+    def correlations(self) -> list[NDArray[np.float64]]:
+        """Of every place, (T,) the best correlation of each template of the font with its cell."""
+        known = self.glyphs.chars
+        placed = [
+            Placed(known.index(c) if c in known else 0, int(column), 0.0)
+            for c, column in zip(self.text, self.columns, strict=True)
+        ]
+        bounds = place_bounds(placed, self.glyphs.half_cols, self.image.shape[1], pixels=PIXELS)
+        return [
+            cell_correlations(self.image, self.glyphs, row=int(row), column=one.column, bounds=bound)
+            for one, row, bound in zip(placed, self.rows, bounds, strict=True)
+        ]
+
+    def places_mm(self, *, ahead_heights: float = 0.0) -> NDArray[np.float64]:
+        """(places, 2) x, y of the characters' middles, or of points ahead of them."""
+        u, v = ((at + 0.5) * HEIGHT_ROWS / PIXELS - 0.5 for at in (self.columns, self.rows))
+        height = self.image.shape[0] * HEIGHT_ROWS / PIXELS
+        return self.line.places_mm(u + ahead_heights * HEIGHT_ROWS, v, margin=MARGIN_HEIGHTS, of_rows=height)
+
+    def turns_deg(self) -> NDArray[np.float64]:
+        """(places,) direction of the line at each character."""
+        along = self.places_mm(ahead_heights=LEAST_DIRECTION) - self.places_mm(ahead_heights=-LEAST_DIRECTION)
+        return np.asarray(np.degrees(np.arctan2(along[:, 1], along[:, 0])))
+
+
+def laid_text(
+    view: View,
+    touch: Touch,
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    fonts: Sequence[Font],
+    *,
+    cache: TemplateCache,
+    chars: str,
+    raised: bool | None,
+) -> LaidText | None:
+    """The text in the font and the kind of die that suits it best; None where no font has any of its characters.
+
+    Args:
+        view: as felt.
+        touch: how.
+        line: along which the text stands.
+        columns: (places,) of the line's strip.
+        text: a character a place.
+        fonts: to choose from.
+        cache: of template sets.
+        chars: characters that may occur.
+        raised: whether the marks stand out; whatever fits better where that is not known.
+    """
+    rows = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
+    image = image_of(view, line, rows=rows, margin=MARGIN_HEIGHTS, pixels=PIXELS)
+    along = (columns + 0.5) / HEIGHT_ROWS - MARGIN + MARGIN_HEIGHTS
+    believed = np.rint(along * PIXELS - 0.5).astype(np.int64)
+
+    def best(face: Face) -> LaidText | None:
+        tried = []
+        for font, out in product(fonts, (False, True) if raised is None else (raised,)):
+            own = "".join(c for c in chars if c in font.glyphs)
+            if not set(own) & set(text) or (face is Face.DOTTED and not font.stroke_ratio > 0.0):
+                continue
+            key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
+            templates = cache.get(font, own, key)
+            glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
+            placed = np.array([_placed(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
+            places = placed[:, :2].astype(np.int64).T
+            tried.append(
+                LaidText(
+                    tuple(text), font, face, out, glyphs, line, image, places[1], places[0], placed[:, 2]
+                )
+            )
+        return max(tried, key=lambda one: one.fit, default=None)
+
+    flat = best(Face.FLAT)
+    if flat is not None and flat.fit >= STRUCK_FIT:
+        return flat
+    return max(
+        (one for one in (flat, best(Face.DOTTED)) if one is not None), key=lambda o: o.fit, default=None
+    )
+
+
+def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple[Font, ...]:
+    """The font whose strokes suit most places, of those that stand for one that nobody named; all where none does."""
+    votes = Counter(place.font for place in places)
+    best = max(fonts, key=lambda font: votes[font.name])
+    return (best,) if votes[best.name] else tuple(fonts)
+
+
+def _placed(image: Image, glyphs: GlyphImages, char: str, column: int) -> tuple[int, int, float]:
+    """Row and column of an image where a character fits best about a column of the line, and how well."""
+    row = image.shape[0] // 2
+    if char not in glyphs.chars:
+        return row, column, 0.0
+    template = glyphs.images[glyphs.chars.index(char)]
+    move = round(MOVED_HEIGHTS * glyphs.pixels)
+    high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
+    padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
+    at = min(max(column, 0), image.shape[1] - 1)
+    answer = correlated(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
+    down, aside = np.unravel_index(int(answer.argmax()), answer.shape)
+    return row + int(down) - move, at + int(aside) - move, float(answer[down, aside])

@@ -1,0 +1,191 @@
+"""Characters of a font as the recogniser's middle layers have them: those that physics predicts beside those felt.
+
+    font --plate, touch or lamp--> strip --recogniser's middle--> features --a window a character--> prototypes
+    part --the same--------------> strip --recogniser's middle--> features --a window a place------> cosines
+
+The recogniser has learned what dirt, wear and light do to a line. In its features a dirty mark and the clean one that
+is predicted are alike, where their maps are not: no weights are learned for it, and a new font is as good as a known
+one. A cosine is taken over the window of the prototype's ink and over all features, each about its mean along the
+predicted plate and in units of its spread there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.camera.shading import Light
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import default_die
+from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
+from recognition.experts.templates.predicted import (
+    CANONICAL_HEIGHT_MM,
+    TemplateSet,
+    ideal_plate,
+    line_of,
+    lit_views,
+)
+from recognition.language.lattice import Lattice
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View
+
+HALF_STEPS = 6
+"""Steps of features on either side of a character's middle: as wide as a W."""
+BESIDE_STEPS = 1.5
+"""Beside a character's ink that count as its own."""
+MOVED_STEPS, MOVE_COST = 2, 0.01
+"""By which a place may lie off, and the cosine that a step costs."""
+SHARPNESS = 25.0
+"""Belief, as a logarithm, of a unit of cosine: the likeliest of 15, 25 and 40 on 3,072 places of 384 parts drawn like
+the exam's, with its fonts and soils left out."""
+LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
+"""Under which photographs are predicted: lamps from four sides, and one that stands high."""
+_LEAST_SPREAD = 1e-3
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prototypes:
+    """A font's characters in features.
+
+    Attributes:
+        font: its name.
+        chars: (T,) characters.
+        values: (T, features, rows, steps) about their mean, in spreads; 0 beyond a character's own steps.
+        own: (T, steps) weight of each step, 0 to 1.
+        mean, spread: (features, 1, 1) along the predicted plate.
+    """
+
+    font: str
+    chars: tuple[str, ...]
+    values: Features
+    own: Features
+    mean: Features
+    spread: Features
+
+
+def felt_prototypes(templates: TemplateSet) -> Prototypes:
+    """The characters of a font as they are felt; kept with the set."""
+
+    def make() -> Prototypes:
+        one = templates
+        return _cut_out(one.font, one.chars, one.view, one.middles_mm, one.half_width, one.height_mm)
+
+    made: Prototypes = templates.derived("prototypes", make)
+    return made
+
+
+def lit_prototypes(font: Font, chars: str) -> tuple[Prototypes, ...]:
+    """The characters of a font as a camera sees them, under each of `LIGHTS`.
+
+    Args:
+        font: which.
+        chars: characters that it has.
+
+    Raises:
+        FontError: a character that the font has not got.
+        StampError: a die that cannot be.
+    """
+    plate = ideal_plate(font, chars, default_die(CANONICAL_HEIGHT_MM, font=font))
+    where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
+    return tuple(_cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, LIGHTS))
+
+
+def _cut_out(
+    font: str,
+    chars: tuple[str, ...],
+    view: View,
+    middles_mm: Floats,
+    half_width: Floats,
+    height_mm: float,
+) -> Prototypes:
+    """The prototypes of a plate that is seen, (T, 2) middles of its characters given."""
+    line = line_of(middles_mm, height_mm)
+    features = features_of(view.strip(line))
+    mean = features.mean(axis=(1, 2), keepdims=True)
+    spread = features.std(axis=(1, 2), keepdims=True) + _LEAST_SPREAD
+    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / height_mm
+    windows = _windows((features - mean) / spread, (along + MARGIN) * HEIGHT_ROWS - 0.5, HALF_STEPS)
+    steps = np.abs(np.arange(-HALF_STEPS, HALF_STEPS + 1))
+    half = half_width[:, None] * HEIGHT_ROWS / FEATURE_COLUMNS
+    own = np.clip(half + BESIDE_STEPS - steps, 0.0, 1.0).astype(np.float32)
+    return Prototypes(font, chars, windows * own[:, None, None], own, mean, spread)
+
+
+def belief_of(
+    view: View, line: TextLine, columns: Floats, fonts: Sequence[Prototypes], lattice: Lattice
+) -> Lattice:
+    """What the prototypes that suit a line best make of its places, of several fonts or lights.
+
+    Args:
+        view: to be read.
+        line: where the characters stand.
+        columns: (places,) of its strip.
+        fonts: prototypes to choose from, one at least.
+        lattice: what others believe of the places.
+    """
+    features = features_of(view.strip(line))
+    tried = [(cosines(features, columns, one), one) for one in fonts]
+    cosine, best = max(tried, key=lambda one: float(one[0].max(axis=1).mean()))
+    return lattice_of(cosine, best.chars, lattice)
+
+
+def cosines(features: Features, columns: Floats, prototypes: Prototypes) -> Floats:
+    """(places, T) greatest cosine of every prototype with every place, moved a little.
+
+    Args:
+        features: of a strip.
+        columns: (places,) of the strip, where characters stand.
+        prototypes: of a font.
+    """
+    seen = (features - prototypes.mean) / prototypes.spread
+    windows = _windows(seen, columns, HALF_STEPS + MOVED_STEPS)
+    squares = (windows**2).sum(axis=(1, 2))
+    count = len(prototypes.chars)
+    flat = prototypes.values.reshape(count, -1)
+    size = np.sqrt(
+        (prototypes.values**2 / np.maximum(prototypes.own, 1e-6)[:, None, None]).sum(axis=(1, 2, 3))
+    )
+    best = np.full((columns.size, count), -1.0)
+    for move in range(2 * MOVED_STEPS + 1):
+        now = slice(move, move + 2 * HALF_STEPS + 1)
+        product = windows[..., now].reshape(columns.size, -1) @ flat.T
+        energy = np.sqrt(squares[:, now] @ prototypes.own.T)
+        cost = MOVE_COST * abs(move - MOVED_STEPS)
+        np.maximum(best, product / np.maximum(size * energy, 1e-9) - cost, out=best)
+    return best
+
+
+def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice) -> Lattice:
+    """What cosines make of the places of a lattice: of its characters, as far as they are allowed.
+
+    Of what a font has not got it says nothing: as likely as its least likely one.
+
+    Args:
+        cosine: (places, T).
+        chars: (T,) of the prototypes.
+        lattice: what others believe of the places.
+    """
+    allowed = np.isfinite(lattice.log_belief)
+    log = np.full(allowed.shape, np.nan)
+    for k, char in enumerate(chars):
+        if char in lattice.chars:
+            log[:, lattice.chars.index(char)] = SHARPNESS * cosine[:, k]
+    log = np.where(allowed, log, np.nan)
+    known = np.isfinite(log)
+    least = np.where(known, log, np.inf).min(axis=1, keepdims=True)
+    log = np.where(known, log, np.where(allowed, np.where(np.isfinite(least), least, 0.0), -np.inf))
+    log -= np.logaddexp.reduce(log, axis=1, keepdims=True)
+    return replace(lattice, log_belief=np.minimum(log, 0.0))
+
+
+def _windows(features: Features, columns: Floats, half: int) -> Features:
+    """(places, features, rows, 2 * half + 1) about columns of a strip; 0 beyond it."""
+    steps = np.rint((columns + 0.5) / FEATURE_COLUMNS - 0.5).astype(np.intp)
+    padded = np.pad(features, ((0, 0), (0, 0), (half, half)))
+    steps = np.clip(steps, 0, features.shape[2] - 1)
+    return np.stack([padded[..., step : step + 2 * half + 1] for step in steps])
