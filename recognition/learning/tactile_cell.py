@@ -72,6 +72,7 @@ def felt_cell(
 
 def _levelled(felt: Layer) -> Layer:
     """Heights over the land: a bowl fitted to what is not ink, for the plate's waves may be as deep as a worn mark."""
+    from scipy import ndimage
 
     known = np.isfinite(felt)
     if known.sum() < LEAST_LAND:

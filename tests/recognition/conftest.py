@@ -7,24 +7,23 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
-from recognition.experts.templates.placed_line import PlacedLine, TouchedPart
-from recognition.experts.templates.predicted import (
-    TemplateCache,
-    TemplateSet,
-    predict_templates,
-    template_key,
-)
+from recognition.experts.templates.predicted import TemplateSet, predict_templates, template_key
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
+from recognition.views.curves import straight_through
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View, felt_view
 from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.relief import relief_from_edges
 from whisker_array.scan.scan import trace_scan
-from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
 
 CHARS = "K7B1"
@@ -87,35 +86,30 @@ def calm_edges(calm_part: StampedPart, touch: Touch) -> EdgeMap:
 
 
 @pytest.fixture(scope="session")
-def place_line(gothic: Font, touch: Touch) -> Callable[..., PlacedLine]:
-    """Lines whose characters are believed where they were stamped, by the part and its edge map."""
-    cache = TemplateCache()
+def calm_view(calm_edges: EdgeMap, touch: Touch) -> View:
+    """The faultless line as it was felt."""
+    return felt_view(calm_edges, relief_from_edges(calm_edges, touch), touch)
 
-    def place(
-        part: StampedPart,
-        edges: EdgeMap,
-        *,
-        text: str | None = None,
-        chars: str = CHARS,
-        height_mm: float = HEIGHT_MM,
-        face: Face = Face.FLAT,
-        raised: bool = False,
-    ) -> PlacedLine:
-        touched = TouchedPart(edges, touch, cache, chars=chars)
-        templates = touched.templates(gothic, height_mm=height_mm, rotation_deg=0.0, face=face, raised=raised)
-        boxes = np.array([b for b, c in zip(part.boxes_mm, part.text, strict=True) if c != " "])
-        image = touched.image(0.0)
-        u_mm, v_mm = image.from_plate(0.5 * (boxes[:, :2] + boxes[:, 2:])).T
-        believed = [templates.chars.index(c) for c in (text or part.text).replace(" ", "")]
-        return PlacedLine(gothic, face, raised, height_mm, image, templates, np.array(believed), u_mm, v_mm)
 
-    return place
+@pytest.fixture(scope="session")
+def stamped_line() -> Callable[[StampedPart], tuple[TextLine, NDArray[np.float64]]]:
+    """The straight line through the characters of a part, and the columns of its strip where they stand."""
+
+    def line(part: StampedPart) -> tuple[TextLine, NDArray[np.float64]]:
+        boxes = np.array(part.boxes_mm)
+        middles = 0.5 * (boxes[:, :2] + boxes[:, 2:])
+        half = 0.5 * part.height_mm
+        along = np.linalg.norm(middles - middles[0], axis=1) + half
+        made = TextLine(straight_through(middles, before=half, after=half), part.height_mm)
+        return made, (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5
+
+    return line
 
 
 @pytest.fixture(scope="session")
 def templates(gothic: Font, touch: Touch) -> TemplateSet:
-    """Sunk, upright templates of CHARS."""
-    return predict_templates(gothic, CHARS, template_key(gothic, touch, ALL_DIRECTIONS, height_mm=HEIGHT_MM))
+    """Sunk templates of CHARS."""
+    return predict_templates(gothic, CHARS, template_key(gothic, touch, height_mm=HEIGHT_MM))
 
 
 @pytest.fixture(scope="session")

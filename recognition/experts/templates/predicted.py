@@ -279,7 +279,7 @@ def _felt_relief(
     from scipy import ndimage
 
     pixel = CANONICAL_HEIGHT_MM / RELIEF_PIXELS
-    at = [felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel]
+    at = np.broadcast_arrays(felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel)
     found = ndimage.map_coordinates(felt, at, order=1, mode="constant")
     return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
 

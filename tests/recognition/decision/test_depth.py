@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +16,13 @@ from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
 from recognition.decision.depth import mark_depths
+from recognition.decision.laid_text import MARGIN_HEIGHTS, LaidText
 from recognition.decision.reading import MarkDepth
-from recognition.experts.templates.frames import LineImage
-from recognition.experts.templates.placed_line import PlacedLine
-from recognition.experts.templates.predicted import TemplateSet
-from recognition.experts.templates.refine import Cell
+from recognition.experts.correlation import GlyphImages
+from recognition.experts.templates.predicted import PIXELS
+from recognition.strokes.depth_sampling import turn_matrix
 from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges
 from whisker_array.scan.scan import trace_scan
@@ -76,41 +78,32 @@ def true_depth_mm(part: StampedPart, *, raised: bool = False) -> np.ndarray:
     return np.array(found)
 
 
-def line_of(
+def laid_in(
     part: StampedPart,
     font: Font,
     *,
-    face: Face,
+    face: Face = Face.FLAT,
     raised: bool = False,
     off_mm: float = 0.0,
     turn_deg: float = 0.0,
-) -> tuple[PlacedLine, list[Cell]]:
-    """The line as it would be read, every character in the middle of its box or beside it."""
-    image = LineImage(np.zeros((1, 3, 3), dtype=np.float32), 0.1, 0.1, (0.0, 0.0), 0.0, (0.0, 0.0))
-    chars = tuple(sorted(set(part.text)))
-    templates = TemplateSet(
-        font.name, chars, np.zeros((len(chars), 1, 3, 3), np.float32), np.full(len(chars), 0.3)
-    )
-    cells = [
-        Cell(
-            np.zeros(len(chars)),
-            0.5 * (x0 + x1) + off_mm,
-            0.5 * (y0 + y1) - off_mm,
-            turn_deg,
-            0.5 * (x1 - x0),
-        )
-        for x0, y0, x1, y1 in part.boxes_mm
-    ]
-    template = np.array([chars.index(c) for c in part.text])
-    u_mm, v_mm = (np.array([getattr(c, name) for c in cells]) for name in ("u_mm", "v_mm"))
-    return PlacedLine(font, face, raised, part.height_mm, image, templates, template, u_mm, v_mm), cells
+) -> LaidText:
+    """The text as it would be laid, every character in the middle of its box or beside it."""
+    boxes, height_mm = np.array(part.boxes_mm), part.height_mm
+    middles = 0.5 * (boxes[:, :2] + boxes[:, 2:]) + (off_mm, -off_mm)
+    line = TextLine.straight(*middles[0], length_mm=50.0, height_mm=height_mm, turned_deg=turn_deg)
+    along, down = ((middles - middles[0]) @ turn_matrix(-turn_deg) / height_mm).T
+    image = np.zeros((3 * PIXELS, 3 * PIXELS, 4), dtype=np.float32)
+    # not rounded to pixels, so that a character is off its place by off_mm alone
+    columns, rows = (along + MARGIN_HEIGHTS) * PIXELS - 0.5, (down + 1.5) * PIXELS - 0.5
+    glyphs = GlyphImages((), (), np.zeros(0, dtype=np.int64), PIXELS)
+    fits = np.ones(len(part.text))
+    laid = LaidText(tuple(part.text), font, face, raised, glyphs, line, image, columns, rows, fits)  # type: ignore[arg-type]
+    np.testing.assert_allclose(laid.places_mm(), middles, atol=1e-9)
+    return laid
 
 
-def depths_of(
-    relief: Relief, part: StampedPart, font: Font, *, face: Face = Face.FLAT, **options: float
-) -> tuple[MarkDepth | None, ...]:
-    line, cells = line_of(part, font, face=face, **options)  # type: ignore[arg-type]
-    return mark_depths(relief, line, cells, part.text)
+def depths_of(relief: Relief, part: StampedPart, font: Font, **options: Any) -> tuple[MarkDepth | None, ...]:
+    return mark_depths(relief, laid_in(part, font, **options), part.text)
 
 
 def known(depths: tuple[MarkDepth | None, ...]) -> np.ndarray:

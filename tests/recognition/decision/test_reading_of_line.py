@@ -9,7 +9,6 @@ import pytest
 
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import PartLines, ReadLine
-from recognition.belief.weights import ExpertWeights, Power
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters, word_gaps
@@ -19,7 +18,6 @@ from recognition.language.grammar import Grammar
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 
 CHARS = "AB812"
-WEIGHTS = ExpertWeights({"network": Power(1.0)})
 LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0, turned_deg=2.0)
 
 
@@ -45,7 +43,7 @@ def line_of(
         where[2 * k + 1] = columns[k]
         where[2 * k] = columns[k] - 5.0
     where[-1] = columns[-1] + 5.0
-    belief = believed([Steps.of(blank, shares, CHARS, where)], grammar, weights=WEIGHTS)
+    belief = believed([Steps.of(blank, shares, CHARS, where)], grammar)
     assert belief is not None
     return ReadLine(at, belief)
 
@@ -128,7 +126,7 @@ def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> 
     steps = sure.belief.looks[0]
     shares, blank = np.exp(steps.log_chars), np.exp(steps.log_blank)
     shares[5], blank[5] = 0.1 * shares[5], 1e-4
-    belief = believed([Steps.of(blank, shares, CHARS, steps.columns)], grammar, weights=WEIGHTS)
+    belief = believed([Steps.of(blank, shares, CHARS, steps.columns)], grammar)
     assert belief is not None
     found = read(ReadLine(LINE, belief), grammar=grammar)
     assert (found.text, found.decision) == ("AB2", Decision.REVIEW)

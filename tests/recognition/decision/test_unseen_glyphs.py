@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,11 +15,6 @@ CHARS = ("E", "F", "Q", "O")
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True)
-class Cell:
-    scores: np.ndarray
-
-
 def font(guessed):
     gothic = load_font("gothic")
     return replace(gothic, glyphs={c: replace(gothic.glyphs[c], guessed=c in guessed) for c in CHARS})
@@ -33,9 +28,13 @@ def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT, sta
         flags=ReadingFlag.NONE,
         font="press-7",
     )
-    line = SimpleNamespace(font=font(guessed), templates=SimpleNamespace(chars=CHARS))
-    cells = tuple(Cell(np.array(row)) for row in scores)
-    return doubted_guesses(reading, SimpleNamespace(line=line, cells=cells), places)
+    laid = SimpleNamespace(
+        font=font(guessed),
+        glyphs=SimpleNamespace(chars=CHARS),
+        fits=np.ones(len(text)),
+        correlations=lambda: [np.array(row) for row in scores],
+    )
+    return doubted_guesses(reading, laid, places)
 
 
 def test_a_font_felt_whole_is_trusted():
