@@ -25,7 +25,8 @@ from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch
 
-CHARS = "K7B29"
+CHARS = "NHOIX"
+"""Turned or not, their ink has its middle in that of their boxes."""
 TOLERANCE_HEIGHTS = 0.03
 Make = Callable[..., StampedPart]
 Lay = Callable[..., LaidText | None]
@@ -78,8 +79,7 @@ def test_a_text_is_laid_where_it_was_stamped(
     laid = lay(part, off_heights=(0.1, -0.1, 0.05, 0.0, -0.08))
     assert laid is not None
     off = (laid.places_mm() - middles_of(part)) / part.height_mm
-    # where characters are turned, boxes are wider, and their middles are not quite the ink's
-    assert np.abs(off).max() < TOLERANCE_HEIGHTS * (1.0 if calm and not turned_deg else 2.0)
+    assert np.abs(off).max() < TOLERANCE_HEIGHTS
     assert laid.fit > OWN_FIT
     assert laid.rotation_deg == pytest.approx(turned_deg, abs=1.0)
     # no other character of the font suits a place as well
@@ -126,7 +126,7 @@ def test_characters_on_an_arc_are_turned_with_it(radius_mm: float, make_part: Ma
     columns = (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5
     laid = lay(part, line=(TextLine(curve, part.height_mm), columns))
     assert laid is not None
-    np.testing.assert_allclose(laid.places_mm(), middles, atol=2.0 * TOLERANCE_HEIGHTS * part.height_mm)
+    np.testing.assert_allclose(laid.places_mm(), middles, atol=TOLERANCE_HEIGHTS * part.height_mm)
     # about the middle of the circle; its text is half a height further out or in than its baseline
     from_middle = middles[:, 0] - middles[:, 0].mean()
     far = radius_mm + half
@@ -137,15 +137,15 @@ def test_characters_on_an_arc_are_turned_with_it(radius_mm: float, make_part: Ma
 
 def test_of_what_the_font_has_not_got_nothing_is_laid(make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True)
-    laid, whole = lay(part, chars="K729"), lay(part)
+    laid, whole = lay(part, chars="NHIX"), lay(part)
     assert laid is not None
     assert whole is not None
-    assert laid.glyphs.chars == tuple("K729")
+    assert laid.glyphs.chars == tuple("NHIX")
     assert laid.fits[2] == 0.0
     np.testing.assert_allclose(np.delete(laid.fits, 2), np.delete(whole.fits, 2))
     # it stays where it was read
     np.testing.assert_allclose(laid.places_mm()[2], middles_of(part)[2], atol=0.05 * part.height_mm)
-    assert lay(part, chars="XYZ") is None
+    assert lay(part, chars="K7B") is None
 
 
 def test_of_the_fonts_that_stand_in_the_one_is_laid_whose_strokes_suit_most_places(gothic: Font) -> None:
