@@ -1,0 +1,201 @@
+"""Characters of a font in the recogniser's features: what physics predicts is read back, under dirt and lamps too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glyphs import Part, stamp
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from recognition.experts.prototypes import (
+    LIGHTS,
+    MOVE_COST,
+    MOVED_STEPS,
+    SHARPNESS,
+    Prototypes,
+    belief_of,
+    cosines,
+    felt_prototypes,
+    lattice_of,
+    lit_prototypes,
+)
+from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
+from recognition.experts.templates.predicted import (
+    CANONICAL_HEIGHT_MM,
+    TemplateSet,
+    ideal_plate,
+    line_of,
+    lit_views,
+    predict_templates,
+    template_key,
+)
+from recognition.language.lattice import Lattice
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN
+from recognition.views.view import View, felt_view, photo_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import Touch
+
+TEXT = "HM50R3X8"
+LEAST_LEAD = 0.1
+"""Of a font's own character over all its others: O over 0 of timesr, the least, has 0.16."""
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def sets(touch: Touch) -> Callable[[str], TemplateSet]:
+    fonts = (load_font("gothic"), load_font("timesr"))
+    made = {
+        one.name: predict_templates(one, ALPHANUMERIC, template_key(one, touch, height_mm=5.0))
+        for one in fonts
+    }
+    return made.__getitem__
+
+
+@pytest.fixture(scope="module")
+def lamps(gothic: Font) -> tuple[Prototypes, ...]:
+    return lit_prototypes(gothic, ALPHANUMERIC)
+
+
+def of_plate(view: View, middles_mm: Floats, height_mm: float) -> tuple[Features, Floats]:
+    """Features of a predicted plate, and the columns at which its characters stand."""
+    line = line_of(middles_mm, height_mm)
+    along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / height_mm
+    return features_of(view.strip(line)), (along + MARGIN) * HEIGHT_ROWS - 0.5
+
+
+def leads(cosine: Floats) -> Floats:
+    """By which every character's own prototype leads all others, on a plate of them all in order."""
+    others = np.where(np.eye(len(cosine), dtype=np.bool_), -np.inf, cosine)
+    return np.asarray(np.diag(cosine) - others.max(axis=1))
+
+
+def even(text: str, *, chars: str = ALPHANUMERIC) -> Lattice:
+    """All characters alike at every place."""
+    return Lattice(tuple(chars), np.full((len(text), len(chars)), -np.log(len(chars))))
+
+
+def best_of(lattice: Lattice) -> str:
+    return "".join(lattice.chars[k] for k in lattice.log_belief.argmax(axis=1))
+
+
+def surest_at_least(lattice: Lattice) -> float:
+    """Belief in the best character of the place that is least sure."""
+    return float(np.exp(lattice.log_belief.max(axis=1)).min())
+
+
+# -------------------------------------------------------------------------------------------------- predicted
+
+
+@pytest.mark.parametrize("font", ["gothic", "timesr"])
+def test_what_is_felt_of_a_fonts_own_plate_is_read_back(
+    font: str, sets: Callable[[str], TemplateSet]
+) -> None:
+    one = sets(font)
+    made = felt_prototypes(one)
+    assert made is felt_prototypes(one)
+    assert (made.font, "".join(made.chars)) == (font, ALPHANUMERIC)
+    cosine = cosines(*of_plate(one.view, one.middles_mm, one.height_mm), made)
+    np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
+    assert cosine.max() <= 1.0 + 1e-5
+    assert leads(cosine).min() > LEAST_LEAD
+
+
+def test_what_is_seen_of_a_fonts_own_plate_is_read_back_under_each_light(
+    gothic: Font, lamps: tuple[Prototypes, ...]
+) -> None:
+    plate = ideal_plate(gothic, ALPHANUMERIC, default_die(CANONICAL_HEIGHT_MM, font=gothic))
+    for made, view in zip(lamps, lit_views(plate, LIGHTS), strict=True):
+        cosine = cosines(*of_plate(view, plate.middles_mm, CANONICAL_HEIGHT_MM), made)
+        np.testing.assert_allclose(np.diag(cosine), 1.0, atol=1e-5)
+        assert leads(cosine).min() > LEAST_LEAD
+
+
+def test_a_place_may_lie_off_by_some_steps(sets: Callable[[str], TemplateSet]) -> None:
+    one = sets("gothic")
+    features, columns = of_plate(one.view, one.middles_mm, one.height_mm)
+    for steps in range(-MOVED_STEPS, MOVED_STEPS + 1):
+        cosine = cosines(features, columns + steps * FEATURE_COLUMNS, felt_prototypes(one))
+        np.testing.assert_allclose(np.diag(cosine), 1.0 - MOVE_COST * abs(steps), atol=1e-5)
+
+
+# ------------------------------------------------------------------------------------------------------ parts
+
+
+def part_of(dirt: float, *, seed: int = 0) -> Part:
+    return stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=seed, dirt=dirt)
+
+
+def felt(part: Part, touch: Touch) -> View:
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm)
+    scan = trace_scan(part.height_map, touch=touch, plan=plan, soil=part.soil)
+    edges = edge_map(scan)
+    return felt_view(edges, relief_of(scan, edges), touch)
+
+
+@pytest.mark.parametrize("dirt", [0.0, 0.3, 0.6])
+def test_a_dirty_line_is_read_in_the_font_that_is_named(
+    dirt: float, touch: Touch, sets: Callable[[str], TemplateSet], stamped_line: Callable
+) -> None:
+    part = part_of(dirt)
+    view, where = felt(part, touch), stamped_line(part.stamped)
+    gothic, timesr = (felt_prototypes(sets(name)) for name in ("gothic", "timesr"))
+    found = belief_of(view, *where, [gothic], even(TEXT))
+    assert best_of(found) == TEXT
+    assert surest_at_least(found) > 0.9
+    # of several fonts the one that suits
+    for fonts in ((gothic, timesr), (timesr, gothic)):
+        np.testing.assert_array_equal(belief_of(view, *where, fonts, even(TEXT)).log_belief, found.log_belief)
+    assert surest_at_least(belief_of(view, *where, [timesr], even(TEXT))) < surest_at_least(found)
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 100.0, 225.0])
+def test_a_photograph_is_read_wherever_the_lamp_stands(
+    azimuth_deg: float, lamps: tuple[Prototypes, ...], stamped_line: Callable
+) -> None:
+    part = part_of(0.0)
+    width, high = part.height_map.size_mm
+    taken = part.photograph(light_azimuth_deg=azimuth_deg, light_elevation_deg=35.0, pixel_mm=0.1)
+    view = photo_view(replace(taken, centre_mm=(0.5 * width, 0.5 * high)))
+    found = belief_of(view, *stamped_line(part.stamped), lamps, even(TEXT))
+    assert best_of(found) == TEXT
+    assert surest_at_least(found) > 0.5
+
+
+# ---------------------------------------------------------------------------------------------------- lattices
+
+
+def test_a_lattice_has_what_cosines_make_of_what_is_allowed() -> None:
+    with np.errstate(divide="ignore"):
+        before = Lattice(tuple("ABC8"), np.log(np.array([[0.4, 0.3, 0.3, 0.0], [0.1, 0.2, 0.6, 0.1]])))
+    # the font has no C, and a Z that nobody looks for
+    cosine = np.array([[0.9, 0.8, 0.95, 1.0], [0.5, 0.6, 0.4, 0.9]])
+    made = lattice_of(cosine, "AB8Z", before)
+    assert made.chars == before.chars
+    belief = np.exp(made.log_belief)
+    np.testing.assert_allclose(belief.sum(axis=1), 1.0)
+    assert (made.log_belief <= 0.0).all()
+    # what is not allowed stays impossible, and what is allowed does not become so
+    np.testing.assert_array_equal(np.isfinite(made.log_belief), np.isfinite(before.log_belief))
+    # of C nothing is known: as likely as the least likely of what may stand there
+    assert belief[0, 2] == pytest.approx(belief[0, :2].min())
+    assert belief[1, 2] == pytest.approx(belief[1, [0, 1, 3]].min())
+    # what others believed of a place does not count, the difference of cosines does
+    log = made.log_belief
+    assert log[0, 0] - log[0, 1] == pytest.approx(SHARPNESS * 0.1)
+    assert log[1, 1] - log[1, 3] == pytest.approx(SHARPNESS * 0.2)
+
+
+def test_a_font_that_has_nothing_of_what_is_allowed_says_nothing() -> None:
+    with np.errstate(divide="ignore"):
+        before = Lattice(tuple("AB8"), np.log(np.array([[0.7, 0.3, 0.0]])))
+    made = lattice_of(np.array([[0.9]]), "8", before)
+    np.testing.assert_allclose(np.exp(made.log_belief), [[0.5, 0.5, 0.0]])
