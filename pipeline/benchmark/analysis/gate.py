@@ -23,8 +23,9 @@ from pipeline.common.atomic import replacing
 
 EDITION = "marks-exam-1-48"
 FLOORS_FILE = Path(str(files("pipeline.benchmark.exam") / "designs" / f"{EDITION}.floors.json"))
-MODES = ("tactile", "rapidocr relief")
-"""Who is read at every change: touch, and the generic network on the felt relief, the peer to beat."""
+MODES = ("tactile", "tactile templates", "rapidocr relief")
+"""Who is read at every change: touch, its templates by themselves, and the generic network on the felt relief, the peer to
+beat."""
 CAMERA_MODES = ("vision", "fused")
 """Who has floors, too, but takes twice as long."""
 

@@ -15,7 +15,7 @@ import torch
 
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
-from recognition.experts.recogniser import CHARACTERS
+from recognition.experts.recogniser import CHARACTERS, FEATURE_COLUMNS
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
@@ -105,8 +105,12 @@ def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) 
         np.testing.assert_allclose(said, expected, atol=1e-3)
         assert decoded(said[0]) == decoded(expected[0])
         # in eight bits posteriors move by some hundredths
-        (short,) = session.run(None, {"strip": fed})
+        short, features = session.run(["posteriors", "features"], {"strip": fed})
         assert np.abs(np.exp(short) - np.exp(said)).mean() < 0.02
+        # templates are compared in its middle layers
+        assert features.ndim == 4
+        assert features.shape[3] == round(fed.shape[3] / FEATURE_COLUMNS)
+        assert features.std(axis=(2, 3)).max() > 0.0
 
 
 def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
