@@ -71,7 +71,7 @@ SMOOTHING_POINTS = 5
 LAND_REACH_HEIGHTS = 0.35
 BURR_REACH_HEIGHTS = 0.1
 """Land is looked for so far about the character, and taken so far from any ink; burrs are half as wide."""
-PLANE_ROUNDS, PLANE_SAMPLES = 3, 400
+PLANE_SAMPLES = 400
 LEAST_LAND = 30
 LEAST_KNOWN = 0.5
 """Samples of land, and share of the centre line that must have been felt, for a depth to be given."""
@@ -216,24 +216,5 @@ def _plane(
     level = field.depth_mm[window][row, col]
     middle = mark.points.mean(axis=0)
     down, right = row + low[0] - middle[0], col + low[1] - middle[1]
-    terms, settled = robust_plane(level, down, right, PLANE_ROUNDS)
-    if not settled:
-        terms = _least_plane(level, down, right)
+    terms = robust_plane(level, down, right)
     return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
-
-
-def _least_plane(
-    level: NDArray[np.float64], down: NDArray[np.float64], right: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """As `robust_plane`, with the least slopes of those that do: of land in a line."""
-    design = np.column_stack([np.ones(level.size), down, right])
-    terms = np.array([float(np.median(level)), 0.0, 0.0])
-    for _ in range(PLANE_ROUNDS):
-        residual = level - design @ terms
-        spread = 1.4826 * float(np.median(np.abs(residual)))
-        if spread <= 0.0:
-            break
-        weight = np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2
-        weighted = design * weight[:, None]
-        terms = np.linalg.lstsq(weighted.T @ design, weighted.T @ level, rcond=None)[0]
-    return terms

@@ -12,9 +12,6 @@ from whisker_array.estimation.relief import Relief
 
 Floats: TypeAlias = NDArray[np.float64]
 
-LEAST_PIVOT = 1e-9
-"""Of the largest element of the normal equations: below, they do not tell all three terms of a plane."""
-
 
 class DepthField:
     """A relief as depth into the mark, with a margin of unknown samples.
@@ -115,26 +112,18 @@ def _together(values: Floats, most_points: int) -> Floats:
     return np.asarray(np.sum([wide[:, j : j + n] for j in range(window)], axis=0))
 
 
-def robust_plane(level: Floats, row: Floats, col: Floats, rounds: int) -> tuple[Floats, bool]:
-    """Level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off; if they tell."""
-    terms = [percentile(level, 50.0), 0.0, 0.0]
-    design = np.stack([np.ones(level.size), row, col, level])
+def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
+    """(3,) level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off.
+
+    Of land in a line the least slopes.
+    """
+    design = np.column_stack([np.ones(level.size), row, col])
+    terms = np.array([percentile(level, 50.0), 0.0, 0.0])
     for _ in range(rounds):
-        residual = level - terms[0] - terms[1] * row - terms[2] * col
+        residual = level - design @ terms
         spread = 1.4826 * percentile(np.abs(residual), 50.0)
         if spread <= 0.0:
             break
-        weight = np.maximum(1.0 - (residual / (3.0 * spread)) ** 2, 0.0) ** 2
-        matrix = ((design[:3] * weight) @ design.T).tolist()  # so small that numpy would take longer
-        least = LEAST_PIVOT * max(abs(value) for line in matrix for value in line[:3])
-        for i in range(3):
-            # symmetric and not negative: no rows need change places
-            if not matrix[i][i] > least:
-                return np.array(terms), False
-            for j in range(i + 1, 3):
-                factor = matrix[j][i] / matrix[i][i]
-                matrix[j] = [a - factor * b for a, b in zip(matrix[j], matrix[i], strict=True)]
-        for i in (2, 1, 0):
-            known = sum(matrix[i][j] * terms[j] for j in range(i + 1, 3))
-            terms[i] = (matrix[i][3] - known) / matrix[i][i]
-    return np.array(terms), True
+        weighted = design * (np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2)[:, None]
+        terms = np.linalg.lstsq(weighted.T @ design, weighted.T @ level, rcond=None)[0]
+    return terms
