@@ -138,8 +138,8 @@ def test_a_faint_line_has_less_contrast(laid: LaidText) -> None:
     for one, other in zip(low, high, strict=True):
         # in proportion, as long as it is not cut off at 1; single precision
         assert value(other, "contrast") == pytest.approx(2.0 * value(one, "contrast"), rel=1e-3)
-        # the best of a neighbourhood counts, more than what is predicted: bars felt crosswise by up to a half
-        assert 1.0 <= value(one, "contrast") / shares[0] < 1.7
+        # the best of a neighbourhood counts, more than what is predicted: bars felt crosswise by half and more
+        assert 1.0 <= value(one, "contrast") / shares[0] < 1.8
         assert value(other, "completeness") > 0.95
         assert value(other, "contamination") < 0.01
         assert one.grade is not None
