@@ -199,7 +199,7 @@ class Reading:
         decision: accept, review or reject.
         confidence: probability that the whole text is right, 0 to 1.
         flags: what to know about it.
-        font: font whose templates answered best.
+        font: that was named, or that suits the marks; of several the one that suits best.
         height_mm: character height found, in `unit`.
         rotation_deg: of the line, from +x towards +y.
         raised: raised marks rather than sunk.

@@ -251,7 +251,7 @@ class TactileReader:
         known = self.named or laid.fit >= OWN_FIT
         if known:
             reading = replace(
-                reading, font=laid.font.name, height_mm=line.height_mm, rotation_deg=laid.rotation_deg
+                reading, font=laid.font.name, height_mm=laid.line.height_mm, rotation_deg=laid.rotation_deg
             )
             reading = doubted_guesses(reading, laid, self.places)
         return explained(reading, by_font=known)

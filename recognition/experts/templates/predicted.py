@@ -190,8 +190,8 @@ def ideal_plate(font: Font, chars: str, die: Die, *, raised: bool = False) -> Id
     fine = 0.5 * pitch
     rows, cols = 2 * n_rows + 1, 2 * n_cols + 1
     z = np.zeros((2 * rows, 2 * cols * len(chars)), dtype=np.float32)
-    u = (np.arange(2 * cols) - 2 * n_cols) * fine
-    v = (2 * n_rows - np.arange(2 * rows)) * fine
+    u = (np.arange(2 * cols, dtype=np.float64) - 2 * n_cols) * fine
+    v = (2 * n_rows - np.arange(2 * rows, dtype=np.float64)) * fine
     for i, (shape, box) in enumerate(zip(shapes, boxes, strict=True)):
         middle = (0.5 * (box[0] + box[2]) * height, 0.5 * height)
         z[:, 2 * cols * i : 2 * cols * (i + 1)] = _relief(shape, die, u[None, :], v[:, None], middle)

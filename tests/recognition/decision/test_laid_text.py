@@ -87,6 +87,20 @@ def test_a_text_is_laid_where_it_was_stamped(
     assert "".join(best) == part.text
 
 
+@pytest.mark.parametrize("share", [0.9, 1.16])
+def test_a_line_found_too_high_or_too_low_is_sized(
+    share: float, make_part: Make, lay: Lay, stamped_line: Callable
+) -> None:
+    part = make_part(CHARS, calm=True)
+    line, columns = stamped_line(part)
+    found = TextLine(line.centre_mm, share * part.height_mm)
+    along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / share
+    laid = lay(part, line=(found, (along + MARGIN) * HEIGHT_ROWS - 0.5))
+    assert laid is not None
+    assert laid.line.height_mm == pytest.approx(part.height_mm, rel=0.03)
+    np.testing.assert_allclose(laid.places_mm(), middles_of(part), atol=TOLERANCE_HEIGHTS * part.height_mm)
+
+
 @pytest.mark.parametrize("raised", [True, False])
 def test_whether_marks_stand_out_is_found(raised: bool, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True, raised=raised)
