@@ -42,6 +42,8 @@ OWN_FIT = 0.75
 """Mean correlation from which a font that nobody named is taken for the part's."""
 MOST_SAG_HEIGHTS = 0.3
 """A line that bends more has each character turned otherwise than templates, which are straight."""
+COARSE_PIXELS = 20
+"""To a character height, for the choice of the font and of the line's height."""
 SIZE_STEP, MOST_STEPS = 1.04, 5
 """Between two heights of a line that are tried while its text fits better, and how many: turned lines are found too
 high, by 16 % at 8 degrees."""
@@ -140,18 +142,6 @@ def laid_text(
         raised: whether the marks stand out; whatever fits better where that is not known.
     """
 
-    def laid(font: Font, face: Face, out: bool, glyphs: GlyphImages, size: float) -> LaidText:
-        sized = TextLine(line.centre_mm, size * line.height_mm)
-        rows = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
-        image = image_of(view, sized, rows=rows, margin=MARGIN_HEIGHTS, pixels=PIXELS)
-        along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
-        believed = np.rint(along * PIXELS - 0.5).astype(np.int64)
-        placed = np.array([_placed(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
-        places = placed[:, :2].astype(np.int64).T
-        return LaidText(
-            tuple(text), font, face, out, glyphs, sized, image, places[1], places[0], placed[:, 2]
-        )
-
     def best(face: Face) -> LaidText | None:
         tried = []
         for font, out in product(fonts, (False, True) if raised is None else (raised,)):
@@ -159,25 +149,60 @@ def laid_text(
             if not set(own) & set(text) or (face is Face.DOTTED and not font.stroke_ratio > 0.0):
                 continue
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
-            glyphs = glyph_images(cache.get(font, own, key), pixels=PIXELS, slopes=False)
-            tried.append(laid(font, face, out, glyphs, 1.0))
-        found = max(tried, key=lambda one: one.fit, default=None)
-        if found is None:
+            templates = cache.get(font, own, key)
+            rough = glyph_images(templates, pixels=COARSE_PIXELS, slopes=False)
+            tried.append((*_sized(view, line, columns, text, rough), templates, font, out))
+        if not tried:
             return None
-        for step in (1.0 / SIZE_STEP, SIZE_STEP):
-            for k in range(1, MOST_STEPS + 1):
-                other = laid(font=found.font, face=face, out=found.raised, glyphs=found.glyphs, size=step**k)
-                if other.fit <= found.fit:
-                    break
-                found = other
-        return found
+        _, size, templates, font, out = max(tried, key=lambda one: one[0])
+        glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
+        sized, image, rows, at, fits = _laid(view, line, columns, text, glyphs, size)
+        return LaidText(tuple(text), font, face, out, glyphs, sized, image, at, rows, fits)
 
     flat = best(Face.FLAT)
     if flat is not None and flat.fit >= STRUCK_FIT:
         return flat
-    return max(
-        (one for one in (flat, best(Face.DOTTED)) if one is not None), key=lambda o: o.fit, default=None
-    )
+    either = [one for one in (flat, best(Face.DOTTED)) if one is not None]
+    return max(either, key=lambda one: one.fit, default=None)
+
+
+def _sized(
+    view: View, line: TextLine, columns: NDArray[np.float64], text: Sequence[str], glyphs: GlyphImages
+) -> tuple[float, float]:
+    """How well a text fits at the height at which it fits best, and that height in units of the line's."""
+
+    def fit(size: float) -> float:
+        return float(_laid(view, line, columns, text, glyphs, size)[-1].mean())
+
+    best = (fit(1.0), 1.0)
+    for step in (1.0 / SIZE_STEP, SIZE_STEP):
+        for k in range(1, MOST_STEPS + 1):
+            other = (fit(step**k), step**k)
+            if other <= best:
+                break
+            best = other
+        if best[1] != 1.0:
+            break
+    return best
+
+
+def _laid(
+    view: View,
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    glyphs: GlyphImages,
+    size: float,
+) -> tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """A line of another size, its image, and rows, columns and correlations of the text's characters on it."""
+    sized = TextLine(line.centre_mm, size * line.height_mm)
+    high = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
+    image = image_of(view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
+    along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
+    believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
+    placed = np.array([_placed(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
+    rows, at = placed[:, :2].astype(np.int64).T
+    return sized, image, rows, at, placed[:, 2]
 
 
 def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple[Font, ...]:
