@@ -290,8 +290,8 @@ class ReadSettings(MapSettings):
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
     with the marks, too."""
     experts: Annotated[Names, AfterValidator(_experts)] = ()
-    """Who reads, separated by commas: network (any font), templates (the fonts that are named, and the die that a lot has
-    taught; alone they read by touch only). By default both."""
+    """Who reads, separated by commas: network (any font), templates (the fonts that are named, and the die that a lot
+    has taught; alone they read by touch only). By default both."""
     format: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), AfterValidator(_formats)
     ] = ()

@@ -28,11 +28,11 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 
 if TYPE_CHECKING:
-    from recognition.decision.grade import Action
     from recognition.decision.reading import CharacterReading, OtherLine, Reading
     from recognition.language.box import Box as Hull
     from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
+    from recognition.marks.grade import Action
     from recognition.views.codes import Code
     from whisker_array.scan.pass_log import PassLog
 
@@ -174,7 +174,7 @@ def _of_candidates(reading: Reading) -> Lattice:
 
 
 def _character(character: CharacterReading, action: Action, scaled: bool) -> CharacterRecord:
-    from recognition.decision.grade import Action
+    from recognition.marks.grade import Action
 
     box = _corners(character.box)
     state, grade, depth = character.state, character.grade, character.depth

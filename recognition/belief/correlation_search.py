@@ -19,7 +19,9 @@ from glyphs.stamping.die import Face
 from recognition.belief.line_belief import believed
 from recognition.belief.line_search import OTHER_SCALE, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import ReadLine, about_region
-from recognition.experts.correlation import (
+from recognition.experts.steps import Steps
+from recognition.glyph_match.chain import Placed
+from recognition.glyph_match.correlation import (
     GlyphImages,
     Image,
     beside,
@@ -30,10 +32,8 @@ from recognition.experts.correlation import (
     responses,
     steps_of,
 )
-from recognition.experts.steps import Steps
-from recognition.experts.templates.decode import Placed
-from recognition.experts.templates.predicted import TemplateCache, template_key
-from recognition.experts.templates.segmentation import place_bounds
+from recognition.glyph_match.predicted import TemplateCache, template_key
+from recognition.glyph_match.spacing import place_bounds
 from recognition.lines.find import overlap
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind

@@ -6,7 +6,7 @@ A rule is known by name, or written out: its depth windows, and what else it lim
     name    least:most depth@heights, mm   most burr least print size
 
 `0.2:` has no greatest depth, `:0.3` no least one; a window without heights is for all. Depths and heights are those
-that touch measures (`recognition.decision.depth`): good to a few hundredths of a millimetre and five per cent.
+that touch measures (`recognition.marks.depth`): good to a few hundredths of a millimetre and five per cent.
 """
 
 from __future__ import annotations

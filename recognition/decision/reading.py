@@ -10,10 +10,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
-from recognition.decision.grade import Action, MarkGrade
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 from recognition.language.elements import named_fields
+from recognition.marks.depth import MarkDepth
+from recognition.marks.grade import Action, MarkGrade
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from recognition.decision.verify import Verification
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
-    from recognition.strokes.strokes_felt import FeltLine, PlaceStrokes
+    from recognition.marks.strokes_felt import FeltLine, PlaceStrokes
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief
@@ -45,37 +46,6 @@ class Candidate:
     char: str
     score: float
     probability: float
-
-
-@dataclass(frozen=True)
-class MarkDepth:
-    """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
-
-    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, 0 where the surface
-    runs the wrong way: what is filled over has no depth.
-
-    Attributes:
-        mean_mm: over the centre line.
-        min_mm: the shallowest tenth reaches no deeper than this.
-        max_mm: the deepest tenth reaches this.
-        burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
-            of a raised mark how deep a rim is sunk. None where it is not known.
-
-    Raises:
-        ValueError: a value below 0 or not finite; a least depth above the greatest.
-    """
-
-    mean_mm: float
-    min_mm: float
-    max_mm: float
-    burr_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        values = (self.mean_mm, self.min_mm, self.max_mm, self.burr_mm or 0.0)
-        if not all(math.isfinite(v) and v >= 0.0 for v in values):
-            raise ValueError(f"{self} is below 0 or not finite; a depth that is not known is None")
-        if self.min_mm > self.max_mm:
-            raise ValueError(f"{self} has a least depth above its greatest")
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from recognition.decision.accept import DOUBTS, decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.grade import Action
 from recognition.decision.reading import Decision, Reading
 from recognition.decision.reasons import places_text
-from recognition.strokes.strokes_felt import LIVE, RivalStrokes
+from recognition.marks.grade import Action
+from recognition.marks.strokes_felt import LIVE, RivalStrokes
 
 LEAST_STROKES, LEAST_FELT = 0.5, 0.4
 """Share of a character's strokes that must be there: of the edges of a font that explains the marks, and of the depth

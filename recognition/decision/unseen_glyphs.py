@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.laid_text import LaidText
 from recognition.decision.reading import Reading
+from recognition.marks.laid_text import LaidText
 
 NEAR_SCORE = 0.05
 """Correlation by which a guess may fall short and still be meant: where a character that was felt answered instead of

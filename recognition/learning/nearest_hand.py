@@ -13,7 +13,7 @@ import numpy as np
 
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, signed_distance
 from glyphs.stamping.die import default_die, die_glyph, relief_mm
-from recognition.experts.templates.predicted import CANONICAL_HEIGHT_MM
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 from recognition.learning.laid_over import Patch, likeness
 
 WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)

@@ -22,8 +22,8 @@ from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.which_way_up import ways_possible, weighed
-from recognition.experts.prototypes import Prototypes, belief_of, lit_prototypes
 from recognition.experts.steps import EXPERTS
+from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
 from recognition.language.lattice import Lattice
 from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire

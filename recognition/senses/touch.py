@@ -23,26 +23,26 @@ from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.decision.accept import serial_is_sure
-from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.grading import explained, graded
 from recognition.decision.known_ground import on_known_ground
-from recognition.decision.laid_text import MOST_SAG_HEIGHTS, OWN_FIT, laid_text, suited_fonts
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weighed
-from recognition.experts.prototypes import belief_of, felt_prototypes
 from recognition.experts.steps import EXPERTS
-from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache, template_key
+from recognition.glyph_match.predicted import MOST_BYTES, SET_BYTES, TemplateCache, template_key
+from recognition.glyph_match.prototypes import belief_of, felt_prototypes
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
+from recognition.marks.depth import MarkDepth, mark_depths
+from recognition.marks.grading import grades_of, is_of_the_part
+from recognition.marks.laid_text import MOST_SAG_HEIGHTS, OWN_FIT, laid_text, suited_fonts
+from recognition.marks.other_lines import felt_others
+from recognition.marks.strokes_felt import FeltLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
-from recognition.strokes.other_lines import felt_others
-from recognition.strokes.strokes_felt import FeltLine
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, heights_view, relief_of
@@ -241,20 +241,25 @@ class TactileReader:
         )  # fmt: skip
         if laid is None:
             return reading
-        reading = graded(reading, laid)
+        known = self.named or laid.fit >= OWN_FIT
+        grades = grades_of(laid)
+        depths: tuple[MarkDepth | None, ...] = (None,) * len(text)
         if shapes.relief is None:
             reading = replace(reading, raised=laid.raised)
         elif all(c in laid.glyphs.chars for c in text):
-            depths = mark_depths(shapes.relief, laid, text)
-            characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
-            reading = replace(reading, characters=characters)
-        known = self.named or laid.fit >= OWN_FIT
-        if known:
-            reading = replace(
-                reading, font=laid.font.name, height_mm=laid.line.height_mm, rotation_deg=laid.rotation_deg
-            )
-            reading = doubted_guesses(reading, laid, self.places)
-        return explained(reading, by_font=known)
+            depths = mark_depths(shapes.relief, laid)
+        # a font that only stands for one that nobody named grades nothing: strokes that it alone has are not missing
+        characters = tuple(
+            replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
+            for c, g, d in zip(reading.characters, grades, depths, strict=True)
+        )
+        reading = replace(reading, characters=characters)
+        if not known:
+            return reading
+        settled = replace(
+            reading, font=laid.font.name, height_mm=laid.line.height_mm, rotation_deg=laid.rotation_deg
+        )
+        return doubted_guesses(settled, laid, self.places)
 
 
 def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:

@@ -14,7 +14,7 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
-from recognition.experts.templates.predicted import TemplateSet, predict_templates, template_key
+from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from recognition.views.curves import straight_through

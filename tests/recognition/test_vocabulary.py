@@ -36,11 +36,11 @@ from recognition import (
     Verification,
 )
 from recognition.decision.depth_rules import depth_rule
-from recognition.decision.grade import Action, MarkGrade, Parameter
 from recognition.decision.verify import verify
 from recognition.language.check_digits import CheckDigit
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import choose
+from recognition.marks.grade import Action, MarkGrade, Parameter
 from recognition.views.view import heights_view
 
 LONGEST = 200

@@ -24,8 +24,7 @@ from pipeline.common.atomic import replacing
 EDITION = "marks-exam-1-48"
 FLOORS_FILE = Path(str(files("pipeline.benchmark.exam") / "designs" / f"{EDITION}.floors.json"))
 MODES = ("tactile", "tactile templates", "rapidocr relief")
-"""Who is read at every change: touch, its templates by themselves, and the generic network on the felt relief, the peer to
-beat."""
+"""Who is read at every change: touch, its templates by themselves, and the peer to beat, on the felt relief."""
 CAMERA_MODES = ("vision", "fused")
 """Who has floors, too, but takes twice as long."""
 

@@ -12,7 +12,7 @@ from pipeline.common.reading_records import (
     RivalRecord,
 )
 from pipeline.common.row import _ACTIONS, Row
-from recognition.decision.grade import Action
+from recognition.marks.grade import Action
 
 
 def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> Row:

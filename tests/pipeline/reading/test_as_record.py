@@ -24,10 +24,11 @@ from pipeline.files.parts import Part, discover
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, OtherLine, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Decision, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.marks.depth import MarkDepth
 from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)

@@ -18,7 +18,8 @@ from recognition.decision.depth_rules import (
     print_size_mm,
 )
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading
+from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.marks.depth import MarkDepth
 
 FIREARMS = depth_rule("27CFR478.92")
 ENGINES = depth_rule("70-16-05")

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from recognition.decision.grade import Action, MarkGrade, Parameter
 from recognition.decision.picture import reading_figure
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
+from recognition.marks.grade import Action, MarkGrade, Parameter
 
 
 def reading(source: str) -> Reading:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading
+from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.marks.depth import MarkDepth
 
 BOX = Box(0.0, 0.0, 1.0, 2.0)
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.grade import Action, MarkGrade, Parameter
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.stroke_doubts import strokes_asked
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
+from recognition.marks.grade import Action, MarkGrade, Parameter
 
 UNSURE = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
 

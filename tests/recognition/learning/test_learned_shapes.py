@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from glyphs.fonts.outlines import load_font
-from recognition.experts.templates.predicted import predict_templates, template_key
+from recognition.glyph_match.predicted import predict_templates, template_key
 from recognition.learning.exemplars import ExemplarError
 from recognition.learning.laid_over import likeness
 from recognition.learning.learned_shapes import learn_font

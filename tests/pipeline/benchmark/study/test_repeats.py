@@ -16,8 +16,9 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import InlineExecutor
-from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
+from recognition.marks.depth import MarkDepth
 
 MAP, RECORDED = ListedPart("m", height_map="m.npz"), ListedPart("r.1", scan="r.1.h5")
 SECOND = ListedPart("r.2", scan="r.2.h5")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
-from recognition.experts.templates.decode import Placed, Spacing
+from recognition.glyph_match.chain import Placed, Spacing
 
 SIDE_HEIGHTS = 0.25
 """Land beside a character's ink that its place takes in at most."""

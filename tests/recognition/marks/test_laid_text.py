@@ -14,8 +14,8 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import Face
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.laid_text import OWN_FIT, STRUCK_FIT, LaidText, laid_text, suited_fonts
-from recognition.experts.templates.predicted import TemplateCache
+from recognition.glyph_match.predicted import TemplateCache
+from recognition.marks.laid_text import OWN_FIT, STRUCK_FIT, LaidText, laid_text, suited_fonts
 from recognition.views.curves import arc_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, felt_view

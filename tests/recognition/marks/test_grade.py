@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from recognition.decision.grade import LIMITS, Action, GradeError, grade_character, graded, reaching
+from recognition.marks.grade import LIMITS, Action, GradeError, grade_character, graded, reaching
 
 ROWS, COLS = 46, 36
 

@@ -21,7 +21,7 @@ from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import default_die
 from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
-from recognition.experts.templates.predicted import (
+from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     TemplateSet,
     ideal_plate,

@@ -25,8 +25,8 @@ from glyphs.fonts.glyph import Font
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.lines.places import boxes_of, places_mm
-from recognition.strokes.depth_sampling import DepthField
-from recognition.strokes.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
+from recognition.marks.depth_sampling import DepthField
+from recognition.marks.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief
 

@@ -12,7 +12,7 @@ from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.stamping.die import Face, default_die, die_glyph
 from glyphs.stamping.variation import StampError
-from recognition.strokes.centre_lines import CentreLine, centre_line
+from recognition.marks.centre_lines import CentreLine, centre_line
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 

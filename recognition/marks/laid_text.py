@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import Face
-from recognition.experts.correlation import (
+from recognition.glyph_match.chain import Placed
+from recognition.glyph_match.correlation import (
     GlyphImages,
     Image,
     cell_correlations,
@@ -24,10 +25,9 @@ from recognition.experts.correlation import (
     glyph_images,
     image_of,
 )
-from recognition.experts.templates.decode import Placed
-from recognition.experts.templates.predicted import PIXELS, TemplateCache, template_key
-from recognition.experts.templates.segmentation import place_bounds
-from recognition.strokes.strokes_felt import PlaceStrokes
+from recognition.glyph_match.predicted import PIXELS, TemplateCache, template_key
+from recognition.glyph_match.spacing import place_bounds
+from recognition.marks.strokes_felt import PlaceStrokes
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch

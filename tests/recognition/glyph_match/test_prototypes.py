@@ -13,7 +13,17 @@ from glyphs import Part, stamp
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from recognition.experts.prototypes import (
+from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
+from recognition.glyph_match.predicted import (
+    CANONICAL_HEIGHT_MM,
+    TemplateSet,
+    ideal_plate,
+    line_of,
+    lit_views,
+    predict_templates,
+    template_key,
+)
+from recognition.glyph_match.prototypes import (
     LIGHTS,
     MOVE_COST,
     MOVED_STEPS,
@@ -24,16 +34,6 @@ from recognition.experts.prototypes import (
     felt_prototypes,
     lattice_of,
     lit_prototypes,
-)
-from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
-from recognition.experts.templates.predicted import (
-    CANONICAL_HEIGHT_MM,
-    TemplateSet,
-    ideal_plate,
-    line_of,
-    lit_views,
-    predict_templates,
-    template_key,
 )
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC

@@ -15,12 +15,11 @@ from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
-from recognition.decision.depth import mark_depths
-from recognition.decision.laid_text import MARGIN_HEIGHTS, LaidText
-from recognition.decision.reading import MarkDepth
-from recognition.experts.correlation import GlyphImages
-from recognition.experts.templates.predicted import PIXELS
-from recognition.strokes.depth_sampling import turn_matrix
+from recognition.glyph_match.correlation import GlyphImages
+from recognition.glyph_match.predicted import PIXELS
+from recognition.marks.depth import MarkDepth, mark_depths
+from recognition.marks.depth_sampling import turn_matrix
+from recognition.marks.laid_text import MARGIN_HEIGHTS, LaidText
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from whisker_array.estimation.edges import edge_map
@@ -103,7 +102,7 @@ def laid_in(
 
 
 def depths_of(relief: Relief, part: StampedPart, font: Font, **options: Any) -> tuple[MarkDepth | None, ...]:
-    return mark_depths(relief, laid_in(part, font, **options), part.text)
+    return mark_depths(relief, laid_in(part, font, **options))
 
 
 def known(depths: tuple[MarkDepth | None, ...]) -> np.ndarray:

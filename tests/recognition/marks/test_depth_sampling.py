@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from recognition.strokes.depth_sampling import across, bilinear, deepest, mean_depths, robust_plane
+from recognition.marks.depth_sampling import across, bilinear, deepest, mean_depths, robust_plane
 
 DOUBLE = 1e-9
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from recognition.belief.part_lines import PartLines, ReadLine
-from recognition.strokes.strokes_felt import FeltLine
+from recognition.marks.strokes_felt import FeltLine
 
 LEAST_DEPTH = 0.25
 """Of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46 of it."""

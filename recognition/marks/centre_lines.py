@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph, Points, signed_distance
 from glyphs.stamping.die import Face, default_die, die_glyph
-from recognition.experts.templates.predicted import CANONICAL_HEIGHT_MM
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 
 STEP_HEIGHTS = 0.025
 """Distance of points along a stroke: that of the samples, 40 to the height."""

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from recognition.experts.steps import Steps
-from recognition.experts.templates.decode import Placed, best_chain
-from recognition.experts.templates.predicted import PIXELS, TemplateSet
-from recognition.experts.templates.segmentation import usual_spacing
+from recognition.glyph_match.chain import Placed, best_chain
+from recognition.glyph_match.predicted import PIXELS, TemplateSet
+from recognition.glyph_match.spacing import usual_spacing
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from recognition.views.view import EDGES, HEIGHTS, KNOWN, View, ViewKind
 

@@ -10,13 +10,11 @@ import pytest
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.grade import Action, MarkGrade
-from recognition.decision.grading import graded
-from recognition.decision.laid_text import LaidText, laid_text
-from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, Reading
-from recognition.experts.correlation import Image
-from recognition.experts.templates.predicted import PIXELS, TemplateCache
-from recognition.language.box import Box
+from recognition.glyph_match.correlation import Image
+from recognition.glyph_match.predicted import PIXELS, TemplateCache
+from recognition.marks.grade import Action, MarkGrade
+from recognition.marks.grading import grades_of, is_of_the_part
+from recognition.marks.laid_text import LaidText, laid_text
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch
 
@@ -24,11 +22,6 @@ TEXT = "K71B"
 SPOILT = 1
 MOST_WIDE = 0.7
 """Of a character and the land beside it, character heights."""
-READING = Reading(
-    tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0.0, 0.0, 1.0, 1.0)) for c in TEXT),
-    Decision.ACCEPT,
-    1.0,
-)
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +37,10 @@ def laid(
     return made
 
 
-def grades(laid: LaidText, reading: Reading = READING) -> list[MarkGrade]:
-    found = [c.grade for c in graded(reading, laid).characters]
-    assert all(g is not None for g in found)
-    return [g for g in found if g is not None]
+def grades(laid: LaidText) -> list[MarkGrade]:
+    found = [grade for grade in grades_of(laid) if grade is not None]
+    assert len(found) == len(laid.text)
+    return found
 
 
 def spoilt(laid: LaidText) -> tuple[LaidText, Image]:
@@ -77,11 +70,9 @@ def littered(laid: LaidText, count: int) -> LaidText:
     return made
 
 
-def with_char(char: str) -> Reading:
-    """The reading with another character at one place."""
-    other = replace(READING.characters[SPOILT], candidates=(Candidate(char, 0.5, 0.5),))
-    characters = (*READING.characters[:SPOILT], other, *READING.characters[SPOILT + 1 :])
-    return replace(READING, characters=characters)
+def with_char(laid: LaidText, char: str) -> LaidText:
+    """The line with another character at one place."""
+    return replace(laid, text=(*laid.text[:SPOILT], char, *laid.text[SPOILT + 1 :]))
 
 
 def value(grade: MarkGrade, name: str) -> float:
@@ -90,16 +81,13 @@ def value(grade: MarkGrade, name: str) -> float:
     return found
 
 
-def test_clean_marks_have_the_best_grade_and_nothing_else_changes(laid: LaidText) -> None:
+def test_clean_marks_have_the_best_grade(laid: LaidText) -> None:
     for grade in grades(laid):
         assert (grade.letter, grade.action) == ("A", Action.NONE)
         # how deep a mark should be nobody has said
         assert grade.value("depth") is None
         assert value(grade, "completeness") > 0.95
         assert value(grade, "contamination") < 0.01
-    made = graded(READING, laid)
-    bare = replace(made, characters=tuple(replace(c, grade=None) for c in made.characters))
-    assert bare == READING
 
 
 def test_the_more_is_wiped_the_less_complete(laid: LaidText) -> None:
@@ -159,26 +147,20 @@ def test_directions_that_were_not_felt_are_not_missed(laid: LaidText) -> None:
 
 
 def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText) -> None:
-    found = grades(laid, with_char("B"))
+    found = grades(with_char(laid, "B"))
     # a 7 is no complete B
     assert value(found[SPOILT], "completeness") < 0.8
     assert found[0] == grades(laid)[0]
+    assert not is_of_the_part(found[SPOILT])
+    assert is_of_the_part(found[0])
 
 
 def test_a_character_without_a_template_is_not_graded(laid: LaidText) -> None:
-    odd = with_char("Z")
-    made = graded(odd, laid)
-    assert made.characters[SPOILT] == odd.characters[SPOILT]
-    assert all((c.grade is None) == (k == SPOILT) for k, c in enumerate(made.characters))
+    assert [grade is None for grade in grades_of(with_char(laid, "Z"))] == [False, True, False, False]
 
 
 def test_a_character_beyond_the_map_is_not_graded(laid: LaidText) -> None:
     columns = laid.columns.copy()
     columns[-1] = laid.image.shape[1] + 2 * PIXELS
-    made = graded(READING, replace(laid, columns=columns))
-    assert [c.grade is None for c in made.characters] == [False, False, False, True]
-
-
-def test_a_known_depth_without_a_nominal_one_grades_no_depth(laid: LaidText) -> None:
-    deep = tuple(replace(c, depth=MarkDepth(0.2, 0.15, 0.25)) for c in READING.characters)
-    assert grades(laid, replace(READING, characters=deep)) == grades(laid)
+    made = grades_of(replace(laid, columns=columns))
+    assert [grade is None for grade in made] == [False, False, False, True]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.experts.templates.decode import Placed, Spacing, best_chain
+from recognition.glyph_match.chain import Placed, Spacing, best_chain
 
 Case = tuple[np.ndarray, np.ndarray, dict[str, float]]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
-from recognition.strokes.centre_lines import centre_line
-from recognition.strokes.depth_sampling import DepthField, mean_depths, percentile, turn_matrix
+from recognition.marks.centre_lines import centre_line
+from recognition.marks.depth_sampling import DepthField, mean_depths, percentile, turn_matrix
 
 STEP_HEIGHTS, SETTLE_EVERY = 0.05, 3
 """Between points of a stroke; of these, one in so many settles where it lies."""

@@ -30,16 +30,15 @@ as wrong as the lift of the land: h_land / d0. Height maps are levelled before t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.decision.laid_text import LaidText
-from recognition.decision.reading import MarkDepth
-from recognition.strokes.centre_lines import centre_line
-from recognition.strokes.depth_sampling import (
+from recognition.marks.centre_lines import centre_line
+from recognition.marks.depth_sampling import (
     DepthField,
     across,
     crest,
@@ -49,6 +48,7 @@ from recognition.strokes.depth_sampling import (
     robust_plane,
     turn_matrix,
 )
+from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
 SHALLOW_PERCENTILE = 10.0
@@ -80,16 +80,46 @@ LEAST_KNOWN = 0.5
 Points = NDArray[np.float64]
 
 
-def mark_depths(relief: Relief, laid: LaidText, chars: Sequence[str]) -> tuple[MarkDepth | None, ...]:
+@dataclass(frozen=True)
+class MarkDepth:
+    """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
+
+    Felt along the strokes' centre lines; positive either way, 0 where the surface runs the wrong way: what is filled
+    over has no depth.
+
+    Attributes:
+        mean_mm: over the centre line.
+        min_mm: the shallowest tenth reaches no deeper than this.
+        max_mm: the deepest tenth reaches this.
+        burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
+            of a raised mark how deep a rim is sunk. None where it is not known.
+
+    Raises:
+        ValueError: a value below 0 or not finite; a least depth above the greatest.
+    """
+
+    mean_mm: float
+    min_mm: float
+    max_mm: float
+    burr_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        values = (self.mean_mm, self.min_mm, self.max_mm, self.burr_mm or 0.0)
+        if not all(math.isfinite(v) and v >= 0.0 for v in values):
+            raise ValueError(f"{self} is below 0 or not finite; a depth that is not known is None")
+        if self.min_mm > self.max_mm:
+            raise ValueError(f"{self} has a least depth above its greatest")
+
+
+def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
     """Depth of each character of a line; None where too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
-        laid: the line's text in the templates of a font.
-        chars: what each was read as.
+        laid: the line's text in the templates of a font that has all its characters.
     """
     field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
-    places = zip(chars, laid.places_mm(), laid.turns_deg(), strict=True)
+    places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)
     marks = [
         _settled(field, _placed(field, laid, char, place, float(turn)), height_mm=height_mm)
         for char, place, turn in places

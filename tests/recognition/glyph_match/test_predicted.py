@@ -11,7 +11,7 @@ from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_depth_mm, default_die, ideal_relief
-from recognition.experts.templates.predicted import (
+from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     PIXELS,
     TemplateCache,

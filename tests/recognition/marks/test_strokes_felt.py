@@ -14,14 +14,14 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.accept import ACCEPTED_WHERE_NOT, DOUBTS, decision_of
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.grade import Action, MarkGrade, Parameter
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, strokes_asked
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
-from recognition.strokes.strokes_felt import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
+from recognition.marks.grade import Action, MarkGrade, Parameter
+from recognition.marks.strokes_felt import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief, Route
 

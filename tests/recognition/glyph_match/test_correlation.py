@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.experts.correlation import LEAST_FELT, correlated, steps_of
+from recognition.glyph_match.correlation import LEAST_FELT, correlated, steps_of
 
 
 def by_formula(image: np.ndarray, template: np.ndarray) -> np.ndarray:

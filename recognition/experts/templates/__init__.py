@@ -1,1 +1,0 @@
-"""The expert who knows shapes: templates predicted by the physics of touch."""
