@@ -2,12 +2,10 @@ from .active.active_reader import ActiveReader, ActiveSettings
 from .active.active_reading import ActiveReading, StopReason
 from .decision.depth_rules import DepthRule, depth_rule, least_depth
 from .decision.flags import Finding, ReadingFlag
-from .decision.grade import MarkGrade
 from .decision.reading import (
     Candidate,
     CharacterReading,
     Decision,
-    MarkDepth,
     Reading,
     ReadingTrace,
 )
@@ -18,6 +16,8 @@ from .language.confusions import CharacterState, PlaceState
 from .language.grammar import Grammar
 from .language.lattice import Lattice
 from .language.orientation import Orientation
+from .marks.depth import MarkDepth
+from .marks.grade import MarkGrade
 from .reader import Reader
 from .senses.camera import VisionReader
 from .senses.settings import ReaderSettings
