@@ -259,7 +259,9 @@ class TactileReader:
         settled = replace(
             reading, font=laid.font.name, height_mm=laid.line.height_mm, rotation_deg=laid.rotation_deg
         )
-        return doubted_guesses(settled, laid, self.places)
+        # the recogniser knows characters by themselves; templates alone know those that were felt
+        alone = "network" not in main.belief.by_expert
+        return doubted_guesses(settled, laid, self.places) if alone else settled
 
 
 def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:
