@@ -73,7 +73,7 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
 
     def make() -> Prototypes:
         one = templates
-        return _cut_out(one.font, one.chars, one.view, one.middles_mm, one.half_width, one.height_mm)
+        return cut_out(one.font, one.chars, one.view, one.middles_mm, one.half_width, one.height_mm)
 
     made: Prototypes = templates.derived("prototypes", make)
     return made
@@ -92,10 +92,10 @@ def lit_prototypes(font: Font, chars: str) -> tuple[Prototypes, ...]:
     """
     plate = ideal_plate(font, chars, default_die(CANONICAL_HEIGHT_MM, font=font))
     where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
-    return tuple(_cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, LIGHTS))
+    return tuple(cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, LIGHTS))
 
 
-def _cut_out(
+def cut_out(
     font: str,
     chars: tuple[str, ...],
     view: View,
@@ -103,7 +103,16 @@ def _cut_out(
     half_width: Floats,
     height_mm: float,
 ) -> Prototypes:
-    """The prototypes of a plate that is seen, (T, 2) middles of its characters given."""
+    """The prototypes of a plate that is seen.
+
+    Args:
+        font: its name.
+        chars: (T,) characters.
+        view: of the plate.
+        middles_mm: (T, 2) x, y of their middles.
+        half_width: (T,) half the ink's width, character heights.
+        height_mm: of the characters.
+    """
     line = line_of(middles_mm, height_mm)
     features = features_of(view.strip(line))
     mean = features.mean(axis=(1, 2), keepdims=True)
