@@ -126,7 +126,9 @@ class EnrolReport:
             lines.append(f"set aside, unlike others of the same character: {_by_character(self.set_aside)}")
         if self.never_felt:
             doubt = (
-                "of the same shapes" if self.trusted else "a guess: what templates alone read of one goes to review"
+                "of the same shapes"
+                if self.trusted
+                else "a guess: what templates alone read of one goes to review"
             )
             lines.append(f"never felt, after {self.like}: {self.never_felt} ({doubt})")
         return "\n".join(lines)
