@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from rapidfuzz.distance import Levenshtein
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
+from glyphs.stamping.die import default_die
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
@@ -54,7 +55,7 @@ def worn(number: int) -> Made:
 
     spec = SynthSpec(format=FORMAT, seed=200)
     font = load_font("gothic")
-    die = replace(spec.die(font), depth_mm=0.07)
+    die = default_die(spec.height_mm, font=font, depth_mm=0.07)
     rng = np.random.default_rng([spec.seed, number])
     flat = StampingVariation(plate=PlateVariation.none())
     part = stamp_line(
