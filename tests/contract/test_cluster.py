@@ -17,7 +17,7 @@ from tests.contract.front_doors import save_height_map
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment
 
-PARTS = 12
+PARTS = 8
 WAIT_S = 120.0
 
 

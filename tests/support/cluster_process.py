@@ -63,14 +63,27 @@ def environment() -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def cluster_process(folder: Path, *, workers: int = 2) -> Iterator[ClusterProcess]:
-    """A scheduler on a free port of the loopback address, and workers that may still be on their way."""
+def cluster_process(
+    folder: Path, *, workers: int = 2, deaths_allowed: int | None = None
+) -> Iterator[ClusterProcess]:
+    """A scheduler on a free port of the loopback address, and workers that may still be on their way.
+
+    Args:
+        folder: folder of the logs.
+        workers: number of workers that are started.
+        deaths_allowed: workers that may die of a task before it is given up (default: Dask's).
+    """
     told = folder / "scheduler.json"
+    allowed = (
+        {}
+        if deaths_allowed is None
+        else {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(deaths_allowed)}
+    )
     with (folder / "scheduler.log").open("wb") as log:
         scheduler = subprocess.Popen(
             [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
              "--no-dashboard", "--scheduler-file", str(told)],
-            cwd=folder, stdout=log, stderr=log, start_new_session=True, env=environment(),
+            cwd=folder, stdout=log, stderr=log, start_new_session=True, env={**environment(), **allowed},
         )  # fmt: skip
     cluster = ClusterProcess("", scheduler, folder)
     try:
