@@ -45,7 +45,8 @@ def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The photograph, cropped to the line, (rows, cols, 3)."""
     photo = senses.photo
     pixels = photo.eight_bit if photo.pixels.ndim == 3 else np.repeat(photo.eight_bit[..., None], 3, axis=2)
-    box = _line(senses)
+    # without a scale no place can be cut out, and the plate need not be felt for one
+    box = None if photo.pitch_mm is None else _line(senses)
     if box is None or photo.pitch_mm is None:
         return pixels
     rows, cols = photo.shape
