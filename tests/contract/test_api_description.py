@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from tests.contract.front_doors import RunningService, run_service
+from tests.contract.front_doors import RunningService
 
 EXAMPLES = 3
 CHECKS = [
@@ -33,27 +32,17 @@ CHECKS = [
 ]
 
 
-@pytest.fixture(scope="module")
-def own_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
-    """A service of its own: what is generated here changes its jobs."""
-    folder = tmp_path_factory.mktemp("described")
-    with run_service(
-        folder / "service", "--jobs", "1", "--tokens", "off", "--font", "gothic", "--height-mm", "4"
-    ) as running:
-        yield running
-
-
 @pytest.fixture
-def description(own_service: RunningService, tmp_path: Path) -> Any:
+def description(service: RunningService, tmp_path: Path) -> Any:
     """The description, with a part's id that exists in every other path."""
     noise = np.random.default_rng(0).normal(scale=0.01, size=(60, 90)).astype(np.float32)
     np.savez(tmp_path / "noise.npz", z_mm=noise, pitch_mm=0.1)
     part = httpx.post(
-        f"{own_service.url}/v1/parts",
+        f"{service.url}/v1/parts",
         files={"scan": ("noise.npz", (tmp_path / "noise.npz").read_bytes())},
         timeout=60.0,
     ).json()
-    schema = schemathesis.openapi.from_url(f"{own_service.url}/openapi.json")
+    schema = schemathesis.openapi.from_url(f"{service.url}/openapi.json")
 
     @schema.hook
     def map_path_parameters(context: Any, path_parameters: Any) -> Any:
@@ -64,8 +53,8 @@ def description(own_service: RunningService, tmp_path: Path) -> Any:
     return schema
 
 
-def test_every_failure_is_described_as_a_problem(own_service: RunningService) -> None:
-    paths = httpx.get(f"{own_service.url}/openapi.json").json()["paths"]
+def test_every_failure_is_described_as_a_problem(service: RunningService) -> None:
+    paths = httpx.get(f"{service.url}/openapi.json").json()["paths"]
     described = {
         f"{verb.upper()} {path} {status}": set(response.get("content", {}))
         for path, operations in paths.items()

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import httpx
 
-from tests.contract.front_doors import RunningService, children, run_service
+from tests.contract.front_doors import RunningService, children
 from tests.support.bad_files import bad_maps, bad_photos, bad_scans, other_file
 
-JOB_TIMEOUT_S = 20.0
+SLOWEST_S = 30.0
+"""For one answer, on a busy machine; most come in milliseconds."""
 MOST_MEMORY_MB = 3000.0
 """Of the web server and its worker together at any moment; a worker at rest has about 600, the corpus declares
 terabytes."""
@@ -20,22 +21,9 @@ EACH = 12
 """One of so many: all of them are read by `tests/pipeline/reading/test_part_order_files.py`, without a service."""
 
 
-def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
-    options = (
-        "--jobs",
-        "1",
-        "--part-timeout-s",
-        str(JOB_TIMEOUT_S),
-        "--font",
-        "gothic",
-        "--height-mm",
-        "5",
-    )
-    sent, slowest_s, most_mb = 0, 0.0, 0.0
-    with (
-        run_service(tmp_path / "service", *options) as service,
-        httpx.Client(base_url=service.url, timeout=4 * JOB_TIMEOUT_S) as http,
-    ):
+def test_a_corpus_of_bad_files_does_no_harm(service: RunningService) -> None:
+    sent, slowest_s, most_mb, logged = 0, 0.0, 0.0, len(service.log)
+    with httpx.Client(base_url=service.url, timeout=4 * SLOWEST_S) as http:
         for role, files in (("photo", bad_photos()), ("scan", bad_maps()), ("scan", bad_scans())):
             for name, data in islice(files, 0, None, EACH):
                 start = time.perf_counter()
@@ -47,13 +35,13 @@ def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
                 # what points to another file of the server is refused, and not read as if it were the part's
                 assert answer.status_code != 201 or "link" not in name, name
                 assert other_file() not in answer.text, name
-                assert str(tmp_path) not in answer.text, name
+                assert str(service.folder) not in answer.text, name
         assert http.get("/readyz").status_code == 200
-        assert not list((tmp_path / "service" / "evidence" / "incoming").iterdir())
+        assert not list((service.folder / "evidence" / "incoming").iterdir())
     assert sent >= 100 // EACH
-    assert slowest_s < 1.5 * JOB_TIMEOUT_S
+    assert slowest_s < SLOWEST_S
     assert most_mb < MOST_MEMORY_MB
-    assert "request failed" not in service.log
+    assert "request failed" not in service.log[logged:]
 
 
 def _memory_mb(service: RunningService) -> float:

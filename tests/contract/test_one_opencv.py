@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from tests.contract.front_doors import environment, run_process
-from tests.contract.test_packaging import PACKAGES, ROOT, missing
+from tests.contract.test_packaging import PACKAGES, ROOT
 
-OURS, BROUGHT = "opencv-contrib-python-headless", "opencv-python-headless"
+OURS = "opencv-contrib-python-headless"
+LIBRARIES = Path(np.__file__).parents[1]
 TRIED = """
 import sys
 sys.path[1:] += sys.argv[1:3]
 import numpy as np
 from glyphs.opencv import cv2
-assert cv2.__file__.startswith(sys.prefix), cv2.__file__
+assert cv2.__file__.startswith(sys.argv[2]), cv2.__file__
 for name in sys.argv[3:]:
     value = cv2
     for part in name.split("."):
@@ -53,34 +54,25 @@ def names_used() -> Iterator[str]:
                 yield name.removeprefix("cv2.")
 
 
-def pip(python: Path, *arguments: str) -> None:
-    command = (sys.executable, "-m", "pip", "--python", str(python), *arguments)
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        missing(f"pip cannot {arguments[0]} here: {done.stderr[-300:]}")
-
-
-def tried(python: Path) -> subprocess.CompletedProcess[str]:
-    """Use all that the program uses, with what it imports before OpenCV from this environment, and nothing else."""
-    beside = python.parents[1] / "beside"
-    beside.mkdir(exist_ok=True)
-    for name in ("numpy", "numpy.libs", "lazy_loader"):
-        with contextlib.suppress(FileExistsError):
-            (beside / name).symlink_to(Path(np.__file__).parents[1] / name)
-    command = [python, "-I", "-c", TRIED, str(ROOT), str(beside), *sorted(set(names_used()))]
+def tried(libraries: Path) -> subprocess.CompletedProcess[str]:
+    """Use all that the program uses, with the libraries of one folder alone."""
+    command = [sys.executable, "-I", "-S", "-c", TRIED, str(ROOT), str(libraries), *sorted(set(names_used()))]
     return subprocess.run(command, capture_output=True, text=True)
 
 
-def test_one_opencv_remains_and_its_loss_is_explained(tmp_path: Path) -> None:
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path], check=True)
-    python = tmp_path / "bin" / "python"
-    for package in (OURS, BROUGHT):
-        pip(python, "install", "--quiet", "--no-deps", package)
-    works = tried(python)
+def test_all_that_is_used_of_opencv_is_installed() -> None:
+    """With both packages of it, as the extra `vision` has them."""
+    works = tried(LIBRARIES)
     assert works.returncode == 0, works.stderr
-    pip(python, "uninstall", "--quiet", "--yes", BROUGHT)
-    # the folder of the other package is left without its functions
-    broken = tried(python)
+
+
+def test_what_the_removal_of_one_opencv_leaves_of_the_other_is_explained(tmp_path: Path) -> None:
+    """A folder without modules: pip has taken the files of both."""
+    for name in ("numpy", "numpy.libs", "lazy_loader"):
+        with contextlib.suppress(FileExistsError):
+            (tmp_path / name).symlink_to(LIBRARIES / name)
+    (tmp_path / "cv2" / "data").mkdir(parents=True)
+    broken = tried(tmp_path)
     assert broken.returncode == 1
     assert "OpenCV is damaged (its functions are missing)" in broken.stderr
     assert f"pip install --force-reinstall --no-deps {OURS}" in broken.stderr

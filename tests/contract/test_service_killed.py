@@ -30,18 +30,11 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     return [path.read_bytes() for path in sorted(folder.glob("*.npz"))]
 
 
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
-    """A service of which workers are killed, and that the last test asks to end."""
-    with run_service(tmp_path_factory.mktemp("service"), *OPTIONS, "--drain-s", "5") as service:
-        yield service
-
-
 class Senders:
     """Send parts with a key each, again and again until there is an answer, as a line would."""
 
-    def __init__(self, files: list[bytes]) -> None:
-        self.files = files
+    def __init__(self, files: list[bytes], folder: Path) -> None:
+        self.files, self.folder = files, folder
         self.answered: dict[str, dict[str, object]] = {}
         self.asked: set[str] = set()
         self._lock = threading.Lock()
@@ -82,10 +75,12 @@ def kill(service: RunningService) -> None:
     service.process.wait()
 
 
-def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, files: list[bytes]) -> None:
+@pytest.fixture(scope="module")
+def senders(files: list[bytes], tmp_path_factory: pytest.TempPathFactory) -> Senders:
+    """Senders of a service that was killed while it answered them; its folder is as the kill has left it."""
     rng = np.random.default_rng(8)
-    senders = Senders(files)
-    folder = tmp_path / "service"
+    folder = tmp_path_factory.mktemp("killed") / "service"
+    senders = Senders(files, folder)
     with run_service(folder, *OPTIONS) as service:
         workers = children(service.process.pid)
         assert workers
@@ -105,17 +100,27 @@ def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, file
         stop.set()
         for thread in threads:
             thread.join()
-    assert len(senders.answered) >= 5
-    _whole(folder)
     until = time.monotonic() + 20.0
     while any(is_alive(w) for w in workers) and time.monotonic() < until:
         time.sleep(0.01)
     assert not [w for w in workers if is_alive(w)]  # workers end with a killed service
+    return senders
+
+
+@pytest.fixture(scope="module")
+def running(senders: Senders) -> Iterator[RunningService]:
+    """A service that goes on after the kill, of which workers are killed, and that the last test asks to end."""
+    _whole(senders.folder)
+    with run_service(senders.folder, *OPTIONS, "--drain-s", "5") as service:
+        yield service
+
+
+def test_nothing_answered_is_lost_and_nothing_is_half_there(
+    senders: Senders, running: RunningService
+) -> None:
+    assert len(senders.answered) >= 5
     answered = dict(senders.answered)
-    with (
-        run_service(folder, *OPTIONS) as service,
-        httpx.Client(base_url=service.url, timeout=60.0) as http,
-    ):
+    with httpx.Client(base_url=running.url, timeout=60.0) as http:
         for key, told in answered.items():
             now = http.get(f"/v1/parts/{told['id']}").json()
             assert now["name"] == key
@@ -128,7 +133,7 @@ def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, file
                 assert again["id"] == answered[key]["id"]
         listed = http.get("/v1/parts", params={"limit": 500}).json()
         assert sorted(part["name"] for part in listed) == sorted(senders.asked)
-    _whole(folder)
+    _whole(senders.folder)
 
 
 def _whole(folder: Path) -> None:

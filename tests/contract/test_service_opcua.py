@@ -19,7 +19,7 @@ from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
 from tests.contract.broker import SERVICE_OPTIONS, free_port
-from tests.contract.front_doors import RunningService, environment, run_service, status_of, wait_until
+from tests.contract.front_doors import RunningService, environment, run_service
 
 pytestmark = pytest.mark.anyio
 SPACE = "urn:tactile-marks:reader"
@@ -101,7 +101,7 @@ def save_photo(folder: Path, name: str) -> None:
     import numpy as np
     from PIL import Image
 
-    noise = np.random.default_rng(5).integers(90, 160, (900, 1200), dtype=np.uint8)
+    noise = np.random.default_rng(5).integers(90, 160, (300, 400), dtype=np.uint8)
     Image.fromarray(noise).save(folder / f"{name}.png")
 
 
@@ -181,42 +181,3 @@ async def test_nonsense_is_let_go_and_leaves_few_lines(line: Line) -> None:
     assert len(grown) < 20_000
     assert "Traceback" not in grown
     assert "OPC UA: a connection from 127.0.0.1 was closed: it does not speak OPC UA" in grown
-
-
-async def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
-    tmp_path: Path,
-) -> None:
-    port = free_port()
-    with run_service(tmp_path / "open", *SERVICE_OPTIONS, "--opcua-port", str(port), ready=False) as service:
-        url = f"opc.tcp://127.0.0.1:{port}/tactile-marks"
-        wait_until(lambda: status_of(f"{service.url}/healthz") == 200, service.process)
-        sent = 0
-        with socket.create_connection(("127.0.0.1", port), timeout=30.0) as caller:
-            caller.sendall(hello(url))
-            caller.recv(100)
-            caller.sendall(open_channel())
-            channel = struct.unpack_from("<I", caller.recv(500), 8)[0]
-            with contextlib.suppress(OSError):
-                for k in range(2, 2000):
-                    caller.sendall(bad_request(channel, k))
-                    sent += 1
-                while caller.recv(65536):
-                    pass
-        answered = service.log.count("Error while processing message")
-        assert sent > 3
-        assert answered <= 3
-        assert len(service.log) < 60_000
-
-
-def open_channel() -> bytes:
-    policy = b"http://opcfoundation.org/UA/SecurityPolicy#None"
-    head = struct.pack("<I", 0) + struct.pack("<I", len(policy)) + policy + struct.pack("<ii", -1, -1)
-    request = b"\x01\x00\xbe\x01\0\0" + struct.pack("<qIIi", 0, 1, 0, -1) + struct.pack("<I", 0) + b"\0\0\0"
-    asked = struct.pack("<III", 0, 0, 1) + struct.pack("<i", -1) + struct.pack("<I", 60000)
-    return message(b"OPNF", head + struct.pack("<II", 1, 1) + request + asked)
-
-
-def bad_request(channel: int, number: int) -> bytes:
-    head = struct.pack("<IIII", channel, 1, number, number) + b"\x01\x00\xcd\x01\0\0"
-    request = struct.pack("<qIIi", 0, number, 0, -1) + struct.pack("<I", 0) + b"\0\0\0" + b"\xff" * 8
-    return message(b"MSGF", head + request)

@@ -91,7 +91,7 @@ def chunk(name: bytes, body: bytes) -> bytes:
 
 def declared_png(cols: int, rows: int, pixels: bytes = b"\0" * 100) -> bytes:
     head = struct.pack(">IIBBBBB", cols, rows, 8, 0, 0, 0, 0)
-    parts = (chunk(b"IHDR", head), chunk(b"IDAT", zlib.compress(pixels)), chunk(b"IEND", b""))
+    parts = (chunk(b"IHDR", head), chunk(b"IDAT", zlib.compress(pixels, 1)), chunk(b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -111,7 +111,7 @@ def _flipped(data: bytes, seed: int, flips: int = 12) -> bytes:
 def _raw_npz(members: dict[str, bytes], *, compressed: bool = True) -> bytes:
     stream = io.BytesIO()
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    with zipfile.ZipFile(stream, "w", kind) as archive:
+    with zipfile.ZipFile(stream, "w", kind, compresslevel=1) as archive:
         for name, data in members.items():
             archive.writestr(name, data)
     return stream.getvalue()
@@ -171,7 +171,7 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
 
 
 def _with_text_bomb(data: bytes) -> bytes:
-    body = b"Comment\0\0" + zlib.compress(b"A" * 50_000_000)
+    body = b"Comment\0\0" + zlib.compress(b"A" * 50_000_000, 1)
     return data[:33] + chunk(b"zTXt", body) + data[33:]
 
 
@@ -390,10 +390,10 @@ def _unwritten(file: h5py.File) -> None:
 
 
 def _packed(file: h5py.File) -> None:
-    n = 5_000_000
+    n = 2_000_000
     for name in ("scan/signal", "scan/flags", "stage/pass", "stage/phase", "stage/position_mm"):
         del file[name]
-    file.create_dataset("scan/signal", data=np.zeros((n, 8), np.float32), chunks=(500_000, 8), compression=9)
+    file.create_dataset("scan/signal", data=np.zeros((n, 8), np.float32), chunks=(500_000, 8), compression=1)
     file.create_dataset("stage/pass", data=np.zeros(n, np.int8), compression=9)
 
 

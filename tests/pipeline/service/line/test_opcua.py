@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import json
 import logging
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -451,3 +453,52 @@ def test_a_result_of_odd_values_can_be_sent(shared: Shared) -> None:
             assert ocr_scan_result(part(reading=None)).Quality == 0
 
     shared.run(run())
+
+
+def hello(url: str) -> bytes:
+    body = struct.pack("<IIIIII", 0, 65536, 65536, 0, 0, len(url)) + url.encode()
+    return b"HELF" + struct.pack("<I", 8 + len(body)) + body
+
+
+def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
+    shared: Shared, caplog: pytest.LogCaptureFixture
+) -> None:
+    url = f"opc.tcp://127.0.0.1:{shared.port.port}/tactile-marks"
+    sent = 0
+    with (
+        caplog.at_level(logging.WARNING),
+        socket.create_connection(("127.0.0.1", shared.port.port), timeout=LONG_S) as caller,
+    ):
+        caller.sendall(hello(url))
+        caller.recv(100)
+        caller.sendall(open_channel())
+        channel = struct.unpack_from("<I", caller.recv(500), 8)[0]
+        with contextlib.suppress(OSError):
+            for k in range(2, 2000):
+                caller.sendall(bad_request(channel, k))
+                sent += 1
+            while caller.recv(65536):
+                pass
+    said = [record.getMessage() for record in caplog.records]
+    assert sent > 3
+    assert sum("Error while processing message" in line for line in said) <= 3
+    assert sum(map(len, said)) < 60_000
+    assert "a connection from 127.0.0.1 was closed: it sends" in caplog.text
+
+
+def message(kind: bytes, body: bytes) -> bytes:
+    return kind + struct.pack("<I", 8 + len(body)) + body
+
+
+def open_channel() -> bytes:
+    policy = b"http://opcfoundation.org/UA/SecurityPolicy#None"
+    head = struct.pack("<I", 0) + struct.pack("<I", len(policy)) + policy + struct.pack("<ii", -1, -1)
+    request = b"\x01\x00\xbe\x01\0\0" + struct.pack("<qIIi", 0, 1, 0, -1) + struct.pack("<I", 0) + b"\0\0\0"
+    asked = struct.pack("<III", 0, 0, 1) + struct.pack("<i", -1) + struct.pack("<I", 60000)
+    return message(b"OPNF", head + struct.pack("<II", 1, 1) + request + asked)
+
+
+def bad_request(channel: int, number: int) -> bytes:
+    head = struct.pack("<IIII", channel, 1, number, number) + b"\x01\x00\xcd\x01\0\0"
+    request = struct.pack("<qIIi", 0, number, 0, -1) + struct.pack("<I", 0) + b"\0\0\0" + b"\xff" * 8
+    return message(b"MSGF", head + request)
