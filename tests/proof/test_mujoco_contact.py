@@ -63,8 +63,7 @@ NAMES = {
 }
 
 PLANAR = [
-    (WIRE, -30.0, 0.1), (WIRE, -60.0, 0.5), (WIRE, 45.0, 0.3), (SHORT_ARM, -45.0, 0.1), (SHORT_ARM, 60.0, 0.1),
-    (RIBBON, -60.0, 0.1), (LEANING, -45.0, 0.3), (LEANING, 30.0, 0.3),
+    (WIRE, -60.0, 0.5), (WIRE, 45.0, 0.3), (SHORT_ARM, 60.0, 0.1), (RIBBON, -60.0, 0.1), (LEANING, -45.0, 0.3),
 ]  # fmt: skip
 BANKED = [(WIRE, 30.0, 0.1, -0.3), (RIBBON, -30.0, 0.1, 0.5)]
 
@@ -161,8 +160,7 @@ def test_the_factor_is_eq_16(whisker: LShaped, degrees: float, mu: float) -> Non
     assert force[0] / force[1] == pytest.approx(-(slope + mu) / (1.0 - mu * slope), rel=1e-6)
 
 
-@pytest.mark.parametrize("degrees", [-45.0, 30.0])
-@pytest.mark.parametrize("mu", [0.1, 0.5])
+@pytest.mark.parametrize(("degrees", "mu"), [(-45.0, 0.5), (30.0, 0.1)])
 def test_a_straight_whisker_is_a_profilometer(degrees: float, mu: float) -> None:
     assert factor(STRAIGHT, degrees, mu) == pytest.approx(1.0, abs=FACTOR)
 

@@ -214,6 +214,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     printed = io.StringIO()
     with pytest.MonkeyPatch.context() as patched, contextlib.redirect_stdout(printed):
         patched.setattr("pipeline.plots.estimators.FRICTIONS", TRIED_FRICTIONS)
+        patched.setattr("pipeline.plots.estimators._SCANS", 2)
         assert figures(out=folder, mu=0.1) == 0
     with (folder / "figures.csv").open(encoding="utf-8", newline="") as stream:
         return Made(folder, printed.getvalue(), tuple(csv.DictReader(stream)))

@@ -193,12 +193,12 @@ def test_the_seed_decides_and_hardly_matters(made: Design) -> None:
 def test_a_level_whisker_pays_for_stiffness_with_contrast() -> None:
     level = design_whisker(ASKED, limits=Limits(beta_rad=(0.0, 0.0)))
     assert level.whisker.beta_rad == 0.0
-    trade = slide_trade_off(level, factors=(0.25, 0.5, 1.0, 2.0))
+    trade = slide_trade_off(level, factors=(0.5, 1.0, 2.0))
     contrast = [c for c in trade.contrast if c is not None]
-    assert len(contrast) == 4
+    assert len(contrast) == 3
     assert all(a < b for a, b in itertools.pairwise(contrast))
     # the slide of a level ribbon goes as d0 k^2 and the contrast as k
-    assert contrast[1] < 0.8 * contrast[2]
+    assert contrast[0] < 0.8 * contrast[1]
 
 
 def test_speed_costs_contrast(made: Design) -> None:
@@ -210,8 +210,8 @@ def test_speed_costs_contrast(made: Design) -> None:
 
 
 def test_a_speed_out_of_reach_is_no_point_of_the_curve(made: Design) -> None:
-    trade = speed_trade_off(made, factors=(1.0, 400.0, 800.0))
-    assert trade.contrast[1:] == (None, None)
+    trade = speed_trade_off(made, factors=(400.0,))
+    assert trade.contrast == (None,)
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.5])
