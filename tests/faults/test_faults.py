@@ -16,7 +16,7 @@ from tests.support.programs import program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 
-HALF, SOME, FEW = 0.5, 0.03, 0.004
+HALF, SOME, FEW = 0.2, 0.015, 0.002
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from tests.faults.plant import played
 from tests.support.postgres_server import PostgresServer
 from tests.support.programs import program
 
-PARTS, KILLS = 12, 1
+PARTS, KILLS = 8, 1
 
 
 def test_two_services_lose_double_and_reorder_nothing() -> None:
