@@ -18,7 +18,7 @@ READ_SO = (
     "--font",
     "gothic",
     "--format",
-    "A9",
+    "9",
     "--height-mm",
     "4",
     "--experts",
@@ -26,7 +26,7 @@ READ_SO = (
     "--jobs",
     "1",
 )
-MADE_SO = ("--parts", str(PARTS), "--format", "A9", "--height-mm", "4", "--no-photo")
+MADE_SO = ("--parts", str(PARTS), "--format", "9", "--height-mm", "4", "--no-photo")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made["bound"] <= 0.2
     assert made["sources"] == ["tactile"]
     assert made["threshold"] >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["network"]}
+    asked = {"font": ["gothic"], "format": ["9"], "height_mm": 4.0, "experts": ["network"]}
     assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made["data_sha256"] in page
@@ -85,22 +85,22 @@ def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
 
 
 def test_an_interrupted_certification_goes_on(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    few = [str(workshop / f"part-0{k:02d}.npz") for k in range(8)]
+    few = [str(workshop / f"part-0{k:02d}.npz") for k in range(6)]
     given = ["certify", *few, "--truth", str(workshop / "truth.csv"), *READ_SO]
     unfinished = Path("certificate.json.unfinished")
     running = start_process(*given)
-    wait_until(lambda: unfinished.exists() and len(unfinished.read_bytes().splitlines()) >= 3, running)
+    wait_until(lambda: unfinished.exists() and len(unfinished.read_bytes().splitlines()) >= 2, running)
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 130
     assert "start the same command again" in error
     assert main(["5" if a == "4" else a for a in given]) == 1
     assert "holds another certification" in capsys.readouterr().err
-    assert main(given) == 1  # eight parts are too few for a risk of 0.001
+    assert main(given) == 1  # six parts are too few for a risk of 0.001
     shown = capsys.readouterr().out
     (done,) = re.findall(r"continuing a broken-off certification: (\d+) parts", shown)
-    assert 2 <= int(done) < len(few)
-    assert "8 labelled parts" in shown
+    assert 1 <= int(done) < len(few)
+    assert "6 labelled parts" in shown
     said = " ".join(shown.split())
     assert "not certified: a risk of 0.001 at 95% confidence takes 2,995 accepted parts" in said
     assert "more parts like these are missing" in said
@@ -142,7 +142,7 @@ def test_it_is_refused_with_other_settings(
 
 
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
-    made_so = ("--dirt", "0", "--parts", "1", "--format", "A9", "--height-mm", "4")
+    made_so = ("--dirt", "0", "--parts", "1", "--format", "9", "--height-mm", "4")
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
     assert main(["benchmark", "--out", "b", *made_so, *read_so]) == 0
     with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:

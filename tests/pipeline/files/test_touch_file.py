@@ -402,37 +402,37 @@ import resource, sys
 from pathlib import Path
 from pipeline.files.touch_file import FileError, read_height_map, read_scan
 import glyphs.surface.maps, pipeline.files.instruments, whisker_array.scan.recording, x3pio, sdfio
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-path = Path(sys.argv[1])
-try:
-    (read_scan if path.suffix == ".h5" else read_height_map)(path)
-except FileError as problem:
-    print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024, problem)
+for path in map(Path, sys.argv[1:]):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    try:
+        (read_scan if path.suffix == ".h5" else read_height_map)(path)
+    except FileError as problem:
+        print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024, problem)
 """
 
 
-@pytest.mark.parametrize(
-    ("name", "make"),
-    [
-        ("huge.npz", npz_of_20000),
-        ("huge.x3p", real_x3p_of_20000),
-        ("huge.sdf", sparse_sdf_of_20000),
-        ("long.sdf", sparse_sdf_of_few),
-        ("bomb.x3p", x3p_bomb),
-        ("sparse.h5", sparse_scan),
-    ],
-)
-def test_huge_files_are_refused_without_eating_the_memory(
-    name: str, make: Callable[[Path], None], tmp_path: Path
-) -> None:
-    path = tmp_path / name
-    make(path)
+HUGE = {
+    "huge.npz": npz_of_20000,
+    "huge.x3p": real_x3p_of_20000,
+    "huge.sdf": sparse_sdf_of_20000,
+    "long.sdf": sparse_sdf_of_few,
+    "bomb.x3p": x3p_bomb,
+    "sparse.h5": sparse_scan,
+}
+
+
+def test_huge_files_are_refused_without_eating_the_memory(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in HUGE]
+    for path, make in zip(paths, HUGE.values(), strict=True):
+        make(path)
     done = subprocess.run(
-        [sys.executable, "-c", _MEMORY_PROBE, str(path)], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    megabytes, _, message = done.stdout.partition(" ")
-    assert str(path) in message
-    assert int(megabytes) < 100
+        [sys.executable, "-c", _MEMORY_PROBE, *map(str, paths)],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    for path, line in zip(paths, done.stdout.splitlines(), strict=True):
+        megabytes, _, message = line.partition(" ")
+        assert str(path) in message
+        assert int(megabytes) < 100, line
 
 
 GOOD_BYTES = {

@@ -43,7 +43,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
     folder = tmp_path_factory.mktemp("service")
-    with inline_service(folder, stage=parts, camera=parts) as both:
+    with inline_service(folder, stage=parts, camera=parts, webhook="http://127.0.0.1:9/none") as both:
         yield both
 
 
@@ -89,11 +89,16 @@ def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts
 def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
     served: tuple[Service, TestClient],
 ) -> None:
+    store = served[0].store
+    before = store.undelivered()
     part = triggered(served, FILTHY)
+    assert store.undelivered() == before + 2  # that touch is needed, and what it has read
     assert part.reading is not None
     assert part.reading.source == "fused"
     assert part.reading.passes
     assert part.state is not PartState.TOUCH_NEEDED
+    store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Anna")
+    assert store.part(part.id).state is PartState.REVIEWED
 
 
 def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(
@@ -272,16 +277,6 @@ def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
         missing = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"database": "../press-7"})
         assert missing.status_code == 422
         assert "press-7" in missing.json()["detail"]
-
-
-def test_results_wait_for_their_targets_also_that_touch_is_needed(tmp_path: Path, parts: Path) -> None:
-    with inline_service(tmp_path, webhook="http://127.0.0.1:9/none", stage=parts) as (service, client):
-        waiting = client.post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY}).json()
-        assert service.store.undelivered() == 1
-        client.post(f"/v1/parts/{waiting['id']}/touch")
-        assert service.store.undelivered() == 2
-        service.store.review(waiting["id"], action=ReviewAction.CONFIRM, text="", who="Anna")
-        assert service.store.part(waiting["id"]).state is PartState.REVIEWED
 
 
 @pytest.mark.parametrize(

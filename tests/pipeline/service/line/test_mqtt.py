@@ -100,6 +100,26 @@ async def test_results_are_published_with_qos_1(make_broker: Callable[..., Broke
     assert "q1, r0" in line
 
 
+async def test_another_sender_by_mqtt_3_1_1_says_that_it_may_lose_results_and_leaves_the_status_online(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener], caplog: pytest.LogCaptureFixture
+) -> None:
+    broker = make_broker()
+    listener, url = listen(broker.port), f"mqtt://127.0.0.1:{broker.port}"
+    stays = MqttSender(url)
+    stays.start(lambda _: None)
+    await until(lambda: listener.statuses()[-1:] == ["online"])
+    with caplog.at_level(logging.WARNING):
+        old = MqttSender(url, version="3.1.1")
+        old.start(lambda _: None)
+        await old.send(one_delivery())
+    assert caplog.text.count("MQTT 3.1.1: the broker cannot say that it refuses") == 1
+    await until(lambda: len(listener.results()) == 1)
+    await old.close()
+    late = listen(broker.port)  # finds what is retained
+    await until(lambda: late.statuses()[-1:] == ["online"])
+    await stays.close()
+
+
 async def test_the_last_will_tells_of_a_service_that_died(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
