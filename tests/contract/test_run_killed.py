@@ -57,18 +57,13 @@ def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None
 
 
 def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path) -> None:
-    out = "rows.csv"  # the other kinds: tests/pipeline/batch/test_journal.py
-    table = tmp_path / out
-    before: dict[str, float] = {}
-    # twice, for what was continued must be continued again
-    for rows in (1, 3):
-        killed_after(started(parts, tmp_path, out), table, rows + 1)
-        kept = [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(table)]
-        assert len(kept) >= rows
-        assert len({part for part, _ in kept}) == len(kept)
-        # what was read before is there as it was
-        assert {part: seconds for part, seconds in kept if part in before} == before
-        before = dict(kept)
+    # once, and as a table of lines; tests/pipeline/batch/test_journal.py has other kinds, and kills again and again
+    out = "rows.csv"
+    killed_after(started(parts, tmp_path, out), tmp_path / out, 3)
+    kept = [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(tmp_path / out)]
+    assert len(kept) >= 2
+    before = dict(kept)
+    assert len(before) == len(kept)
     process = started(parts, tmp_path, out)
     told, error = process.communicate(timeout=WAIT_S)
     assert process.returncode == 1, error  # the bad part
@@ -96,9 +91,9 @@ def test_a_killed_run_into_a_store_goes_on(parts: Path, tmp_path: Path) -> None:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.01)
-    killed_after(process, tables[0], 4)
+    killed_after(process, tables[0], 3)
     kept = stored(tmp_path / "parts.db")
-    assert 3 <= len(kept) < PARTS
+    assert 2 <= len(kept) < PARTS
     process = started(parts, tmp_path, out)
     _, error = process.communicate(timeout=WAIT_S)
     assert process.returncode == 1, error
@@ -111,7 +106,7 @@ def test_a_killed_run_into_a_store_goes_on(parts: Path, tmp_path: Path) -> None:
 def test_a_killed_worker_costs_no_part(parts: Path, tmp_path: Path) -> None:
     process = started(parts, tmp_path, "rows.csv", jobs=2)
     until = time.monotonic() + WAIT_S
-    while len(lines(tmp_path / "rows.csv")) < 3:
+    while len(lines(tmp_path / "rows.csv")) < 2:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.01)

@@ -199,16 +199,3 @@ def test_a_result_that_is_too_large_for_the_broker_waits(
         assert "1 results wait" in ready(line)["mqtt"]
         assert len(warnings(line, "mqtt does not take the result")) == before + 1
     wait_until(lambda: (ready(line)["mqtt"], in_outbox(line)) == ("works", 0.0))
-
-
-def test_another_service_by_mqtt_3_1_1_says_that_it_may_lose_results_and_leaves_the_status_online(
-    line: RunningService, tmp_path: Path, broker: Broker, listener: Listener, height_map: Path
-) -> None:
-    wait_until(lambda: ready(line)["mqtt"] == "works")
-    old = ("--mqtt", broker.url, "--mqtt-version", "3.1.1")
-    with run_service(tmp_path / "other", *SERVICE_OPTIONS, *old) as other:
-        sent = send_part(other, height_map)["id"]
-        wait_until(lambda: sent in [one["id"] for one in listener.results()])
-        assert len(warnings(other, "MQTT 3.1.1: the broker cannot say that it refuses")) == 1
-    with contextlib.closing(Listener(broker)) as late:  # hears what is retained
-        wait_until(lambda: late.statuses()[-1:] == ["online"])

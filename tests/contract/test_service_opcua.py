@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import httpx
 import pytest
 from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
@@ -121,6 +122,18 @@ async def test_the_same_session_is_answered_while_a_method_runs(line: Line) -> N
         part_id, _, decision, _, _ = await called
         assert len(part_id) == 26
         assert decision in ("REJECT", "REVIEW", "TOUCH")
+
+
+async def test_a_part_that_came_over_http_is_shown(line: Line, height_map: Path) -> None:
+    scan = {"scan": ("K7.npz", height_map.read_bytes())}
+    answer = await asyncio.to_thread(httpx.post, f"{line.service.url}/v1/parts", files=scan, timeout=120.0)
+    assert answer.json()["text"] == "K7"
+    async with line.client() as client:
+        space = await client.get_namespace_index(SPACE)
+        reader = client.get_node(ua.NodeId("reader", space))
+        autoid = await client.get_namespace_index("http://opcfoundation.org/UA/AutoID/")
+        shown = await (await reader.get_child([f"{autoid}:LastScanData"])).read_value()
+        assert getattr(shown, "String", shown) == "K7"
 
 
 async def test_wrong_passwords_are_logged_and_delay_the_next(line: Line) -> None:

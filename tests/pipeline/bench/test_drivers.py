@@ -68,7 +68,8 @@ def test_passes_in_all_directions_feel_what_the_simulated_stage_feels(firmware: 
     )
     with opened(firmware) as (emulated, bench):
         session = bench.session("plate")
-        for direction in (0, 90, 180, 270):
+        # every direction once; what lies between drivers and directions is the same for both kinds of firmware
+        for direction in (0, 90, 180, 270) if firmware == FIRMWARE[0] else (90,):
             felt, true = (one.feel(a_pass(direction)) for one in (session, alone))
             assert not felt.flags.any()
             # of a trace's own spread: noise of 1e-4 of the range, samples averaged over their distance
@@ -147,9 +148,8 @@ def test_an_interrupt_in_the_middle_stops_and_lifts(firmware: str, monkeypatch: 
         assert emulated.world.place_mm["X"] < 30.0 + 10.0  # it had not run to the end
 
 
-@pytest.mark.parametrize("firmware", FIRMWARE)
-def test_late_answers_cost_nothing(firmware: str) -> None:
-    with opened(firmware) as (emulated, bench):
+def test_late_answers_cost_nothing() -> None:
+    with opened() as (emulated, bench):
         session = bench.session()
         said = emulated.stage.terminal.write
 
@@ -166,7 +166,7 @@ def test_a_silent_controller_is_given_up_and_has_the_lift_already(firmware: str)
     def falls_silent() -> None:
         emulated.stage.terminal.silent = True
 
-    with EmulatedBench(stamped(), bench_settings(firmware, answer_s=0.4), seed=1) as emulated:
+    with EmulatedBench(stamped(), bench_settings(firmware, answer_s=0.3), seed=1) as emulated:
         bench = Bench(emulated.settings)
         session = bench.session()
         once(emulated.world, in_a_pass, falls_silent)

@@ -92,9 +92,7 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
     assert re.search(rf"{part.text} +accept", said(commands[-1]))
 
 
-@pytest.mark.parametrize(
-    ("firmware", "ended_by"), [("grbl", signal.SIGKILL), ("marlin", signal.SIGKILL), ("grbl", signal.SIGTERM)]
-)
+@pytest.mark.parametrize(("firmware", "ended_by"), [("marlin", signal.SIGKILL), ("grbl", signal.SIGTERM)])
 def test_a_host_that_dies_in_a_pass_leaves_the_tips_lifted(
     tmp_path: Path, firmware: str, ended_by: signal.Signals
 ) -> None:

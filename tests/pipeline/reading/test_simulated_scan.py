@@ -24,7 +24,7 @@ def test_dirt_does_not_make_the_characters_taller(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_map_without_characters_needs_a_height() -> None:
-    flat = HeightMap(np.zeros((40, 120), np.float32), 0.1)
+    flat = HeightMap(np.zeros((30, 60), np.float32), 0.1)
     with pytest.raises(MarksError, match="--height-mm"):
         find_height_mm(flat)
 

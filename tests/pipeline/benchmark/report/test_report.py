@@ -267,7 +267,7 @@ def test_two_parts_from_the_command_line(
     out = tmp_path / "out"
     arguments = [
         "benchmark", "--out", str(out), "--dirt", "0", "--parts", "2", "--mode", "tactile",
-        "--format", "99", "--fidelity", "pointwise",
+        "--format", "99", "--fidelity", "pointwise", "--give", "font,height,format",
     ]  # fmt: skip
     assert main(arguments) == 0
     captured = capsys.readouterr()
