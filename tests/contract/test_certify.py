@@ -18,7 +18,7 @@ READ_SO = (
     "--font",
     "gothic",
     "--format",
-    "9",
+    "A9",
     "--height-mm",
     "4",
     "--experts",
@@ -26,7 +26,7 @@ READ_SO = (
     "--jobs",
     "1",
 )
-MADE_SO = ("--parts", str(PARTS), "--format", "9", "--height-mm", "4", "--no-photo")
+MADE_SO = ("--parts", str(PARTS), "--format", "A9", "--height-mm", "4", "--no-photo")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made["bound"] <= 0.2
     assert made["sources"] == ["tactile"]
     assert made["threshold"] >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["9"], "height_mm": 4.0, "experts": ["network"]}
+    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["network"]}
     assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made["data_sha256"] in page
@@ -142,7 +142,7 @@ def test_it_is_refused_with_other_settings(
 
 
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
-    made_so = ("--dirt", "0", "--parts", "1", "--format", "9", "--height-mm", "4")
+    made_so = ("--dirt", "0", "--parts", "1", "--format", "A9", "--height-mm", "4")
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
     assert main(["benchmark", "--out", "b", *made_so, *read_so]) == 0
     with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:
