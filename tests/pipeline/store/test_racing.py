@@ -148,22 +148,20 @@ def _writer(url: str, who: str) -> subprocess.Popen[str]:
 def test_what_was_answered_survives_the_kill(store_url: str) -> None:
     """Two processes write at once; each is killed with SIGKILL at the moment it has answered."""
     answered: list[str] = []
-    for n_answers in (1, 7):
-        writers = [_writer(store_url, f"{n_answers}-{k}") for k in range(2)]
-        for process in writers:
-            assert process.stdout is not None
-            answered += [process.stdout.readline().strip() for _ in range(n_answers)]
-            os.kill(process.pid, signal.SIGKILL)
-            # what it had answered beyond those before the signal came
-            answered += process.stdout.read().split()
-            assert process.wait(30) == -signal.SIGKILL
-            process.stdout.close()
+    for process in [_writer(store_url, str(k)) for k in range(2)]:
+        assert process.stdout is not None
+        answered += [process.stdout.readline().strip() for _ in range(7)]
+        os.kill(process.pid, signal.SIGKILL)
+        # what it had answered beyond those before the signal came
+        answered += process.stdout.read().split()
+        assert process.wait(30) == -signal.SIGKILL
+        process.stdout.close()
     with contextlib.closing(Store.open(store_url)) as store:
         listed = {p.id: p for p in store.parts(limit=10_000)}
         assert set(answered) <= set(listed)
-        assert len(answered) >= 16
+        assert len(answered) >= 14
         # at most one of each process was written and not answered any more
-        assert len(listed) - len(answered) <= 4
+        assert len(listed) - len(answered) <= 2
         assert store.undelivered() == len(listed)
         for part in listed.values():
             assert part.reading is not None
