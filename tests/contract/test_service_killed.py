@@ -19,7 +19,7 @@ import pytest
 from tests.contract.front_doors import RunningService, children, is_alive, run_service, synth
 
 SENDERS = 3
-PARTS = 6
+PARTS = 4
 OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 
 
