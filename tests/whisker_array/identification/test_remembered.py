@@ -69,6 +69,6 @@ def test_loads_are_the_recording_without_its_memory() -> None:
 
 
 def test_a_gauge_without_memory_is_found_to_have_none() -> None:
-    found = identify(recorded(PIECE), PIECE.height_mm, whisker=default_touch(5.0))
+    found = identify(recorded(PIECE), PIECE.height_mm, whisker=default_touch(5.0), grid_mm=0.01)
     # of a short recording; gauges of whiskers show 0.016 and more of both together
     assert found.bench.memory == pytest.approx(np.zeros((2, 2)), abs=0.006)
