@@ -49,7 +49,18 @@ def test_the_benchmark_compares_plans(
         trial.TouchPlan("whole", LINES_PER_HEIGHT),
     )
     monkeypatch.setattr(trial, "PLANS", plans)
-    asked = ["benchmark", "--active", "--out", str(tmp_path), "--dirt", "0", "--parts", "1", "--format", "AA99"]
+    asked = [
+        "benchmark",
+        "--active",
+        "--out",
+        str(tmp_path),
+        "--dirt",
+        "0",
+        "--parts",
+        "1",
+        "--format",
+        "AA99",
+    ]
     assert main(asked) == 0
     rows = list(csv.DictReader((tmp_path / "active.csv").open(encoding="utf-8")))
     assert [row["plan"] for row in rows] == ["active", "uniform", "whole"]
