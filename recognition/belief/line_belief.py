@@ -1,7 +1,7 @@
 """What is believed of one line: how many places, and what stands at each.
 
     Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
-    lattices of recogniser and templates --product, each to a power--> the lattice that the format decides on
+    lattices of recogniser and templates --geometric mean--> the lattice that the format decides on
 
 Looks are much alike: their logarithms are averaged, first at each view and then over the views. The same dirt lies
 under every light: counted as more than one look, a wrong serial was accepted.
@@ -34,10 +34,6 @@ MOST_LENGTHS = 6
 MOST_COUNTED = 32
 """Characters of a line whose number nobody knows."""
 _LEAST = 1e-12
-BESIDE = 0.25
-"""Power of the templates' belief, and 1 less it of the recogniser's: both see through the same layers and err alike, so
-together they are hardly surer than one. Of 0.1 to 0.5 what keeps the calibration of the recogniser alone, on 384 parts
-drawn like the exam's, with its fonts and soils left out."""
 SLIP = 1e-4
 """Least share of belief that all allowed characters have together, whatever the experts say."""
 
@@ -164,7 +160,9 @@ def counted(looks: Sequence[Steps]) -> tuple[int, float]:
 
 
 def pooled(lattices: Mapping[str, Lattice]) -> Lattice:
-    """The product of experts' beliefs, to powers that add up to 1; a place that any has read is read.
+    """The geometric mean of experts' beliefs; a place that any has read is read.
+
+    Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
 
     Args:
         lattices: of as many places, over the same characters.
@@ -172,9 +170,8 @@ def pooled(lattices: Mapping[str, Lattice]) -> Lattice:
     first = next(iter(lattices.values()))
     reads = [np.logaddexp.reduce(own.log_belief, axis=1) for own in lattices.values()]
     allowed = np.all([np.isfinite(own.log_belief) for own in lattices.values()], axis=0)
-    total = np.zeros(first.log_belief.shape)
-    for (name, own), read in zip(lattices.items(), reads, strict=True):
-        power = 1.0 if len(lattices) == 1 else BESIDE if name == "templates" else 1.0 - BESIDE
+    total, power = np.zeros(first.log_belief.shape), 1.0 / len(lattices)
+    for own, read in zip(lattices.values(), reads, strict=True):
         total += power * np.where(allowed, own.log_belief - read[:, None], 0.0)
     total = np.where(allowed, total, -np.inf)
     total -= np.logaddexp.reduce(total, axis=1)[:, None]

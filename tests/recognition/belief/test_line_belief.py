@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.belief.line_belief import BESIDE, SLIP, believed, counted, pooled
+from recognition.belief.line_belief import SLIP, believed, counted, pooled
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -53,7 +53,7 @@ def test_two_that_agree_are_as_sure_as_one_and_disagreement_is_doubt() -> None:
     assert share(torn, 0, "A") < share(one, 0, "A")
     assert share(torn, 0, "B") < share(other, 0, "B")
     # by hand; a share of SLIP is even
-    product = np.array([0.8, 0.15, 0.05]) ** (1.0 - BESIDE) * np.array([0.8, 0.1, 0.1]) ** BESIDE
+    product = np.array([0.8, 0.15, 0.05]) ** 0.5 * np.array([0.8, 0.1, 0.1]) ** 0.5
     np.testing.assert_allclose(np.exp(agreed.log_belief[0]), product / product.sum(), atol=SLIP)
 
 
