@@ -39,8 +39,9 @@ BESIDE_STEPS = 1.5
 MOVED_STEPS, MOVE_COST = 2, 0.01
 """By which a place may lie off, and the cosine that a step costs."""
 SHARPNESS = 18.0
-"""Belief, as a logarithm, of a unit of cosine: on 384 parts drawn like the exam's, its kept-out fonts and soils left out,
-its mean with the recogniser's belief is worth as much as that one alone, or a little more: one calibration serves both."""
+"""Belief, as a logarithm, of a unit of cosine. On 384 parts drawn like the exam's, less what it keeps out, its mean
+with the recogniser's belief is worth as much as that one alone, or a little more: one calibration serves both.
+"""
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Under which photographs are predicted: lamps from four sides, and one that stands high."""
 _LEAST_SPREAD = 1e-3
