@@ -38,7 +38,7 @@ BESIDE_STEPS = 1.5
 """Beside a character's ink that count as its own."""
 MOVED_STEPS, MOVE_COST = 2, 0.01
 """By which a place may lie off, and the cosine that a step costs."""
-SHARPNESS = 18.0
+SHARPNESS = 22.0
 """Belief, as a logarithm, of a unit of cosine. On 384 parts drawn like the exam's, less what it keeps out, its mean
 with the recogniser's belief is worth as much as that one alone, or a little more: one calibration serves both.
 """
