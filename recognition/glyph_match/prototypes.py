@@ -38,9 +38,9 @@ BESIDE_STEPS = 1.5
 """Beside a character's ink that count as its own."""
 MOVED_STEPS, MOVE_COST = 2, 0.01
 """By which a place may lie off, and the cosine that a step costs."""
-SHARPNESS = 22.0
-"""Belief, as a logarithm, of a unit of cosine. On 384 parts drawn like the exam's, less what it keeps out, its mean
-with the recogniser's belief is worth as much as that one alone, or a little more: one calibration serves both.
+SHARPNESS = 20.0
+"""Belief, as a logarithm, of a unit of cosine: the most of 18, 20, 22 and 25 at which the mean with the recogniser's
+belief is worth no less than that one alone, on 384 parts drawn like the exam's, less what it keeps out.
 """
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Under which photographs are predicted: lamps from four sides, and one that stands high."""
