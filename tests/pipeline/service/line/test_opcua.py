@@ -464,7 +464,6 @@ def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
     shared: Shared, caplog: pytest.LogCaptureFixture
 ) -> None:
     url = f"opc.tcp://127.0.0.1:{shared.port.port}/tactile-marks"
-    sent = 0
     with (
         caplog.at_level(logging.WARNING),
         socket.create_connection(("127.0.0.1", shared.port.port), timeout=LONG_S) as caller,
@@ -476,11 +475,9 @@ def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
         with contextlib.suppress(OSError):
             for k in range(2, 2000):
                 caller.sendall(bad_request(channel, k))
-                sent += 1
             while caller.recv(65536):
                 pass
     said = [record.getMessage() for record in caplog.records]
-    assert sent > 3
     assert sum("Error while processing message" in line for line in said) <= 3
     assert sum(map(len, said)) < 60_000
     assert "a connection from 127.0.0.1 was closed: it sends" in caplog.text
