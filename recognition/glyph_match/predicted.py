@@ -285,7 +285,7 @@ def _felt_relief(
 
 
 MOST_SETS = 1024
-"""64 fonts at the heights and rotations of a batch: to predict a set takes 0.1 s, to look it up nothing."""
+"""64 fonts at the heights of a batch: to predict a set takes 0.2 s, to look it up nothing."""
 MOST_BYTES, SET_BYTES = 400_000_000, 15_000_000
 """Of templates and what matching derives from them: a reader stays below 1 GB; and what a set takes at most, about."""
 

@@ -127,21 +127,35 @@ def cut_out(
 
 
 def belief_of(
-    view: View, line: TextLine, columns: Floats, fonts: Sequence[Prototypes], lattice: Lattice
-) -> Lattice:
-    """What the prototypes that suit a line best make of its places, of several fonts or lights.
+    views: Sequence[View],
+    line: TextLine,
+    columns: Floats,
+    fonts: Sequence[Sequence[Prototypes]],
+    lattice: Lattice,
+) -> Lattice | None:
+    """What the font that suits a line best makes of its places; None without fonts.
 
     Args:
-        view: to be read.
+        views: of one part, in one frame.
         line: where the characters stand.
         columns: (places,) of its strip.
-        fonts: prototypes to choose from, one at least.
+        fonts: of each its prototypes, as touched or under several lights; what suits a view best speaks for it.
         lattice: what others believe of the places.
     """
-    features = features_of(view.strip(line))
-    tried = [(cosines(features, columns, one), one) for one in fonts]
-    cosine, best = max(tried, key=lambda one: float(one[0].max(axis=1).mean()))
-    return lattice_of(cosine, best.chars, lattice)
+    seen = [features_of(view.strip(line)) for view in views]
+    tried = []
+    for font in fonts:
+        best = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
+        tried.append((np.mean(best, axis=0), font[0].chars))
+    if not tried:
+        return None
+    cosine, chars = max(tried, key=lambda one: _suits(one[0]))
+    return lattice_of(cosine, chars, lattice)
+
+
+def _suits(cosine: Floats) -> float:
+    """How well a font suits a line: the mean over places of its best character."""
+    return float(cosine.max(axis=1).mean())
 
 
 def cosines(features: Features, columns: Floats, prototypes: Prototypes) -> Floats:

@@ -10,11 +10,9 @@ from dataclasses import replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
-import numpy as np
-
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.belief.line_belief import LineBelief, over_views
+from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader, agreed
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
@@ -118,21 +116,19 @@ class VisionReader:
         return weighed(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
 
     @cached_property
-    def prototypes(self) -> tuple[Prototypes, ...]:
-        """Of the fonts that are named, under several lights."""
+    def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
+        """Of each font that is named, under several lights."""
         if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
             return ()
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
-        return tuple(one for font, chars in has for one in lit_prototypes(font, chars))
+        return tuple(lit_prototypes(font, chars) for font, chars in has if chars)
 
     def _judged(self, views: Sequence[View], line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
         """What the named fonts make of a line that the recogniser is not sure of."""
         if agreed(belief):
             return {}
-        own = [belief_of(view, line, belief.columns, self.prototypes, belief.lattice) for view in views]
-        log = over_views([one.log_belief for one in own])
-        log -= np.logaddexp.reduce(log, axis=1, keepdims=True)
-        return {"templates": replace(own[0], log_belief=np.minimum(log, 0.0))}
+        found = belief_of(views, line, belief.columns, self.prototypes, belief.lattice)
+        return {} if found is None else {"templates": found}
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

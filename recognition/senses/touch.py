@@ -73,6 +73,7 @@ class TactileReader:
         self.chars, self.grammar = repertoire.chars, repertoire.grammar
         self.places, self.gaps = repertoire.places, repertoire.gaps
         self.fonts, self.named = repertoire.fonts, bool(self.settings.fonts)
+        self.templates_judge = self.named and "templates" in (self.settings.experts or EXPERTS)
         self.strokes_of = repertoire.strokes_of
         # all fonts that are named compete for every part
         self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
@@ -293,14 +294,16 @@ class _Shapes:
             self.raised = felt.stands_out(text)
             self.felt_line = replace(felt, raised=bool(self.raised)).sized(text)
             line, columns = self.felt_line.line, self.felt_line.columns
-        if not reader.named or "templates" in belief.by_expert or not columns.size:
+        if not reader.templates_judge or "templates" in belief.by_expert or not columns.size:
             return {}
         fonts = []
         for font in reader.fonts:
-            key = template_key(font, self.touch, height_mm=line.height_mm, raised=bool(self.raised))
             chars = "".join(c for c in reader.chars if c in font.glyphs)
-            fonts.append(felt_prototypes(reader.cache.get(font, chars, key)))
-        return {"templates": belief_of(self.view, line, columns, fonts, belief.lattice)}
+            if chars:
+                key = template_key(font, self.touch, height_mm=line.height_mm, raised=bool(self.raised))
+                fonts.append([felt_prototypes(reader.cache.get(font, chars, key))])
+        found = belief_of([self.view], line, columns, fonts, belief.lattice)
+        return {} if found is None else {"templates": found}
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

@@ -69,7 +69,8 @@ def main() -> None:
         if own["network"].n_places != len(made.truth):
             continue
         view = felt_view(trace.edge_map, trace.relief)
-        without = belief_of(view, line.line, line.columns, [drawn], own["network"])
+        without = belief_of([view], line.line, line.columns, [[drawn]], own["network"])
+        assert without is not None
         lattices = (
             own["network"], own["templates"], without,
             pooled({"network": own["network"], "templates": own["templates"]}),

@@ -148,13 +148,18 @@ def test_a_dirty_line_is_read_in_the_font_that_is_named(
     part = part_of(dirt)
     view, where = felt(part, touch), stamped_line(part.stamped)
     gothic, timesr = (felt_prototypes(sets(name)) for name in ("gothic", "timesr"))
-    found = belief_of(view, *where, [gothic], even(TEXT))
+    found = belief_of([view], *where, [[gothic]], even(TEXT))
     assert best_of(found) == TEXT
     assert surest_at_least(found) > 0.8
     # of several fonts the one that suits
-    for fonts in ((gothic, timesr), (timesr, gothic)):
-        np.testing.assert_array_equal(belief_of(view, *where, fonts, even(TEXT)).log_belief, found.log_belief)
-    assert surest_at_least(belief_of(view, *where, [timesr], even(TEXT))) < surest_at_least(found)
+    for fonts in ([[gothic], [timesr]], [[timesr], [gothic]]):
+        chosen = belief_of([view], *where, fonts, even(TEXT))
+        np.testing.assert_array_equal(chosen.log_belief, found.log_belief)
+    assert surest_at_least(belief_of([view], *where, [[timesr]], even(TEXT))) < surest_at_least(found)
+    # two views that show the same say what one says, and without fonts nothing is said
+    twice = belief_of([view, view], *where, [[gothic]], even(TEXT))
+    np.testing.assert_allclose(twice.log_belief, found.log_belief, atol=1e-9)
+    assert belief_of([view], *where, [], even(TEXT)) is None
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 100.0, 225.0])
@@ -165,7 +170,7 @@ def test_a_photograph_is_read_wherever_the_lamp_stands(
     width, high = part.height_map.size_mm
     taken = part.photograph(light_azimuth_deg=azimuth_deg, light_elevation_deg=35.0, pixel_mm=0.1)
     view = photo_view(replace(taken, centre_mm=(0.5 * width, 0.5 * high)))
-    found = belief_of(view, *stamped_line(part.stamped), lamps, even(TEXT))
+    found = belief_of([view], *stamped_line(part.stamped), [lamps], even(TEXT))
     assert best_of(found) == TEXT
     assert surest_at_least(found) > 0.5
 
