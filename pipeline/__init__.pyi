@@ -6,9 +6,9 @@ from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
 from .common.settings import MapSettings, ReadSettings, SettingsError
-from .files.parts import NothingFoundError, Part, discover
-from .files.photos import read_photo, write_photo
-from .files.touch_file import read_height_map, read_scan
+from .formats.parts import NothingFoundError, Part, discover
+from .formats.photos import read_photo, write_photo
+from .formats.touch_file import read_height_map, read_scan
 from .reading.any_files import read
 from .reading.as_record import reading_record
 from .reading.part_reader import Mode, PartReader

@@ -22,8 +22,8 @@ from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
-from pipeline.files.listed import ListedPart
-from pipeline.files.truth import load_truth, without_blanks
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.truth import load_truth, without_blanks
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
 from pipeline.workers.options import ExecutorOptions
@@ -223,7 +223,7 @@ def _all_read(
 
 def _read_and_hashed(order: RunOrder, listed: ListedPart) -> HashedPart:
     """A part as it was read, and the hash of its files."""
-    from pipeline.files.remote import fetched
+    from pipeline.formats.remote import fetched
 
     read = read_listed(order, listed)
     if read.record.error:

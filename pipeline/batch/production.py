@@ -24,10 +24,10 @@ from pipeline.common.row import Row
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
-from pipeline.files.listed import ListedPart
-from pipeline.files.order_file import read_order
-from pipeline.files.passed_over import PassedOver
-from pipeline.files.truth import Scores, load_truth
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.order_file import read_order
+from pipeline.formats.passed_over import PassedOver
+from pipeline.formats.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
 from pipeline.reading.expected import load_expected

@@ -12,9 +12,9 @@ from typing import IO
 
 from glyphs.errors import FileError
 from pipeline.common.spreadsheet import harmless
-from pipeline.files.listed import ListedPart, absolute
-from pipeline.files.manifest import COLUMNS, FILES
-from pipeline.files.table_file import table_lines
+from pipeline.formats.listed import ListedPart, absolute
+from pipeline.formats.manifest import COLUMNS, FILES
+from pipeline.formats.table_file import table_lines
 
 _HEAD = ",".join((*COLUMNS, "problem")) + "\n"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")

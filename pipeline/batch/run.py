@@ -18,7 +18,7 @@ from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
-from pipeline.files.listed import ListedPart
+from pipeline.formats.listed import ListedPart
 from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor
 

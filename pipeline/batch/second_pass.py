@@ -17,7 +17,7 @@ from pipeline.batch.options import RunOptions
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.files.listed import ListedPart, is_url, split_name
+from pipeline.formats.listed import ListedPart, is_url, split_name
 from pipeline.workers.executors import Executor, ordered_map
 
 if TYPE_CHECKING:

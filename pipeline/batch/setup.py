@@ -14,14 +14,14 @@ from pipeline.batch.options import RunOptions
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
-from pipeline.files.part_list import PartList
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_list import PartList
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
     from pipeline.batch.second_pass import SecondPass
-    from pipeline.files.listing import Listing
+    from pipeline.formats.listing import Listing
     from pipeline.reading.expected import Expected
 
 
@@ -90,7 +90,7 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
         NothingFoundError: no part.
         FileError: a manifest that cannot be used.
     """
-    from pipeline.files.listing import list_parts
+    from pipeline.formats.listing import list_parts
 
     vision = settings.mode in ("vision", "fused", "auto")
     return list_parts(
@@ -131,7 +131,7 @@ def with_expected(parts: Sequence[ListedPart], expected: Expected) -> Sequence[L
 
 def absolute(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
     """The parts with local files named as on any machine that shares the disk."""
-    from pipeline.files.remote import is_url
+    from pipeline.formats.remote import is_url
 
     def at(name: str) -> str:
         return name if not name or is_url(name) else os.path.abspath(name)

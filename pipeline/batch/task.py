@@ -14,7 +14,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart, settings_of
+from pipeline.formats.listed import ListedPart, settings_of
 from pipeline.reading.as_record import record_of_part
 from recognition.decision.part_measures import Measure, measures_of
 
@@ -95,7 +95,7 @@ def _read(
     order: RunOrder, listed: ListedPart, digests: list[str]
 ) -> tuple[Reading, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
-    from pipeline.files.remote import fetched, originally
+    from pipeline.formats.remote import fetched, originally
     from pipeline.reading.part_reader import Mode, PartReader
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None

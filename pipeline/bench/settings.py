@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.files.toml_file import read_toml
-from pipeline.files.whisker_file import read_whisker_file
+from pipeline.formats.toml_file import read_toml
+from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import EdgeMap, MapError
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.active_animation import FeltPart, save_animation
 from pipeline.reading.simulated_scan import open_session
 from recognition.active.active_reader import scan_of

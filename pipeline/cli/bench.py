@@ -139,7 +139,7 @@ def scan(
         from pipeline.bench.bench import Bench
         from pipeline.bench.settings import read_bench
         from pipeline.common.atomic import check_writable
-        from pipeline.files.touch_file import is_scan
+        from pipeline.formats.touch_file import is_scan
 
         if (out is None) == (dry_run is None):
             raise CommandError("bench scan: give --out, or --dry-run", status=USAGE)
@@ -214,8 +214,8 @@ def emulate(
         from glyphs.surface.maps import HeightMap
         from pipeline.bench.emulator.bench import EmulatedBench
         from pipeline.bench.settings import read_bench, write_bench
-        from pipeline.files.npz import read_soil
-        from pipeline.files.touch_file import read_height_map
+        from pipeline.formats.npz import read_soil
+        from pipeline.formats.touch_file import read_height_map
 
         settings = read_bench(bench)
         if part is not None:

@@ -13,8 +13,8 @@ from glyphs.part import Part, stamp
 from glyphs.stamping.die import Face
 from pipeline.common.atomic import replacing
 from pipeline.common.same_text import same_text
-from pipeline.files.lead_in import calibrate_scan
-from pipeline.files.npz import write_npz
+from pipeline.formats.lead_in import calibrate_scan
+from pipeline.formats.npz import write_npz
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from pipeline.reading.simulated_scan import feel
 from recognition.decision.picture import reading_figure

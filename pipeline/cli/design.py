@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 if TYPE_CHECKING:
-    from pipeline.files.whisker_file import WhiskerFile
+    from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.design.design import Design
     from whisker_array.design.limits import Request
     from whisker_array.design.trade import TradeOff
@@ -108,7 +108,7 @@ def design(
                 status=USAGE,
             )
 
-        from pipeline.files.whisker_file import check_whisker_file, write_whisker_file
+        from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
         from whisker_array.design.design import design_whisker
         from whisker_array.design.limits import Limits, Request
         from whisker_array.design.trade import slide_trade_off, speed_trade_off
@@ -177,7 +177,7 @@ def design(
 
 def _built(path: Path, request: Request) -> int:
     """What an identified whisker does for a request, and by how much it may be off."""
-    from pipeline.files.whisker_file import read_whisker_file
+    from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import promise_lines
     from whisker_array.design.built import fitness
     from whisker_array.identification.promises import promises
@@ -208,7 +208,7 @@ def _range(flag: str, text: str) -> tuple[float, float]:
 
 def _file(made: Design) -> WhiskerFile:
     """The design as a whisker file; the stage is set up at the nominal friction, if it is in the range."""
-    from pipeline.files.whisker_file import WhiskerFile
+    from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.whisker.defaults import NOMINAL_FRICTION
     from whisker_array.whisker.touch import Touch
 

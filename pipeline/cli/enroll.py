@@ -116,8 +116,8 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
     """The parts that a table tells the text of."""
-    from pipeline.files.parts import discover
-    from pipeline.files.truth import load_truth
+    from pipeline.formats.parts import discover
+    from pipeline.formats.truth import load_truth
     from pipeline.reading.enrolment import ReviewedPart
 
     texts = load_truth(truth)

@@ -31,10 +31,10 @@ def import_traces(
     with failures_reported():
         from glyphs.errors import FileError
         from pipeline.common.atomic import check_writable
-        from pipeline.files.import_traces import import_traces as imported
-        from pipeline.files.touch_file import is_scan
-        from pipeline.files.traces_file import read_traces_file
-        from pipeline.files.whisker_file import read_whisker_file
+        from pipeline.formats.import_traces import import_traces as imported
+        from pipeline.formats.touch_file import is_scan
+        from pipeline.formats.traces_file import read_traces_file
+        from pipeline.formats.whisker_file import read_whisker_file
         from whisker_array.scan.recorded import VOLT
         from whisker_array.scan.recording import save_scan
 

@@ -10,7 +10,7 @@ from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.files.parts import Part
+    from pipeline.formats.parts import Part
     from recognition.decision import reading as readings
 
 
@@ -51,7 +51,7 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         FileError: a file that cannot be used.
         CommandError: it holds several parts.
     """
-    from pipeline.files.parts import discover
+    from pipeline.formats.parts import discover
     from pipeline.plots.pictures import save_figure
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.readers import open_reader

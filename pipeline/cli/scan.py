@@ -73,10 +73,10 @@ def scan(
     """
     with failures_reported():
         from pipeline.common.atomic import check_writable
-        from pipeline.files.npz import read_soil
-        from pipeline.files.piece_file import read_surface
-        from pipeline.files.touch_file import is_scan, read_height_map
-        from pipeline.files.whisker_file import read_whisker_file
+        from pipeline.formats.npz import read_soil
+        from pipeline.formats.piece_file import read_surface
+        from pipeline.formats.touch_file import is_scan, read_height_map
+        from pipeline.formats.whisker_file import read_whisker_file
         from pipeline.reading.identified import promise_lines
         from pipeline.reading.simulated_scan import feel, find_height_mm
         from whisker_array.identification.promises import promises
@@ -209,7 +209,7 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
         out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
     with failures_reported():
         from glyphs.errors import FileError
-        from pipeline.files.lead_in import calibrate_scan
+        from pipeline.formats.lead_in import calibrate_scan
         from pipeline.workers.options import in_a_worker
         from whisker_array.scan.recording import load_scan, save_calibration
         from whisker_array.scan.sensor import SensorError

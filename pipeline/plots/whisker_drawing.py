@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing
     from ezdxf.layouts.layout import Modelspace
 
-    from pipeline.files.whisker_file import WhiskerFile
+    from pipeline.formats.whisker_file import WhiskerFile
 
 _SUFFIXES = (".dxf", ".svg")
 _SECTION_SCALE = 10.0

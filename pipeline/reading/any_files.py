@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.files.parts import Part, key_and_kind
+from pipeline.formats.parts import Part, key_and_kind
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading

@@ -238,8 +238,8 @@ def _cuts(settings: ReadSettings, named: _Named) -> _Cuts:
 
 def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, ...]:
     """The characters of a part; ExemplarError where there are none."""
-    from pipeline.files.npz import read_soil
-    from pipeline.files.touch_file import read_height_map, read_scan
+    from pipeline.formats.npz import read_soil
+    from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.tactile_part import cut_height_map, cut_scan
 
     if part.scan is not None:

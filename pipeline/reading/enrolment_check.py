@@ -117,7 +117,7 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
 
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
-    from pipeline.files.parts import Part
+    from pipeline.formats.parts import Part
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
-from pipeline.files.truth import PartTexts, load_truth
+from pipeline.formats.truth import PartTexts, load_truth
 
 if TYPE_CHECKING:
     from recognition.language.grammar import Grammar

@@ -30,8 +30,8 @@ from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.files.limits import Limits
-from pipeline.files.parts import Part
+from pipeline.formats.limits import Limits
+from pipeline.formats.parts import Part
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile
@@ -257,7 +257,7 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
 
 def _with_suffix(order: PartOrder) -> Path:
     """The height map under the suffix that its sender gave it."""
-    from pipeline.files.touch_file import is_height_map
+    from pipeline.formats.touch_file import is_height_map
 
     path = order.height_map
     assert path is not None

@@ -25,15 +25,15 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.settings import MapSettings
-from pipeline.files.limits import Limits, check_map, check_photo, check_scan
-from pipeline.files.parts import Part
-from pipeline.files.touch_file import read_map_and_rows, read_scan
+from pipeline.formats.limits import Limits, check_map, check_photo, check_scan
+from pipeline.formats.parts import Part
+from pipeline.formats.touch_file import read_map_and_rows, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.files.listed import ListedPart
+    from pipeline.formats.listed import ListedPart
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
@@ -218,7 +218,7 @@ class PartReader:
         with _about(path):
             if self.limits is not None:
                 check_map(path, most=self.limits.max_map_samples)
-            from pipeline.files.npz import read_soil
+            from pipeline.formats.npz import read_soil
 
             surface, rows_known = read_map_and_rows(path, self.maps)
             soil, feel = read_soil(path, self.maps) if path.suffix.lower() == ".npz" else None, None
@@ -318,7 +318,7 @@ def load_photo(part: Part, limits: Limits | None = None) -> Photo:
     Raises:
         FileError: it has none, or the file cannot be used.
     """
-    from pipeline.files.photos import read_photo
+    from pipeline.formats.photos import read_photo
 
     if part.photo is None:
         raise FileError(part.name, "has no photograph", "add one of the same stem")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.files.limits import Limits
+    from pipeline.formats.limits import Limits
 
 PLAIN = "K4X7H2"
 """Characters that nothing is mistaken for."""
@@ -31,8 +31,8 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from glyphs.opencv import cv2
     from glyphs.part import stamp
     from glyphs.stamping.variation import StampingVariation
-    from pipeline.files.npz import write_npz
-    from pipeline.files.photos import write_photo
+    from pipeline.formats.npz import write_npz
+    from pipeline.formats.photos import write_photo
     from pipeline.reading.part_orders import PartOrder, read_order
 
     cv2.setNumThreads(1)

@@ -24,8 +24,8 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import ReadSettings
-from pipeline.files.npz import write_npz
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.npz import write_npz
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import ReviewedPart, enrol
 from recognition.decision.reading import Decision
 from recognition.reader import Reader

@@ -27,7 +27,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Specimen
-from pipeline.files.touch_file import read_height_map
+from pipeline.formats.touch_file import read_height_map
 from pipeline.reading.simulated_scan import feel
 from recognition.decision.reading import Reading
 from recognition.reader import Reader

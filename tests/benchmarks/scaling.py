@@ -31,7 +31,7 @@ from scipy.stats import theilslopes
 
 from glyphs.fonts.glyph import Font, FontError, Glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.simulated_scan import feel
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.reader import Reader

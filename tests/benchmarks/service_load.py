@@ -35,7 +35,7 @@ import httpx
 import numpy as np
 
 from glyphs.soiling.soiled import Soiling
-from pipeline.files.synth import SynthSpec, make_part, write_part
+from pipeline.formats.synth import SynthSpec, make_part, write_part
 from pipeline.reading.simulated_scan import feel
 from pipeline.service.process import ServiceProcess, service_process
 from pipeline.service.settings import STORE_FILE

@@ -21,8 +21,8 @@ from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import stamp_line
 from pipeline.batch.task import RunOrder, read_listed
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.workers.executors import PoolExecutor
 from tests.benchmarks.one_core import TEXT
 from whisker_array.simulation.contact import trace_contact

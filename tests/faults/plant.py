@@ -306,7 +306,7 @@ def _await(holds: Callable[[], bool]) -> None:
 
 
 def _scans(folder: Path) -> list[bytes]:
-    from pipeline.files.synth import SynthSpec, write_part
+    from pipeline.formats.synth import SynthSpec, write_part
 
     spec = SynthSpec(format="A99", seed=3, height_mm=4.0)
     for number in range(4):

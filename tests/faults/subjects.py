@@ -29,7 +29,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
+from pipeline.formats.listed import ListedPart
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import FileState, Handled, WatchJournal

@@ -12,7 +12,7 @@ import pytest
 from glyphs.compiled import kernel, read_only
 from glyphs.compiling import BEGINS, compiling_begins, compiling_ends, compiling_shown, part_done
 from glyphs.soiling.soiled import Soiling
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.synth import SynthSpec, write_part
 
 KINDS = {"trace_abreast": 2}
 """Kernels of more than one kind: where dirt yields there is more to compute, and elsewhere it is left out."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.settings import BenchSettings
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.synth import SynthSpec, make_part
 from whisker_array.whisker.passes import Pass
 
 HEIGHT_MM, PITCH_MM, WHISKERS = 3.0, 3.0, 3

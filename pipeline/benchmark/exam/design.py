@@ -38,7 +38,7 @@ from glyphs.errors import FileError
 from pipeline.benchmark.exam.condition import Condition, Given, Level
 from pipeline.common.parsed import toml_of
 from pipeline.common.settings import SettingsError
-from pipeline.files.synth import MAX_PARTS
+from pipeline.formats.synth import MAX_PARTS
 
 Levels = tuple[str | bool | float, ...]
 
@@ -93,7 +93,7 @@ class Design(BaseModel):
         parts_a_cell: how many of every cell.
         cross: factors crossed in full.
         alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
-        part: levels of every factor of a part: fields of `pipeline.files.synth.SynthSpec`, `soil`, `severity`, `light`.
+        part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
         given: what readers are given; every part is read with each.
         sections: runs of parts, one after the other.
         fonts: font files that `part.font` may name.

@@ -15,7 +15,7 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
 from pipeline.common.settings import SettingsError
-from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part, text_of
+from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """How high the lamp stands, degrees; its direction is drawn for every part."""

@@ -13,8 +13,8 @@ from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.common.settings import SettingsError
-from pipeline.files.parts import Part, discover
-from pipeline.files.truth import load_truth
+from pipeline.formats.parts import Part, discover
+from pipeline.formats.truth import load_truth
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class FolderParts:
 
     def make(self, item: Item) -> Specimen:
         """Load its height map; the photograph when it is asked for."""
-        from pipeline.files.npz import read_soil
-        from pipeline.files.photos import read_photo
-        from pipeline.files.touch_file import read_map_and_rows
+        from pipeline.formats.npz import read_soil
+        from pipeline.formats.photos import read_photo
+        from pipeline.formats.touch_file import read_map_and_rows
 
         files = item.files
         if files is None or files.problem is not None:

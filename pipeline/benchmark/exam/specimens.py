@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.files.parts import Part
+    from pipeline.formats.parts import Part
     from recognition.senses.touch import Feel
 
 Box = tuple[float, float, float, float]

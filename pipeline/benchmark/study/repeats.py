@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart, settings_of
+from pipeline.formats.listed import ListedPart, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def _failed(blank: Measured, error: str) -> Measured:
 
 
 def _read(settings: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
-    from pipeline.files.remote import fetched
+    from pipeline.formats.remote import fetched
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 

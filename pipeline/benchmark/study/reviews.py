@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from glyphs.errors import FileError
-from pipeline.files.truth import load_part_lines
+from pipeline.formats.truth import load_part_lines
 
 _HEADINGS = ("reviewer", "appraiser", "who")
 _MOST_NAMED = 5

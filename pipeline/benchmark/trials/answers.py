@@ -20,8 +20,8 @@ from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
 from pipeline.common.run_description import key_of
-from pipeline.files.table_file import number_of
-from pipeline.files.truth import PartLine, load_part_lines
+from pipeline.formats.table_file import number_of
+from pipeline.formats.truth import PartLine, load_part_lines
 
 _DECISIONS = ("accept", "review", "reject")
 _YES, _NO = ("1", "yes", "true"), ("0", "no", "false")

@@ -11,7 +11,7 @@ from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.settings import SettingsError
-from pipeline.files.synth import MAX_PARTS
+from pipeline.formats.synth import MAX_PARTS
 from recognition.language.orientation import Orientation
 from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity

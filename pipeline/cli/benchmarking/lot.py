@@ -99,7 +99,7 @@ def _design(font: str, format: str, parts: int, seed: int) -> Design:
 
 
 def _write(source: DesignedParts, folder: Path, item: Item) -> None:
-    from pipeline.files.synth import write_surface
+    from pipeline.formats.synth import write_surface
 
     path = folder / f"{item.part}.npz"
     if not path.exists():

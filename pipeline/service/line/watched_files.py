@@ -25,7 +25,7 @@ import structlog
 from glyphs.errors import FileError
 from pipeline.common.atomic import replacing
 from pipeline.common.line_journal import LineJournal
-from pipeline.files.parts import set_of
+from pipeline.formats.parts import set_of
 
 log = structlog.get_logger("tactile-marks")
 _SPARE = 1000

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.files.parts import set_of
-from pipeline.files.touch_file import PHOTO_SUFFIXES
+from pipeline.formats.parts import set_of
+from pipeline.formats.touch_file import PHOTO_SUFFIXES
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
@@ -202,8 +202,8 @@ class SimulatedStage:
     @contextlib.contextmanager
     def _plate(self, order: ScanOrder) -> Iterator[_Plate]:
         """The part on the stage; whatever is wrong with its file is told as the stage's."""
-        from pipeline.files.npz import read_soil
-        from pipeline.files.touch_file import read_height_map
+        from pipeline.formats.npz import read_soil
+        from pipeline.formats.touch_file import read_height_map
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
-from pipeline.files.photo_kinds import HEAD_BYTES, READ, kind_of, refusal
-from pipeline.files.touch_file import is_height_map, is_scan
+from pipeline.formats.photo_kinds import HEAD_BYTES, READ, kind_of, refusal
+from pipeline.formats.touch_file import is_height_map, is_scan
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:

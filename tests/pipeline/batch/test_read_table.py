@@ -13,7 +13,7 @@ from pipeline.batch.options import RunOptions
 from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
-from pipeline.files.npz import write_npz
+from pipeline.formats.npz import write_npz
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice

@@ -28,10 +28,10 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.serial_rules import ProductionOrder
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.files.listed import ListedPart, settings_of
-from pipeline.files.manifest import read_manifest
-from pipeline.files.npz import write_npz
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.listed import ListedPart, settings_of
+from pipeline.formats.manifest import read_manifest
+from pipeline.formats.npz import write_npz
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.store.store import Store
 from pipeline.workers.executors import Outcome
 

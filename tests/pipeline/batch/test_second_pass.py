@@ -20,7 +20,7 @@ from pipeline.batch.setup import opened
 from pipeline.batch.task import ReadPart, RunOrder
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.files.listed import ListedPart
+from pipeline.formats.listed import ListedPart
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart
 from pipeline.workers.executors import Outcome
 from recognition.learning.exemplars import ExemplarError

@@ -19,8 +19,8 @@ from pipeline.bench.emulator.bench import EmulatedBench
 from pipeline.bench.emulator.world import World
 from pipeline.bench.settings import read_bench, write_bench
 from pipeline.cli.main import main
-from pipeline.files.piece_file import read_piece
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.piece_file import read_piece
+from pipeline.formats.synth import SynthSpec, make_part
 from tests.support.bench import a_pass, bench_settings, stamped
 
 GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "guides" / "bench.md"

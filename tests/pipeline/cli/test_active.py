@@ -9,7 +9,7 @@ import pytest
 
 from glyphs import stamp
 from pipeline.cli.main import main
-from pipeline.files.npz import write_npz
+from pipeline.formats.npz import write_npz
 from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 pytestmark = pytest.mark.usefixtures("inline")

@@ -12,8 +12,8 @@ from pipeline.batch.tables import write_records
 from pipeline.cli.benchmarking.lot import lot
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.files.parts import discover
-from pipeline.files.synth import text_of
+from pipeline.formats.parts import discover
+from pipeline.formats.synth import text_of
 
 
 def test_a_lot_is_made_and_read_both_ways(

@@ -11,7 +11,7 @@ from glyphs import stamp
 from glyphs.stamping.stamp import StampingVariation
 from pipeline.cli.exit_status import USAGE
 from pipeline.cli.main import main
-from pipeline.files.npz import write_npz
+from pipeline.formats.npz import write_npz
 
 pytestmark = pytest.mark.usefixtures("inline")
 

@@ -15,8 +15,8 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
-from pipeline.files.npz import write_npz
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.npz import write_npz
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.exemplars_picture import exemplars_figure
 from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, SetAside, enrol, exemplar_places
 from pipeline.reading.enrolment_check import check_held_out

@@ -18,7 +18,7 @@ from pipeline.common.serial_rules import (
     SerialRules,
     counted,
 )
-from pipeline.files.order_file import read_order
+from pipeline.formats.order_file import read_order
 
 
 def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:

@@ -12,7 +12,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.cli.main import main
-from pipeline.files.whisker_file import WhiskerFile
+from pipeline.formats.whisker_file import WhiskerFile
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, Straight
 from whisker_array.whisker.touch import Touch

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
-from pipeline.files.npz import write_npz
-from pipeline.files.parts import Part
-from pipeline.files.photos import write_photo
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.npz import write_npz
+from pipeline.formats.parts import Part
+from pipeline.formats.photos import write_photo
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.part_reader import Mode, PartReader
 from recognition.reader import Reader
 from whisker_array.scan.pass_log import PassLog

@@ -19,8 +19,8 @@ from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import MapSettings, ReadSettings
 from pipeline.common.version import program_version
-from pipeline.files.npz import write_npz
-from pipeline.files.parts import Part, discover
+from pipeline.formats.npz import write_npz
+from pipeline.formats.parts import Part, discover
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
 from recognition.decision.flags import Finding, ReadingFlag

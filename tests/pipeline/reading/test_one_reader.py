@@ -18,9 +18,9 @@ from pipeline.benchmark.exam.folder_parts import FolderParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.files.limits import Limits
-from pipeline.files.listed import ListedPart
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.limits import Limits
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import PartOrder, read_order
 from recognition.senses.photo_sizes import SIZES
 from recognition.senses.settings import ReaderSettings

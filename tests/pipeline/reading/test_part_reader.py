@@ -14,9 +14,9 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.files.npz import soil_members, write_npz
-from pipeline.files.parts import Part, discover
-from pipeline.files.photos import write_photo
+from pipeline.formats.npz import soil_members, write_npz
+from pipeline.formats.parts import Part, discover
+from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, Sense, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading

@@ -11,7 +11,7 @@ import pytest
 
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
-from pipeline.files.synth import SynthSpec, make_part
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.simulated_scan import open_session
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replayed

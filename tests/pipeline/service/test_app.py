@@ -15,7 +15,7 @@ from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.record_json import from_json
 from pipeline.common.records import PartState, ReviewAction, Scope
 from pipeline.common.settings import SettingsError
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.stage_driver import load_driver
@@ -313,8 +313,11 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
     tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Iron.recording = SimulatedStage(parts).feel(ScanOrder(CLEAN, _whole_plate()), tmp_path)
-    monkeypatch.setattr("pipeline.files.synth.iron_stage", Iron, raising=False)
-    with inline_service(tmp_path / "s", stage_driver="pipeline.files.synth:iron_stage") as (service, client):
+    monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
+    with inline_service(tmp_path / "s", stage_driver="pipeline.formats.synth:iron_stage") as (
+        service,
+        client,
+    ):
         part_id = new_part_id()
         service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=_whole_plate())
         part = client.post(f"/v1/parts/{part_id}/touch").json()

@@ -9,7 +9,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
 from pipeline.service.app import Service
 from tests.support.certificates import measured, written

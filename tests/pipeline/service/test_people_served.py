@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.common.records import PartState, Scope
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.synth import SynthSpec, write_part
 from tests.support.page_shop import FORM
 from tests.support.service_fixtures import FORMAT, inline_service
 from tests.support.store_samples import reading, received

@@ -18,7 +18,7 @@ from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.idempotency import IdempotentRequests
@@ -172,8 +172,8 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
             back.wait()
             raise AssertionError("nobody waits any more")
 
-    monkeypatch.setattr("pipeline.files.synth.hanging", Hanging, raising=False)
-    camera = {"camera_driver": "pipeline.files.synth:hanging", "camera_timeout_s": 0.1}
+    monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
+    camera = {"camera_driver": "pipeline.formats.synth:hanging", "camera_timeout_s": 0.1}
     try:
         with inline_service(tmp_path, **camera) as (service, client):
             for _ in range(3):
@@ -216,8 +216,8 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
             if jams == "close":
                 back.wait()
 
-    monkeypatch.setattr("pipeline.files.synth.hanging", Hanging, raising=False)
-    stage = {"stage_driver": "pipeline.files.synth:hanging", "stage_timeout_s": 0.5}
+    monkeypatch.setattr("pipeline.formats.synth.hanging", Hanging, raising=False)
+    stage = {"stage_driver": "pipeline.formats.synth:hanging", "stage_timeout_s": 0.5}
     try:
         with inline_service(tmp_path, **stage) as (service, client):
             part_id = new_part_id()

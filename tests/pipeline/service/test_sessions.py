@@ -15,8 +15,8 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.files.parts import Part
-from pipeline.files.synth import SynthSpec, write_part
+from pipeline.formats.parts import Part
+from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.app import Service
@@ -86,13 +86,13 @@ def plan(plates: Path) -> ScanPlanRecord:
 
 @pytest.fixture(scope="module")
 def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
-    from pipeline.files import synth
+    from pipeline.formats import synth
 
     Iron.folder, Iron.opened = plates, []
     synth.iron_stage = Iron  # type: ignore[attr-defined]
     try:
         with inline_service(
-            tmp_path_factory.mktemp("s"), stage_driver="pipeline.files.synth:iron_stage"
+            tmp_path_factory.mktemp("s"), stage_driver="pipeline.formats.synth:iron_stage"
         ) as both:
             yield both
     finally:

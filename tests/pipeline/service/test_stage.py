@@ -10,8 +10,8 @@ import pytest
 
 from glyphs.surface.maps import HeightMap
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.files.npz import write_npz
-from pipeline.files.touch_file import read_scan
+from pipeline.formats.npz import write_npz
+from pipeline.formats.touch_file import read_scan
 from pipeline.reading.scan_plan import raster_of
 from pipeline.service.stage import FolderCamera, NoCamera, NoStage, ScanOrder, SimulatedStage
 from whisker_array.estimation.edges import edge_map

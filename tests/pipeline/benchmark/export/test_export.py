@@ -17,7 +17,7 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.export.exported_part import ExportOrder, polygon_px
 from pipeline.benchmark.export.folder import ExportError, check, export
-from pipeline.files.npz import read_soil
+from pipeline.formats.npz import read_soil
 from tests.factories import designed_parts
 
 EMPTY_MM = 0.06

@@ -13,7 +13,7 @@ from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal
 from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import study_of
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
+from pipeline.formats.listed import ListedPart
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import InlineExecutor
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading

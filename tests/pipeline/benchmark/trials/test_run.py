@@ -210,7 +210,7 @@ def test_modes_that_cannot_run_say_why(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_parts_of_a_folder(tmp_path: Path) -> None:
-    from pipeline.files.npz import write_npz
+    from pipeline.formats.npz import write_npz
 
     plate = HeightMap(np.zeros((20, 20), dtype=np.float32), 0.1)
     for name in ("a", "b", "stray"):

@@ -1,0 +1,266 @@
+"""Traces that others have recorded, as a scan: cut into passes, laid at even steps along the travel.
+
+    stage  x |        ______      number   -1 0 0 0 0 0 -1 1 1 ...     a pass is what one number marks, or one file
+             |   ____/            lifted    1 1 0 0 0 0  1 ...         air, then land
+             |__/                                                      samples that stand still are left out
+             +-------------> t    position: u = +-x or +-y, growing; moments by straight lines at even steps of u
+
+Stages do not run evenly, and passes do not begin at one place: all of a direction are laid on one raster, over the
+stretch that all of them ran.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import FileError
+from glyphs.surface.maps import TraceDirection
+from pipeline.formats.trace_table import TraceTable, read_trace_table
+from pipeline.formats.trace_time import check_speed, rate_hz
+from pipeline.formats.traces_file import TracesFile
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.recorded import UNIT_N_MM, line_pitch_of
+from whisker_array.scan.scan import Scan
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.passes import SweepPlan
+from whisker_array.whisker.touch import Touch
+
+_ASKEW = 0.02
+"""Of a pass's travel, how far it may stray across."""
+_GAP_STEPS = 2.5
+"""Between two samples, above which what lies between them was not felt."""
+_SHORT = 0.5
+"""Of the longest pass of a direction, below which the stretch common to all is a mistake."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pass:
+    """One travel: `u` grows along it, mm, by steps of `step_mm` where it runs; `moment` (samples, whiskers)."""
+
+    name: str
+    path: Path
+    direction: TraceDirection
+    u: Floats
+    step_mm: float
+    across_mm: float
+    moment: Floats
+    air: Floats
+
+
+def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> Scan:
+    """The scan in trace files; moments in N mm, or volts as they are.
+
+    Args:
+        paths: of the files, in the order in which they were recorded.
+        told: what stands in them.
+        touch: the whiskers.
+
+    Raises:
+        FileError: a file that cannot be used, with its line or channel.
+        MissingExtraError: TDMS without its library.
+    """
+    passes: list[_Pass] = []
+    rates = []
+    for path in paths:
+        columns = told.columns
+        states = {c for c in (columns.lifted, columns.number) if c is not None}
+        table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
+        own = tuple(_passes(table, told))
+        passes += own
+        rates.append(_rate_hz(table, told))
+        if columns.time is not None:
+            step_mm = float(np.median([p.step_mm for p in own]))
+            check_speed(table, step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
+    if max(rates) > 1.01 * min(rates):
+        worst = paths[int(np.argmax(rates))]
+        raise FileError(
+            worst, f"was sampled at {max(rates):g} Hz, others at {min(rates):g} Hz", "import them apart"
+        )
+    ways = sorted({p.direction for p in passes}, key=int)
+    sweeps = tuple(_sweep([p for p in passes if p.direction is way], told) for way in ways)
+    return Scan(
+        sweeps=sweeps,
+        touch=touch,
+        line_pitch_mm=line_pitch_of(sweeps),
+        sample_rate_hz=float(np.median(rates)),
+        part_id=told.part_id,
+        start_time=told.start_time,
+        notes=(f"imported from {', '.join(p.name for p in paths)}"[:1000],),
+    )
+
+
+def _rate_hz(table: TraceTable, told: TracesFile) -> float:
+    columns, unit = told.columns, told.time_unit
+    if columns.time is not None and table.n_rows > 1:
+        number = table.columns[columns.number] if columns.number is not None else np.zeros(table.n_rows)
+        scale = 1.0 if columns.time in table.stamped else unit.seconds
+        return rate_hz(table, table.columns[columns.time] * scale, number)
+    rate = told.sampling_rate_hz or table.rate_hz
+    if not rate:
+        raise FileError(
+            table.path, "has no time, and its rate is not told", "give columns.time or sampling_rate_hz"
+        )
+    return rate
+
+
+def _passes(table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
+    columns, places = told.columns, told.position_unit.mm
+    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * places
+    signal = np.column_stack([table.columns[c] for c in columns.moment]) * UNIT_N_MM.get(
+        told.moment_unit, 1.0
+    )
+    lost = np.flatnonzero(~np.isfinite(at).all(axis=1))
+    if lost.size:
+        raise FileError(
+            table.path, f"has no position {table.at(int(lost[0]))}", "fill it in, or take that row out"
+        )
+    n = at.shape[0]
+    number = table.columns[columns.number] if columns.number is not None else np.zeros(n)
+    lifted = (
+        table.columns[columns.lifted] != 0.0 if columns.lifted is not None else np.zeros(n, dtype=np.bool_)
+    )
+    if not np.isfinite(number).all():
+        raise FileError(
+            table.path,
+            f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}",
+            "write -1 between passes",
+        )
+    found = np.unique(number[number >= 0.0])
+    if not found.size:
+        raise FileError(table.path, f"has no pass in column {columns.number!r}", "number passes from 0")
+    for each in found:
+        rows = np.flatnonzero(number == each)
+        name = f"pass {each:g}" if columns.number is not None else "the pass"
+        yield _pass(table, name, rows[~lifted[rows]], at, signal, signal[rows[lifted[rows]]])
+
+
+def _pass(
+    table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats, signal: Floats, air: Floats
+) -> _Pass:
+    if rows.size < 2:
+        raise FileError(table.path, f"has {rows.size} touching samples in {name}", "check columns.lifted")
+    went = at[rows[-1]] - at[rows[0]]
+    axis = int(np.argmax(np.abs(went)))
+    travel, strayed = abs(float(went[axis])), float(np.ptp(at[rows, 1 - axis]))
+    if travel == 0.0 or strayed > _ASKEW * travel:
+        raise FileError(
+            table.path,
+            f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {name}, {table.at(int(rows[0]))} on",
+            "a pass runs along x or along y, from one end to the other; lift and number it so",
+        )
+    direction = TraceDirection((90 if axis else 0) + (180 if went[axis] < 0.0 else 0))
+    u = between_polls(np.sign(went[axis]) * at[rows, axis])
+    # the stage stands before it starts and after it has stopped, and its scale flickers by a count
+    ahead = np.r_[True, u[1:] > np.maximum.accumulate(u)[:-1]]
+    lag = max(1, u.size // 10)
+    step = float(np.median(u[lag:] - u[:-lag])) / lag
+    fall = np.maximum.accumulate(u) - u
+    if fall.max() > max(2.0 * step, 1e-6 * travel):
+        back = int(rows[int(np.argmax(fall > 2.0 * step))])
+        raise FileError(
+            table.path, f"runs back in {name}, {table.at(back)}", "number each travel as a pass of its own"
+        )
+    across = float(np.median(at[rows, 1 - axis]))
+    return _Pass(name, table.path, direction, u[ahead], step, across, signal[rows[ahead]], air)
+
+
+def between_polls(u: Floats) -> Floats:
+    """Positions of a stage that is polled more slowly than the signals: straight lines from poll to poll.
+
+    A poll shows as several samples of one position. Where a position holds for much longer than polls usually do, the
+    stage stands, and nothing is changed.
+
+    Args:
+        u: (samples,) mm along the travel.
+    """
+    polls = np.flatnonzero(np.r_[True, np.diff(u) != 0.0])
+    if polls.size < 3:
+        return u
+    held = np.diff(polls)
+    usual = float(np.median(held[1:] if held.size > 1 else held))
+    if usual < 2.0:
+        return u
+    made = u.copy()
+    for begin, n in zip(polls[:-1], held, strict=True):
+        if n <= _GAP_STEPS * usual:
+            made[begin : begin + n] += np.arange(n) / n * (u[begin + n] - u[begin])
+    return made
+
+
+def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
+    """All passes of one direction on one raster."""
+    direction, n = passes[0].direction, len(told.columns.moment)
+    behind = np.asarray(told.behind_mm or (0.0,) * n)
+    side = np.asarray(told.across_mm or (0.0,) * n)
+    if told.turns and direction in (TraceDirection(90), TraceDirection(180)):
+        side = -side  # the frame has y down the part, so right of +x is +y, and right of +y is -x
+    step = float(np.median([p.step_mm for p in passes]))
+    low, high = max(p.u[0] for p in passes), min(p.u[-1] for p in passes) - float(behind.max())
+    longest = max(p.u[-1] - p.u[0] for p in passes)
+    n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
+    if n_samples < 2 or high - low < _SHORT * longest:
+        short = min(passes, key=lambda p: p.u[-1] - p.u[0])
+        raise FileError(
+            short.path,
+            f"runs from {short.u[0]:.3f} to {short.u[-1]:.3f} mm in {short.name}; the passes at {int(direction)}° have "
+            f"{max(0.0, high - low):.3f} mm in common of {longest:.3f}",
+            "leave out passes that were broken off, or import them apart",
+        )
+    if told.part_mm is not None:
+        # run-in and run-out are on the part's land: what lies before it is felt by nobody
+        edges = told.part_mm[::2] if direction.along_x else told.part_mm[1::2]
+        first, last = sorted(-v if direction.backward else v for v in edges)
+        low, high = max(low, first), min(high, last)
+        n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
+    n_lead = round(told.lead_mm / step)
+    if 2 * n_lead >= n_samples:
+        raise FileError(
+            passes[0].path,
+            f"has passes of {high - low:.3f} mm, twice lead_mm is {2 * told.lead_mm:g}",
+            "correct lead_mm",
+        )
+    u = low + step * np.arange(n_samples)
+    moment = np.empty((len(passes), n, n_samples), dtype=np.float32)
+    flags = np.zeros(moment.shape, dtype=np.uint8)
+    for i, each in enumerate(passes):
+        for w in range(n):
+            moment[i, w] = np.interp(u + behind[w], each.u, each.moment[:, w])
+            after = np.clip(np.searchsorted(each.u, u + behind[w]), 1, each.u.size - 1)
+            unfelt = each.u[after] - each.u[after - 1] > _GAP_STEPS * step
+            flags[i, w, unfelt] = SampleFlag.DROPOUT
+    missing = ~np.isfinite(moment)
+    moment[missing], flags[missing] = 0.0, SampleFlag.OUT_OF_RANGE
+    line_mm = np.array([p.across_mm for p in passes])[:, None] + side
+    if told.part_mm is not None:
+        flags[_beyond(told.part_mm, line_mm, -u if direction.backward else u, along_x=direction.along_x)] |= (
+            np.uint8(SampleFlag.OUTSIDE)
+        )
+    n_air = min(p.air.shape[0] for p in passes)
+    late = np.rint(behind / step) * step
+    plan = SweepPlan(
+        direction=direction,
+        line_mm=line_mm,
+        start_mm=float(-low if direction.backward else low),
+        step_mm=step,
+        n_samples=n_samples,
+        n_lead=n_lead,
+        offset_mm=tuple(float(v) for v in late) if late.any() else (),
+    )
+    air = np.nan_to_num(np.stack([p.air[p.air.shape[0] - n_air :].T for p in passes])).astype(np.float32)
+    return Sweep(plan=plan, moment_n_mm=moment, flags=flags, air_n_mm=air)
+
+
+def _beyond(
+    part_mm: tuple[float, float, float, float], line_mm: Floats, along_mm: Floats, *, along_x: bool
+) -> NDArray[np.bool_]:
+    """(passes, whiskers, samples) where the tip is not on the part."""
+    x0, y0, x1, y1 = part_mm
+    (low, high), (least, most) = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
+    return ((line_mm < least) | (line_mm > most))[:, :, None] | ((along_mm < low) | (along_mm > high))

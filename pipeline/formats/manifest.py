@@ -1,0 +1,280 @@
+"""Tables of parts: which files are whose, and what the parts should read.
+
+part,height_map,scan,photo,expected,format,font
+A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
+A2,s3://lots/7/A2.npz
+A3,,,A3.light-1.png | A3.light-2.png                    several photographs of one part
+
+A table without headings has a column of files, perhaps one of names before it and one of expected texts after it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import os
+import re
+import sys
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, require_file
+from pipeline.formats.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
+from pipeline.formats.part_list import PartList
+from pipeline.formats.parts import key_and_kind, named_apart
+from pipeline.formats.remote import copied
+from pipeline.formats.table_file import (
+    PART_HEADINGS,
+    TEXT_HEADINGS,
+    TableLine,
+    column_of,
+    heading,
+    table_lines,
+)
+
+COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
+FILES = COLUMNS[1:4]
+"""Those of files."""
+_OTHERS = ("height_mm", "height_px")
+"""Columns of this program's own tables that are spelled much like one of these, and are none."""
+_SEVERAL = "|"
+"""Between files of one cell."""
+_CLOSE = 0.8
+_MAX_BYTES = 2_000_000_000
+_BATCH_ROWS = 8192
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+_DRIVE = re.compile(r"[A-Za-z]:")
+
+
+def is_manifest(name: str) -> bool:
+    """Whether a path or URL ends as a table of parts does."""
+    return split_name(name)[1].lower().endswith((".csv", ".parquet"))
+
+
+def names_no_files(name: str) -> bool:
+    """Whether a CSV on this machine tells what parts bear, as a truth or a table of rows does, and names no files."""
+    path = Path(name)
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return False
+    try:
+        head = next(iter(table_lines(path)), None)
+    except FileError:
+        return False  # told when it is read
+    return head is not None and (
+        column_of(head.cells, PART_HEADINGS) is not None
+        and column_of(head.cells, TEXT_HEADINGS) is not None
+        and column_of(head.cells, FILES) is None
+    )
+
+
+def read_manifest(source: str) -> Sequence[ListedPart]:
+    """The parts of a table: CSV (see `table_lines`) unless it ends in .parquet.
+
+    A file that is named relatively lies beside the table. A part without a name is called as the first of its
+    files, with as much of the folder as makes it unique. Other columns and empty lines are passed over.
+
+    Args:
+        source: path or URL of the table.
+
+    Raises:
+        FileError: it cannot be read, has no column of files or one that may be misspelled, or a line without a
+            file, with a part spoken of before, or not complete; says which line.
+        MissingExtraError: a library that URLs need is not installed.
+    """
+    source = source if is_url(local_name(source)) else str(Path(local_name(source)))
+    as_parquet = split_name(source)[1].lower().endswith(".parquet")
+    records, line = (_parquet_records, "row") if as_parquet else (_csv_records, "line")
+    # of a million lines the parts are packed and their keys are hashes: a table may not fill the memory
+    parts, keys, numbers = PartList(), array("q"), array("q")
+    with _on_this_machine(source) as path:
+        for number, cells in records(source, path):
+            part = _part_of(source, f"{line} {number}", cells)
+            folder, last = split_name(part.files[0])
+            keys.append(hash(part.name if cells.get("part") else (folder, os.path.splitext(last)[0])))
+            numbers.append(number)
+            parts.append(part)
+    if not parts:
+        raise problem_of(source, "holds no part", "give a line for each part")
+    if (pair := _first_repeated(parts, keys)) is not None:
+        first, second = pair
+        raise problem_of(
+            source,
+            f"{line} {numbers[second]} names {parts[second].name} a second time, after {line} {numbers[first]}",
+            "give every part one line",
+        )
+    return named_apart(parts)
+
+
+def _first_repeated(parts: Sequence[ListedPart], keys: array[int]) -> tuple[int, int] | None:
+    """The first two lines that name one part."""
+    import numpy as np
+
+    hashes = np.frombuffer(keys, dtype=np.int64)
+    order = np.argsort(hashes, kind="stable")
+    same = np.flatnonzero(hashes[order[1:]] == hashes[order[:-1]])
+    pairs = sorted((int(order[k + 1]), int(order[k])) for k in same)
+    return next(((a, b) for b, a in pairs if parts[a].name == parts[b].name), None)
+
+
+@contextlib.contextmanager
+def _on_this_machine(source: str) -> Iterator[Path]:
+    if is_url(source):
+        with copied(source, most_bytes=_MAX_BYTES) as path:
+            yield path
+    else:
+        require_file(Path(source), most_bytes=_MAX_BYTES)
+        yield Path(source)
+
+
+def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
+    """One line as a part."""
+    if _CONTROL.search("".join(cells.values())):
+        column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
+        raise problem_of(
+            source, f"{where} has a line break or control character under {column}", "check its quotes"
+        )
+    photo, *more = (name.strip() for name in cells.get("photo", "").split(_SEVERAL))
+    named = {c: name for c in FILES if (name := photo if c == "photo" else cells.get(c))}
+    files = {c: _place(source, where, name) for c, name in named.items()}
+    more_photos = tuple(_place(source, where, name) for name in more)
+    lasts = [split_name(file)[1] for file in (*files.values(), *more_photos)]
+    if not lasts:
+        raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(FILES)}")
+    if not all(lasts):
+        raise problem_of(source, f"{where} names a folder", "name a file")
+    return ListedPart(
+        cells.get("part") or os.path.splitext(lasts[0])[0],
+        height_map=files.get("height_map", ""),
+        scan=files.get("scan", ""),
+        photo=files.get("photo", ""),
+        more_photos=more_photos,
+        expected=cells.get("expected", ""),
+        format=sys.intern(cells.get("format", "")),
+        font=sys.intern(cells.get("font", "")),
+    )
+
+
+def _place(source: str, where: str, name: str) -> str:
+    """A file beside the table; a path that Windows wrote is read on any system.
+
+    Raises:
+        FileError: it begins with a drive that this system does not have.
+    """
+    if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
+        if _DRIVE.match(name):
+            raise problem_of(
+                source,
+                f"{where} names {name}, and this system has no drive {name[:2]}",
+                "name the files as they lie beside the table",
+            )
+        name = name.replace("\\", "/")
+    return beside(source, name)
+
+
+def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
+    """Where each known column stands."""
+    found: dict[str, int] = {}
+    for place, title in enumerate(header):
+        name = title.strip().lower()
+        if name in found:
+            raise problem_of(source, f"has two columns {name}", "keep one")
+        if name in COLUMNS:
+            found[name] = place
+        elif name not in _OTHERS:
+            for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
+                raise problem_of(
+                    source,
+                    f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}",
+                    f"call it {close} if that is meant, or something quite different",
+                )
+    if not any(column in found for column in FILES):
+        named = ", ".join(h.strip() for h in header)[:200] or "none"
+        raise problem_of(
+            source, f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}"
+        )
+    return found
+
+
+def _csv_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number of each line of a CSV, and its known cells."""
+    lines = table_lines(path, source=source)
+    head = next(lines, TableLine(1, ()))
+    columns = _columns_of_files(head.cells)
+    width = len(head.cells)
+    if columns is None:
+        columns = _columns(source, head.cells)
+    else:
+        lines = chain((head,), lines)
+    for line in lines:
+        if any(line.cells[width:]):
+            raise problem_of(
+                source,
+                f"line {line.number} has more fields than the first line",
+                "quote what holds the delimiter",
+            )
+        yield line.number, {name: line.cell(place) for name, place in columns.items()}
+
+
+def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
+    """The columns of a table whose first line names a file and is no heading; None of any other."""
+    kinds = {place: kind for place, cell in enumerate(cells) if (kind := key_and_kind(cell)[1])}
+    if column_of(cells, COLUMNS) is not None or len(kinds) != 1 or len(cells) > 3:
+        return None
+    ((at, kind),) = kinds.items()
+    if at > 1 or len(cells) > at + 2:
+        return None
+    return {kind: at, **({"part": 0} if at else {}), **({"expected": at + 1} if len(cells) > at + 1 else {})}
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else str(value).strip()
+
+
+def _parquet_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """The number of each row of a Parquet file, and its known cells; a batch of rows is in memory at a time."""
+    from pyarrow import parquet
+
+    def in_words(error: Exception) -> FileError:
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        return problem_of(source, f"is damaged or not a Parquet file ({reason})", "copy it or make it again")
+
+    try:  # around the parser alone: what the user of this generator trips over is no damage
+        file = parquet.ParquetFile(path)
+        schema = file.schema_arrow
+    except Exception as error:
+        raise in_words(error) from error
+    with contextlib.closing(file):
+        columns = _columns(source, schema.names)
+        for name, at in columns.items():
+            if not _is_text(schema.field(at).type, name):
+                raise problem_of(
+                    source, f"has the column {name} of type {schema.field(at).type}", "save it as text"
+                )
+        names = {name: schema.names[at] for name, at in columns.items()}
+        batches = file.iter_batches(batch_size=_BATCH_ROWS, columns=list(names.values()))
+        number = 0
+        while True:
+            try:
+                batch = next(batches, None)
+                values = {} if batch is None else {n: batch.column(s).to_pylist() for n, s in names.items()}
+            except Exception as error:
+                raise in_words(error) from error
+            if batch is None:
+                return
+            for row in zip(*values.values(), strict=True):
+                number += 1
+                cells = {name: _cell(value) for name, value in zip(values, row, strict=True)}
+                if any(cells.values()):
+                    yield number, cells
+
+
+def _is_text(kind: Any, name: str) -> bool:
+    from pyarrow import types
+
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
+    return bool(text or types.is_null(kind) or (name == "part" and types.is_integer(kind)))

@@ -1,0 +1,191 @@
+"""Heights out of meshes (STL, PLY, OBJ, by trimesh) and of points.
+
+x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
+grid keep their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
+of a closed body is not read. The files state no unit.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
+from glyphs.errors import FileError, damage_reported, require_file
+from pipeline.formats.grids import check_size, without_bad_points
+from pipeline.formats.pcd import read_pcd
+from pipeline.formats.raw_map import RawMap
+
+MAX_FILE_BYTES = 500_000_000
+MOST_SCATTERED = 2_000_000
+"""Points off a grid, which are triangulated."""
+MOST_DRAWN = 300_000_000
+"""Samples that the triangles of a mesh cover, all together: two seconds of work."""
+_LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
+"""Along the longer side of a map made of triangles, whose own size may say nothing: a flat land has two."""
+_GAP = 6.0
+"""Sides of a triangle between points, mean distances, from which it spans a dropout."""
+_LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
+"""Of a grid: rows and columns, share of them with a point, and pitches by which a point may miss its place."""
+
+Points = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+
+def read_mesh(path: Path) -> RawMap:
+    """The heights of a mesh or of a list of points.
+
+    Raises:
+        FileError: the file cannot be used.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=path.suffix[1:].upper()):
+        if path.suffix.lower() == ".pcd":
+            return map_of_points(path, read_pcd(path))
+        import trimesh
+
+        with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
+            scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+        corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+        for geometry in scene.geometry.values():
+            corners.append(np.asarray(geometry.vertices, dtype=np.float64))
+            triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
+            before += len(corners[-1])
+        return map_of_points(path, np.concatenate(corners), np.concatenate(triangles))
+
+
+def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None = None) -> RawMap:
+    """Heights on a grid out of points (n, 3) and triangles (m, 3) of them, if there are any.
+
+    Raises:
+        FileError: too few points, or points in one line.
+    """
+    at: Points = np.array(points, dtype=np.float64)
+    if faces is None:
+        empty = ~at.any(axis=1)
+        if empty.sum() > 1:
+            at[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
+        for axis in range(3):
+            without_bad_points(at[:, axis])
+    known = np.asarray(np.isfinite(at).all(axis=1))
+    if known.sum() < 4:
+        raise FileError(path, f"holds {known.sum()} points", "export the surface")
+    if faces is None:
+        faces = np.empty((0, 3), dtype=np.int64)
+    z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(path, at, faces, known)
+    return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
+
+
+def _on_grid(points: Points) -> tuple[Points, float, float] | None:
+    """Heights (rows, cols) and distances along x and y of points that lie on a grid; None of others."""
+    places, pitches = [], []
+    for along in (points[:, 0], -points[:, 1]):
+        gaps = np.diff(np.unique(along))
+        if not gaps.size:
+            return None
+        # numbers written with few digits make gaps of different sizes, and rounded ones tiny gaps
+        count = round((along.max() - along.min()) / float(np.median(gaps[gaps > 0.3 * gaps.max()])))
+        pitch = float((along.max() - along.min()) / max(count, 1))
+        at = (along - along.min()) / pitch
+        places.append(np.rint(at).astype(np.int64))
+        pitches.append(pitch)
+        if np.abs(at - places[-1]).max() > _OFF_GRID:
+            return None
+    cols, rows = (int(p.max()) + 1 for p in places)
+    if min(rows, cols) < _LEAST_GRID or rows * cols > len(points) / _LEAST_FILLED:
+        return None
+    z = np.full((rows, cols), -np.inf)
+    np.maximum.at(z, (places[1], places[0]), points[:, 2])
+    return np.where(np.isfinite(z), z, np.nan), pitches[0], pitches[1]
+
+
+def _triangulated(
+    path: Path, points: Points, faces: Faces, known: NDArray[np.bool_]
+) -> tuple[Points, float, float]:
+    """Heights on a grid of our own, as the uppermost triangles have them, and its pitch twice."""
+    width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
+    if not min(width, height) > 0.0:
+        raise FileError(path, "is a profile: its points lie in one plane", "measure a surface")
+    if len(faces):
+        faces = faces[known[faces].all(axis=1)]
+        pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
+        longer = max(width, height)
+        pitch = min(max(pitch, longer / _MOST_SAMPLES), longer / _LEAST_SAMPLES)
+    else:
+        points = points[known]
+        if len(points) > MOST_SCATTERED:
+            raise FileError(path, f"holds {len(points):,} points off a grid", "export them on a grid")
+        from scipy.spatial import Delaunay
+
+        pitch = math.sqrt(width * height / len(points))
+        faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
+        faces = faces[_longest_sides(points, faces) < _GAP * pitch]
+    rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
+    check_size(path, rows, cols)
+    left, top = np.nanmin(points[:, 0]), np.nanmax(points[:, 1])
+    places = np.column_stack([(points[:, 0] - left) / pitch, (top - points[:, 1]) / pitch, points[:, 2]])
+    if _drawn_samples(places, faces) > MOST_DRAWN:
+        raise FileError(
+            path,
+            f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost",
+            "export the marked surface alone",
+        )
+    z = np.full((rows, cols), np.nan)
+    _draw(z, places, faces)
+    return z, pitch, pitch
+
+
+def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
+    """(m,) as seen from above."""
+    corners = points[faces][:, :, :2]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
+
+
+def _drawn_samples(places: Points, faces: Faces) -> float:
+    """Samples that `_draw` looks at, about: those in each triangle, and the ends of its rows."""
+    a, b, c = (places[faces[:, k], :2] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    rows = np.ptp(places[:, 1][faces], axis=1)
+    return float((0.5 * np.abs(ux * vy - vx * uy) + 4.0 * (rows + 1.0)).sum())
+
+
+@kernel()
+def _draw(z, places, faces):  # type: ignore[no-untyped-def]
+    """Raise z (rows, cols), NaN where nothing is, to the triangles of places (n, 3): column, row, height."""
+    for i in range(faces.shape[0]):
+        a, b, c = places[faces[i, 0]], places[faces[i, 1]], places[faces[i, 2]]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+        if abs(area) < 1e-12:  # a wall
+            continue
+        for v in range(
+            max(0, math.ceil(min(a[1], b[1], c[1]) - 1e-6)),
+            min(z.shape[0] - 1, math.floor(max(a[1], b[1], c[1]) + 1e-6)) + 1,
+        ):
+            # the columns of this row on which none of the three weights is negative
+            left, right = max(0.0, min(a[0], b[0], c[0])), min(z.shape[1] - 1.0, max(a[0], b[0], c[0]))
+            second_step, third_step = (c[1] - a[1]) / area, (a[1] - b[1]) / area
+            second_at_0 = (-a[0] * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
+            third_at_0 = ((b[0] - a[0]) * (v - a[1]) + a[0] * (b[1] - a[1])) / area
+            for at_0, step in (
+                (second_at_0, second_step),
+                (third_at_0, third_step),
+                (1.0 - second_at_0 - third_at_0, -second_step - third_step),
+            ):
+                if step > 1e-12:
+                    left = max(left, (-1e-6 - at_0) / step)
+                elif step < -1e-12:
+                    right = min(right, (-1e-6 - at_0) / step)
+            if left > right + 1.0:
+                continue
+            # rounding may have moved an end by a little: each sample is weighed below
+            for u in range(max(0, math.floor(left)), min(z.shape[1] - 1, math.ceil(right)) + 1):
+                second = ((u - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
+                third = ((b[0] - a[0]) * (v - a[1]) - (u - a[0]) * (b[1] - a[1])) / area
+                if min(second, third, 1.0 - second - third) < -1e-6:
+                    continue
+                height = a[2] + second * (b[2] - a[2]) + third * (c[2] - a[2])
+                if not z[v, u] >= height:
+                    z[v, u] = height

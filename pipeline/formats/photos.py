@@ -1,0 +1,287 @@
+"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP and GIF in, PNG out.
+
+Pillow reads the header and decodes; OpenCV decodes pictures of 16 bit, which Pillow would cut to 8.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import FileError, damage_reported, require_file
+from glyphs.surface.maps import MAX_PIXELS
+from pipeline.common.atomic import replacing
+from pipeline.formats.photo_kinds import HEAD_BYTES, READ, refusal
+from pipeline.formats.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
+MAX_PHOTO_BYTES = 500_000_000
+_INCH_MM = 25.4
+_LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
+_MEANINGLESS_DPI = (72.0, 96.0)
+"""Written by programs that know nothing of the scale."""
+_ORIENTATION = 274
+"""Tag of EXIF and TIFF."""
+_SUBFILE, _REDUCED = 254, 1
+"""Tag of a TIFF page, and its bit for a smaller copy of another page."""
+_MOST_PAGES = 24
+"""Pages of a TIFF that are looked at for one that is not blank; each is decoded."""
+_FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
+"""Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
+_NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+"""In a JPEG's compressed data, where stuffed bytes and restart markers are no segments."""
+
+
+@dataclass(frozen=True)
+class PhotoHeader:
+    """The header of a picture file.
+
+    Attributes:
+        kind: PNG, JPEG, BMP, TIFF, WEBP or GIF.
+        rows: of pixels.
+        cols: of pixels.
+        pitch_mm: size of a pixel, if the file says so in metres or inches, and plausibly.
+    """
+
+    kind: str
+    rows: int
+    cols: int
+    pitch_mm: float | None
+
+
+def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
+    """The header of a picture; nothing is decoded.
+
+    Args:
+        path: the file.
+        most: pixels that it may have.
+
+    Raises:
+        FileError: no file, none of these kinds, damaged, or more work to decode than a photograph takes.
+    """
+    path = Path(path)
+    with _opened(path, most=most) as image:
+        return _header_of(path, image, most=most)
+
+
+def read_photo(path: Path) -> Photo:
+    """The photograph in a file as red, green and blue of 8 or 16 bit, upright as its EXIF says.
+
+    Pictures of 16 bit are stretched between percentiles: neither a camera of 12 bit nor a single glint leaves the
+    rest black. Of a file of several pages the first that is not blank is read, of an animation the first frame; what
+    is transparent is laid on white, or on black where the rest is bright. The photograph's notes say so. The pixel's
+    size is taken from the file where it states one in metres or inches that is none of the usual defaults (72,
+    96 dpi).
+
+    Raises:
+        FileError: no file, none of these kinds, damaged, cut short, or more work to decode than a photograph takes.
+    """
+    path = Path(path)
+    with _opened(path) as image:
+        _header_of(path, image)
+        page, pages = _page(path, image) if image.format == "TIFF" else (0, getattr(image, "n_frames", 1))
+        header = _header_of(path, image)
+        if min(header.rows, header.cols) < 8:
+            raise FileError(path, f"has {_size(header)}, which shows no characters", "take it larger")
+        pixels = _decoded(path, image, page)
+    pixels, ground = laid_on_ground(pixels)
+    notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
+    notes += [f"the picture is transparent in places; it was laid on {ground}"] if ground else []
+    return Photo(stretched(pixels), pitch_mm=header.pitch_mm, notes=tuple(notes))
+
+
+@contextlib.contextmanager
+def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
+    """The picture, not yet decoded; errors of its decoder name the file."""
+    require_file(path, most_bytes=MAX_PHOTO_BYTES)
+    with damage_reported(path, kind="picture"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
+        from PIL import Image, UnidentifiedImageError
+
+        try:
+            image = Image.open(path, formats=[kind.name for kind in READ])
+        except UnidentifiedImageError:
+            raise _not_read(path) from None
+        except Image.DecompressionBombError:
+            raise FileError(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
+        with image:
+            yield image
+
+
+def _not_read(path: Path) -> FileError:
+    """The refusal of a file that is no picture, or one of another kind."""
+    with path.open("rb") as stream:
+        return FileError(path, *refusal(stream.read(HEAD_BYTES)))
+
+
+def _header_of(path: Path, image: ImageFile, *, most: int = MAX_PIXELS) -> PhotoHeader:
+    """The header of the page that the picture stands at, within the limits."""
+    kind = "JPEG" if image.format == "MPO" else str(image.format)
+    header = PhotoHeader(kind, image.height, image.width, _pitch_mm(image))
+    pixels = header.rows * header.cols
+    if pixels > most:
+        raise FileError(path, f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it")
+    if (
+        kind == "JPEG"
+        and (scans := _scans(path.read_bytes())) > _FREE_SCANS
+        and scans * pixels > _MOST_SCANNED
+    ):
+        raise FileError(
+            path, f"is a JPEG of {scans:,} passes over {_size(header)}", "save it as a usual JPEG or as PNG"
+        )
+    return header
+
+
+def _scans(data: bytes) -> int:
+    """Passes of a JPEG over its pixels: start-of-scan markers before the end of the picture."""
+    at, scans = 2, 0
+    while (found := _NEXT_MARKER.search(data, at)) is not None:
+        marker, at = data[found.start() + 1], found.end()
+        if marker == 0xD9:
+            break
+        scans += marker == 0xDA
+        if marker not in (0x01, 0xD8):
+            at += max(2, int.from_bytes(data[at : at + 2], "big"))
+    return scans
+
+
+def _size(header: PhotoHeader) -> str:
+    return f"{header.rows:,} x {header.cols:,} pixels"
+
+
+def _pitch_mm(image: ImageFile) -> float | None:
+    """Size of a pixel, if x and y agree to a hundredth and it is neither absurd nor a program's default."""
+    if image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit"):
+        return None  # what EXIF says is a camera's habit, no scale
+    if image.format == "WEBP":
+        return None  # it has EXIF alone
+    x_dpi, y_dpi = (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
+    if not (x_dpi > 0.0 and y_dpi > 0.0) or any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI):
+        return None
+    x_mm, y_mm = _INCH_MM / x_dpi, _INCH_MM / y_dpi
+    plausible = _LEAST_PITCH_MM <= x_mm <= _MOST_PITCH_MM and abs(x_mm - y_mm) <= 0.01 * x_mm
+    return x_mm if plausible else None
+
+
+def _page(path: Path, image: ImageFile) -> tuple[int, int]:
+    """The page of a TIFF that is read, and how many it has: the first that is not blank; the picture stands at it.
+
+    Smaller copies of a page do not count. Beyond `_MOST_PAGES` nothing is looked at or counted.
+    """
+    whole = []
+    for number in range(_MOST_PAGES):
+        try:
+            image.seek(number)
+        except EOFError:
+            break
+        if not int(image.tag_v2.get(_SUBFILE, 0)) & _REDUCED:  # type: ignore[attr-defined]
+            whole.append(number)
+    whole = whole or [0]
+    best = whole[0]
+    if len(whole) > 1:
+        for number in whole:
+            image.seek(number)
+            _header_of(path, image)
+            if not is_blank(_decoded(path, image, number)):
+                best = number
+                break
+    image.seek(best)
+    return best, len(whole)
+
+
+def _page_note(kind: str | None, page: int, pages: int) -> str:
+    if kind != "TIFF":
+        return f"the first of the file's {pages} frames was read"
+    return f"page {page + 1} of the file's {pages} was read" + ("; those before it are blank" if page else "")
+
+
+def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
+    """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
+    if _is_deep(path, image):
+        made = _decoded_deep(path, image, page)
+    else:
+        if image.mode in ("I", "F"):
+            raise FileError(
+                path,
+                f"is a {image.format} of numbers of 32 bit, not a photograph",
+                "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
+            )
+        try:
+            if image.format == "PNG":
+                # loading passes over damaged checksums
+                _verify(path)
+            image.load()
+            if image.mode not in ("RGB", "RGBA"):
+                image = image.convert("RGBA" if image.has_transparency_data else "RGB")  # type: ignore[assignment]
+        except (OSError, SyntaxError, ValueError) as error:
+            what = f"is a {image.format} that is damaged or ends too soon"
+            raise FileError(path, what, "copy it again, or save it as PNG of 8 bit") from error
+        made = np.asarray(image)
+    # of a TIFF both libraries have turned it
+    turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
+    return upright(made, turned)
+
+
+def _verify(path: Path) -> None:
+    from PIL import Image
+
+    with Image.open(path, formats=("PNG",)) as image:
+        image.verify()
+
+
+def _is_deep(path: Path, image: ImageFile) -> bool:
+    """Whether a picture has 16 bit a channel."""
+    if image.format == "PNG":
+        with path.open("rb") as stream:
+            return stream.read(25)[24:] == b"\x10"  # of IHDR, which comes first
+    if image.format == "TIFF":
+        return 16 in image.tag_v2.get(258, ())  # type: ignore[attr-defined]
+    return False
+
+
+def _decoded_deep(path: Path, image: ImageFile, page: int) -> Decoded:
+    from glyphs.opencv import cv2
+
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the error below says it
+    try:
+        if image.format == "PNG":
+            _verify(path)
+        data = np.fromfile(path, dtype=np.uint8)
+        done, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
+    except (cv2.error, OSError, SyntaxError, ValueError):
+        done, found = False, ()
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if not done or len(found) != 1 or found[0].dtype not in (np.uint8, np.uint16):
+        what = f"is a damaged or unusual {image.format}"
+        raise FileError(path, what, "copy it again or save it as PNG of 8 bit")
+    made = np.atleast_3d(np.asarray(found[0]))
+    if made.shape[2] < 3:
+        return np.concatenate([*[made[..., :1]] * 3, made[..., 1:]], axis=2)
+    return np.concatenate([made[..., 2::-1], made[..., 3:]], axis=2)
+
+
+def write_photo(path: Path, photo: Photo) -> None:
+    """Write a photograph as PNG of 8 bit, with its pixel's size if that is known; whole or not at all.
+
+    Raises:
+        FileError: another suffix, or it cannot be written.
+    """
+    from PIL import Image
+
+    if path.suffix.lower() != ".png":
+        raise FileError(path, "is not a photograph that can be written", "end it in .png")
+    scale = {} if photo.pitch_mm is None else {"dpi": (_INCH_MM / photo.pitch_mm,) * 2}
+    with replacing(path) as temporary:
+        Image.fromarray(photo.eight_bit).save(temporary, "PNG", compress_level=1, **scale)

@@ -1,0 +1,307 @@
+"""Files named by URLs: listed, and copied to this machine for as long as they are read.
+
+    s3://bucket/lot/a.npz --fetched--> /tmp/tactile-marks-x/height_map/a.npz --read--> gone
+
+Credentials, endpoints and proxies are those of fsspec's file systems: AWS_ACCESS_KEY_ID, AWS_PROFILE,
+AWS_ENDPOINT_URL, GOOGLE_APPLICATION_CREDENTIALS, or fsspec's own configuration, which goes before the limits of time
+here. Only kinds of URL that name one file in one place are read: chains (`zip://a::s3://b`), archives and caches,
+which could write or open anything else, are refused. What stands in a name is taken as it is: no %20 is turned into a
+space, and :: in an object's name is no chain.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import re
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, MissingExtraError
+from pipeline.formats.listed import (
+    LOCAL,
+    WEB,
+    ListedPart,
+    UrlError,
+    harmless_name,
+    has_magic,
+    is_url,
+    is_web,
+    local_name,
+    scheme_of,
+    split_name,
+    without_secrets,
+)
+from pipeline.formats.parts import Part
+from pipeline.formats.spelling import spelled_on_disk
+
+__all__ = ["copied", "fetched", "is_url", "list_remote", "originally"]
+
+_KINDS = ("height_map", "scan", "photo")
+_S3, _GS, _HTTP = ("s3fs", "s3"), ("gcsfs", "gs"), ("aiohttp", "cluster")
+_EXTRAS = {"s3": _S3, "s3a": _S3, "gs": _GS, "gcs": _GS, **dict.fromkeys(WEB, _HTTP)}
+_MORE = ("abfs", "abfss", "az", "ftp", "hdfs", "memory", "sftp", "smb", "ssh", "webhdfs")
+_SCHEMES = (*LOCAL, *_EXTRAS, *_MORE)
+_CONNECT_S, _SILENCE_S = 5.0, 20.0
+"""How long a server may take to answer at all, and to send something more."""
+_ATTEMPTS = 2
+_LEAST_BYTES_PER_S = 50_000.0
+_START_S = 60.0
+"""A copy takes at most this long and what its size takes at that rate: a server that drips ends, too."""
+_NETWORK_MEND = "check the network, the endpoint and the credentials, and start it again"
+_QUERY = re.compile(r"\?[^\s'\"]+")
+"""Of an address in a library's message, however that spells it; may be what signs it."""
+
+
+def list_remote(url: str) -> list[str]:
+    """Files of a folder (not of folders in it) or of a glob, as URLs in the order of their names.
+
+    Of a URL that names a file, that file. A folder of a web server ends in a slash and is what links its page has.
+
+    Raises:
+        FileError: no such place, or it cannot be listed.
+        MissingExtraError: a library that URLs need is not installed.
+    """
+    files = _file_system(url)
+    with _faults_told(url):
+        path = str(files._strip_protocol(url.rstrip("/")))
+        if is_web(url) and url.endswith("/"):
+            path += "/"
+        entries = files.glob(path, detail=True).values() if has_magic(url) else files.ls(path, detail=True)
+        found = [str(entry["name"]) for entry in entries if _is_file(entry)]
+        bare, path = url.rstrip("/"), path.rstrip("/")
+        if bare.endswith(path):  # the names lack what stands before: s3://, sftp://host
+            return sorted({bare.removesuffix(path) + name for name in found})
+        return sorted({str(files.unstrip_protocol(name)) for name in found})
+
+
+@contextlib.contextmanager
+def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
+    """The part with its files on this machine; copies of those named by URLs are removed on leaving.
+
+    A FileError of a copy raised in the block becomes one of its URL; words about it are turned by `originally`.
+    A photograph that cannot be copied is a problem of the photograph where there is something to be felt.
+
+    Args:
+        listed: the part; one with a problem is not copied at all.
+        photos: photographs, too, are wanted of parts that can be felt.
+
+    Raises:
+        FileError: a file that is not there, may not be read, is too long, or cannot be copied.
+        MissingExtraError: a library that URLs need is not installed.
+    """
+    names = {kind: local_name(getattr(listed, kind)) for kind in _KINDS}
+    felt = bool(names["height_map"] or names["scan"])
+    if felt and not photos:
+        names["photo"] = ""
+    more = listed.more_photos if names["photo"] else ()
+    problem, photo_problem = listed.problem, listed.photo_problem
+    with contextlib.ExitStack() as copies:
+        paths: dict[str, Path | None] = {}
+        for kind, name in names.items():
+            if not is_url(name):
+                paths[kind] = spelled_on_disk(name) if name else None
+            elif problem is not None or (kind == "photo" and photo_problem is not None):
+                paths[kind] = Path(name)  # never opened
+            else:
+                try:
+                    paths[kind] = copies.enter_context(copied(name, most_bytes=_most_bytes(kind)))
+                except FileError as fault:
+                    if kind != "photo" or not felt:
+                        raise
+                    paths[kind], photo_problem = Path(name), fault
+        others = [
+            copies.enter_context(copied(name, most_bytes=_most_bytes("photo")))
+            if is_url(name)
+            else spelled_on_disk(name)
+            for name in map(local_name, () if problem or photo_problem else more)
+        ]
+        part = Part(
+            listed.name, **paths, more_photos=tuple(others), problem=problem, photo_problem=photo_problem
+        )
+        try:
+            yield part
+        except FileError as fault:
+            of_url = _of_url(fault, part, listed)
+            if of_url is None:
+                raise
+            raise of_url from fault
+
+
+@contextlib.contextmanager
+def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
+    """A copy of one file in a folder of its own, under its own name as far as that is harmless.
+
+    Raises:
+        FileError: as `fetched`.
+        MissingExtraError: likewise.
+    """
+    files = _file_system(url)
+    with _faults_told(url):
+        path = str(files._strip_protocol(url))
+        guard = _Guard(url, most_bytes)
+        # of a web address the file's own head says as much, and why it does not come
+        entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
+        if url.endswith("/") or not _is_file(entry):
+            raise UrlError(url, "is not a file", "name a file, or the folder among the inputs")
+        size: Any = entry.get("size")
+        guard.set_size(size)
+        folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
+    with folder as name:
+        target = Path(name) / harmless_name(split_name(url)[1])
+        with _faults_told(url):
+            files.get_file(path, str(target), callback=guard)
+            guard.check(target.stat().st_size)
+        yield target
+
+
+def originally(text: str, part: Part, listed: ListedPart) -> str:
+    """A text about a fetched part with the names of the files as they were given in place of the copies'."""
+    for kind in _KINDS:
+        path, name = getattr(part, kind), getattr(listed, kind)
+        if path is not None and is_url(name):
+            text = text.replace(str(path), without_secrets(name))
+    return text
+
+
+def _of_url(fault: FileError, part: Part, listed: ListedPart) -> UrlError | None:
+    """The problem of a copy as that of what it was copied from; None: it is no copy's."""
+    for kind in _KINDS:
+        name = getattr(listed, kind)
+        if is_url(name) and fault.path == getattr(part, kind) and not isinstance(fault, UrlError):
+            return UrlError(name, originally(fault.what, part, listed), fault.hint)
+    return None
+
+
+def _most_bytes(kind: str) -> int:
+    """What the readers of that kind take at most."""
+    if kind == "scan":
+        from pipeline.formats.touch_file import MAX_SCAN_BYTES
+
+        return MAX_SCAN_BYTES
+    if kind == "photo":
+        from pipeline.formats.photos import MAX_PHOTO_BYTES
+
+        return MAX_PHOTO_BYTES
+    from pipeline.formats.npz import MAX_FILE_BYTES
+
+    return MAX_FILE_BYTES
+
+
+class _Guard:
+    """Told of a copy as it goes (as fsspec's callbacks are); ends one that is too long or too slow."""
+
+    def __init__(self, url: str, most_bytes: int) -> None:
+        self._url, self._most_bytes = url, most_bytes
+        self._bytes, self._began_s = 0, time.monotonic()
+
+    def set_size(self, size: int | None) -> None:
+        """The size as declared."""
+        if size is not None:
+            self.check(size)
+
+    def relative_update(self, inc: int = 1) -> None:
+        """So many bytes more have come."""
+        self.absolute_update(self._bytes + inc)
+
+    def absolute_update(self, value: int) -> None:
+        """So many bytes have come."""
+        self._bytes = value
+        self.check(value)
+        if time.monotonic() - self._began_s > _START_S + value / _LEAST_BYTES_PER_S:
+            raise UrlError(self._url, "comes too slowly to wait for", _NETWORK_MEND)
+
+    def check(self, size: int) -> None:
+        """Refuse more than the limit."""
+        if size > self._most_bytes:
+            sizes = f"{size / 1e9:.1f} GB long, over the limit of {self._most_bytes / 1e9:.1f} GB"
+            raise UrlError(self._url, f"is {sizes}", "crop it")
+
+
+def _is_file(entry: dict[str, Any]) -> bool:
+    return entry.get("type") == "file" and not str(entry["name"]).endswith("/")
+
+
+def _file_system(url: str) -> Any:
+    """Fsspec's file system of a URL, kept open by fsspec for the next one.
+
+    Raises:
+        FileError: a kind of URL that is not read.
+        MissingExtraError: its library is not installed.
+    """
+    scheme = scheme_of(url)
+    if scheme not in _SCHEMES:
+        raise UrlError(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
+    try:
+        import fsspec
+        from fsspec.config import conf
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("URLs", "fsspec", "cluster") from error
+    try:
+        kind = fsspec.get_filesystem_class(scheme)
+        configured = conf.get(scheme, {})
+        options = {k: v for k, v in _limits(scheme).items() if k not in configured}
+        files = kind(**{**options, **kind._get_kwargs_from_urls(url)})
+    except ImportError as error:
+        if scheme in _EXTRAS:
+            raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
+        raise UrlError(url, f"needs a library ({error})", "install it") from error
+    except Exception as error:
+        raise _problem(url, error) from error
+    if scheme in ("s3", "s3a"):
+        files.retries = _ATTEMPTS
+    return files
+
+
+def _limits(scheme: str) -> dict[str, Any]:
+    """What keeps a silent server from holding up a run, and a long file from filling the memory."""
+    if scheme in ("s3", "s3a"):
+        config = {
+            "connect_timeout": _CONNECT_S,
+            "read_timeout": _SILENCE_S,
+            "retries": {"total_max_attempts": _ATTEMPTS, "mode": "standard"},
+        }
+        return {"config_kwargs": config, "max_concurrency": 1, "use_listings_cache": False}
+    if scheme in WEB:
+        import aiohttp
+
+        limits = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
+        return {"client_kwargs": {"timeout": limits}}
+    if scheme in ("gs", "gcs"):
+        return {"requests_timeout": _SILENCE_S, "use_listings_cache": False}
+    return {"timeout": _SILENCE_S} if scheme in ("ftp", "sftp", "ssh") else {}
+
+
+@contextlib.contextmanager
+def _faults_told(url: str) -> Iterator[None]:
+    """Turn whatever a file system trips over into a FileError; none may end a run."""
+    try:
+        yield
+    except FileError:
+        raise
+    except Exception as error:
+        raise _problem(url, error) from error
+
+
+def _problem(url: str, error: Exception) -> UrlError:
+    lines = str(error).splitlines()
+    reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
+    reason = _QUERY.sub("", reason)[:300]
+    if isinstance(error, FileNotFoundError):
+        return UrlError(url, "is not there", "check the name")
+    refused = isinstance(error, PermissionError) or getattr(error, "status", None) in (401, 403)
+    if refused or type(error).__name__ in _NO_CREDENTIALS:
+        return UrlError(url, f"may not be read ({reason})", "check the credentials")
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return UrlError(url, f"cannot be copied ({reason})", "make room in the folder that TMPDIR names")
+    return UrlError(url, f"cannot be fetched ({reason})", _NETWORK_MEND)
+
+
+_NO_CREDENTIALS = (
+    *("NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "ProfileNotFound"),
+    *("TokenRetrievalError", "DefaultCredentialsError", "RefreshError"),
+)
+"""Of botocore and google.auth; told by name, so that neither is imported for it."""

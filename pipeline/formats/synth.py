@@ -1,0 +1,253 @@
+"""Parts out of nothing: stamped plates, dirt on them, photographs, and the table of what was stamped.
+
+The truth stands in `truth.csv` alone; no part's own file holds its text. A part depends on the seed and its
+number only, so the first ten of fifty are the same as ten.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.camera.appearance import draw_light
+from glyphs.camera.photo import Photo
+from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.errors import FileError
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import allowed_characters, random_text
+from glyphs.part import Part, stamp
+from glyphs.soiling.soil import Soil
+from glyphs.soiling.soiled import Soiling
+from glyphs.stamping.amounts import chosen
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.dies import DIES
+from glyphs.stamping.layouts import LAYOUTS
+from glyphs.stamping.plates import PLATES
+from glyphs.stamping.variation import PRACTICES, StampingVariation
+from glyphs.surface.maps import HeightMap
+from pipeline.common.atomic import replacing
+from pipeline.common.settings import SettingsError
+from pipeline.formats.npz import soil_members, write_npz
+from pipeline.formats.photos import write_photo
+
+TRUTH_FILE = "truth.csv"
+MAX_PARTS = 1_000_000
+MOST_LIGHTS = 12
+
+
+@dataclass(frozen=True)
+class SynthSpec:
+    """What to stamp.
+
+    Attributes:
+        format: of the serials.
+        font: built-in name or font file.
+        seed: of everything random.
+        height_mm: character height.
+        depth_mm: depth of the mark, from the table of usual depths unless given.
+        face: face of the die.
+        bevel_deg: slope of its walls.
+        raised: raised marks.
+        variation: whether blows and plate differ as they do in a shop; without it all is ideal.
+        practice: who stamps, a name of `glyphs.PRACTICES`; a press unless given.
+        die: a name of `glyphs.DIES`, in place of a face.
+        plate: a name of `glyphs.PLATES`; a machined one unless given.
+        layout: a name of `glyphs.LAYOUTS`; a straight line unless given. Of two lines the truth is the one of the
+            format.
+        soiling: what lies on the parts; nothing unless given.
+        light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
+        light_elevation_deg: how high it stands; likewise.
+        pixel_mm: size of a pixel of the photographs on the part.
+        lights: photographs of each part, the lamp on another side each time.
+
+    Raises:
+        SettingsError: a format, font, die, light or pixel that cannot be; a practice without variation.
+        StampError: no practice, die, plate or layout of that name.
+    """
+
+    format: str
+    font: str = "gothic"
+    seed: int = 0
+    height_mm: float = 5.0
+    depth_mm: float | None = None
+    face: Face = Face.FLAT
+    bevel_deg: float = 45.0
+    raised: bool = False
+    variation: bool = True
+    practice: str | None = None
+    die: str | None = None
+    plate: str | None = None
+    layout: str | None = None
+    soiling: Soiling = field(default_factory=Soiling)
+    light_azimuth_deg: float | None = None
+    light_elevation_deg: float | None = None
+    pixel_mm: float = DEFAULT_PIXEL_MM
+    lights: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.lights <= MOST_LIGHTS:
+            raise SettingsError(f"lights is {self.lights}", hint=f"it lies between 1 and {MOST_LIGHTS}")
+        if self.seed < 0:
+            raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
+        allowed_characters(self.format)
+        draw_light(
+            np.random.default_rng(0),
+            azimuth_deg=self.light_azimuth_deg,
+            elevation_deg=self.light_elevation_deg,
+        )
+        Camera(pitch_mm=self.pixel_mm)
+        if self.practice is not None and not self.variation:
+            raise SettingsError(
+                "a practice is how blows differ", hint="leave out either it or 'no variation'"
+            )
+        for kind, choices, name in (
+            ("practice", PRACTICES, self.practice),
+            ("die", DIES, self.die),
+            ("plate", PLATES, self.plate),
+            ("layout", LAYOUTS, self.layout),
+        ):
+            if name is not None:
+                chosen(kind, choices, name)
+        if self.die is not None and self.face is not Face.FLAT:
+            raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
+        default_die(
+            self.height_mm,
+            font=load_font(self.font),
+            face=self.face,
+            bevel_deg=self.bevel_deg,
+            depth_mm=self.depth_mm,
+        )
+
+    def photograph(self, part: Part) -> Photo:
+        """The photograph of one of its parts, with its others under other lights."""
+        return part.photograph(
+            light_azimuth_deg=self.light_azimuth_deg,
+            light_elevation_deg=self.light_elevation_deg,
+            pixel_mm=self.pixel_mm,
+            lights=self.lights,
+        )
+
+
+def make_part(spec: SynthSpec, number: int) -> Part:
+    """The part of that number, the same whatever was made before it."""
+    return stamp(
+        format=spec.format,
+        font=spec.font,
+        height_mm=spec.height_mm,
+        depth_mm=spec.depth_mm,
+        face=spec.face,
+        bevel_deg=spec.bevel_deg,
+        raised=spec.raised,
+        variation=None if spec.variation else StampingVariation.none(),
+        practice=spec.practice,
+        die=spec.die,
+        plate=spec.plate,
+        layout=spec.layout,
+        dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
+        soil=spec.soiling.soils,
+        seed=(spec.seed, number),
+    )
+
+
+def text_of(spec: SynthSpec, number: int) -> str:
+    """The text of the part of that number, which is drawn before anything else of it, without making the part."""
+    return random_text(spec.format, rng=np.random.default_rng((spec.seed, number)))
+
+
+def write_parts(
+    spec: SynthSpec,
+    folder: Path,
+    *,
+    parts: int,
+    photos: bool = True,
+    overwrite: bool = False,
+    each: Callable[[Callable[[int], str], Iterable[int]], Iterable[str]] = map,
+    on_part: Callable[[str], None] | None = None,
+) -> list[tuple[str, str]]:
+    """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
+
+    Args:
+        spec: what to make.
+        folder: for them, made if need be.
+        parts: how many.
+        photos: whether photographs are taken.
+        overwrite: write into a folder that is not empty.
+        each: calls a function with every number and gives the results in order, as `map` does; what is written does
+            not depend on who does it.
+        on_part: called with the name of every part when it is written, in order.
+
+    Returns:
+        (name, text) of each part.
+
+    Raises:
+        FileError: the folder is not empty and not to be overwritten, or cannot be written.
+        MapError: a photograph too large.
+        SettingsError: a number of parts that cannot be.
+    """
+    if not 1 <= parts <= MAX_PARTS:
+        raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
+    _prepare(folder, overwrite=overwrite)
+    digits = max(3, len(str(parts - 1)))
+    truth = []
+    texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
+    for number, text in enumerate(texts):
+        name = _name(number, digits)
+        truth.append((name, text))
+        if on_part is not None:
+            on_part(name)
+    with (
+        replacing(folder / TRUTH_FILE) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        writer = csv.writer(stream)
+        writer.writerow(("part", "text"))
+        writer.writerows(truth)
+    return truth
+
+
+def _name(number: int, digits: int) -> str:
+    return f"part-{number:0{digits}d}"
+
+
+def _write_numbered(spec: SynthSpec, folder: Path, digits: int, photos: bool, number: int) -> str:
+    return write_part(spec, folder / _name(number, digits), number, photos=photos)
+
+
+def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:
+    """Write one part as `stem`.npz and .png; a clean one as its surface alone. Returns its text."""
+    part = make_part(spec, number)
+    write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
+    if photos:
+        photo = spec.photograph(part)
+        if photo.others:
+            for number, one in enumerate((photo, *photo.others), start=1):
+                write_photo(stem.with_name(f"{stem.name}.light-{number}.png"), one)
+        else:
+            write_photo(stem.with_suffix(".png"), photo)
+    return part.text
+
+
+def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
+    """Write the top of a part and what lies on it; a clean part is its surface alone.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    members = {} if soil is None else soil_members(soil)
+    # half precision holds micrometres of a tenth of a millimetre, at half the size
+    more = {name: np.asarray(values).astype(np.float16) for name, values in members.items()}
+    write_npz(path, height_map, more=more)
+
+
+def _prepare(folder: Path, *, overwrite: bool) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()) and not overwrite:
+            raise FileError(folder, "is not empty", "name another folder or give --overwrite")
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error

@@ -1,0 +1,169 @@
+"""Read tables that people save from a spreadsheet, in every form of CSV that one writes.
+
+bytes --byte order mark--> text (UTF-8, UTF-16) --"sep=" line, or count--> delimiter --quotes--> TableLine
+
+Every table of a user's passes through here: manifests, texts to expect, production orders, answers to an exam.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from pipeline.common.spreadsheet import original
+from pipeline.formats.listed import problem_of
+
+PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
+"""Columns that name a part, the first one found counts."""
+TEXT_HEADINGS = ("text", "serial", "serials", "serial_number", "expected", "truth", "label")
+"""Columns that hold the text of a part, the first one found counts."""
+_DELIMITERS = ",;\t"
+_SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
+# characters; more than any line of a table has, so that a file without line ends is not loaded whole
+_MOST_LINE = 10_000_000
+# bytes from which the encoding is told, lines from which the delimiter is
+_SAMPLE_BYTES, _SAMPLE_LINES = 4096, 20
+
+
+@dataclass(frozen=True, slots=True)
+class TableLine:
+    """One line of a table that is not blank.
+
+    Attributes:
+        number: of the line in the file, from 1.
+        cells: their text, without blanks around it.
+    """
+
+    number: int
+    cells: tuple[str, ...]
+
+    def cell(self, place: int) -> str:
+        """The text in a column; empty where the line ends before it."""
+        return self.cells[place] if place < len(self.cells) else ""
+
+
+def table_lines(path: Path, *, source: str = "", comments: bool = False) -> Iterator[TableLine]:
+    """The lines of a table, its first one with the headings (if any) among them; one line is in memory at a time.
+
+    Args:
+        path: the file.
+        source: what messages call it; the path by default.
+        comments: pass over lines that begin with #.
+
+    Raises:
+        FileError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
+    """
+    source, number = source or str(path), 0
+    if _head(path).startswith(b"PK\x03\x04"):
+        raise problem_of(source, "is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
+    try:
+        with path.open(encoding=_encoding(path), newline="") as stream:
+            lines, delimiter, skipped = _delimited(_bounded(stream.readline, source), comments=comments)
+            # strict: otherwise one quote too many swallows the lines after it
+            blanks = re.compile(rf'(?<!")" +(?={re.escape(delimiter)}|\s*$)')
+            tidy = (blanks.sub('"', line) if '" ' in line else line for line in lines)
+            reader = csv.reader(tidy, delimiter=delimiter, skipinitialspace=True, strict=True)
+            for row in reader:
+                number = reader.line_num + skipped
+                cells = tuple(original(cell.strip()) for cell in row)
+                if any(cells) and not (comments and cells[0].startswith("#")):
+                    yield TableLine(number, cells)
+    except UnicodeError as error:
+        raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
+    except csv.Error as error:
+        raise problem_of(
+            source,
+            f"is not a CSV table after line {number} ({error})",
+            "check its quotes, save it as CSV (UTF-8)",
+        ) from error
+
+
+def heading(cell: str) -> str:
+    """A heading as it is compared: lower case, one word."""
+    return re.sub(r"[\s.-]+", "_", cell.strip().lower())
+
+
+def column_of(headings: Sequence[str], names: Collection[str]) -> int | None:
+    """The place of the first of these names among the headings; None where none is there."""
+    plain = [heading(cell) for cell in headings]
+    return next((plain.index(name) for name in names if name in plain), None)
+
+
+def is_data(cells: Sequence[str]) -> bool:
+    """Whether a first line without a known heading holds data: serials have digits, headings have none."""
+    return any(char.isdigit() for cell in cells for char in cell)
+
+
+def number_of(cell: str) -> float:
+    """The number in a cell, with a decimal point or comma.
+
+    Raises:
+        ValueError: it holds none.
+    """
+    return float(cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(_SAMPLE_BYTES)
+
+
+def _encoding(path: Path) -> str:
+    """The encoding of a text file, from its byte order mark or from where its zeros stand."""
+    head = _head(path)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    even, odd = head[0::2], head[1::2]
+    if odd and odd.count(0) > len(odd) // 2 and not even.count(0):
+        return "utf-16-le"
+    if odd and even.count(0) > len(even) // 2 and not odd.count(0):
+        return "utf-16-be"
+    return "utf-8-sig"
+
+
+def _bounded(readline: object, source: str) -> Iterator[str]:
+    """The lines of a stream.
+
+    Raises:
+        FileError: a line that no table has.
+    """
+    assert callable(readline)
+    while line := str(readline(_MOST_LINE)):
+        if len(line) == _MOST_LINE:
+            raise problem_of(source, "has a line of over 10 million characters", "give a table")
+        yield line
+
+
+def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], str, int]:
+    """The lines to parse, their delimiter, and the number of lines before them.
+
+    The delimiter is the one that a "sep=" line names, or the one that gives most of the first lines as many cells as
+    the first of them has.
+    """
+    skipped, sample = 0, list[str]()
+    for line in lines:
+        blank = not any(text.strip() for text in sample)
+        named = _SEPARATOR_LINE.fullmatch(line) if blank else None
+        if named is not None:
+            return lines, named[1], skipped + len(sample) + 1
+        sample.append(line)
+        if len(sample) >= _SAMPLE_LINES:
+            break
+    telling = [line for line in sample if line.strip() and not (comments and line.lstrip().startswith("#"))]
+    delimiter = max(_DELIMITERS, key=lambda mark: _evenness(telling, mark))
+    return chain(sample, lines), delimiter, skipped
+
+
+def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:
+    """How many lines have as many cells as the first has, and how many these are; (0, 0) where it has one."""
+    try:
+        rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
+    except csv.Error:  # told when the table is parsed
+        rows = [line.split(delimiter) for line in lines[:1]]
+    cells = len(rows[0]) if rows else 0
+    return (sum(len(row) == cells for row in rows), cells) if cells > 1 else (0, 0)

@@ -1,0 +1,150 @@
+"""What stands in somebody else's trace files, as TOML: columns, units, and where the whiskers are.
+
+whisker = "whisker.toml"          the whiskers (`pipeline.formats.whisker_file`), beside this file
+moment_unit = "V"                 N*mm, mN*m, N*m, or V
+position_unit = "mm"              um, mm, m, in
+lead_mm = 1.5                     of each pass, before and behind the marks
+[columns]                         by name, or by number from 1; of TDMS "group/channel"
+moment = ["ch0", "ch1"]           one a whisker
+x = "X"
+y = "Y"
+...
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from glyphs.errors import FileError
+from pipeline.formats.time_stamps import TimeUnit
+from pipeline.formats.toml_file import toml_table, wrong_key
+from pipeline.formats.units import Unit
+
+_FORMAT_VERSION = 1
+Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Columns(_Strict):
+    """Where what stands.
+
+    Attributes:
+        moment: column of each whisker's signal.
+        x: of the stage's position.
+        y: likewise; plate frame, y down the part.
+        time: in `time_unit`, or time stamps; `None`: the rate is known.
+        lifted: not 0 where the array is lifted off; `None`: all samples touch.
+        number: of the pass, negative between passes; `None`: a file is a pass.
+    """
+
+    moment: tuple[Column, ...] = Field(min_length=1, strict=False)
+    x: Column
+    y: Column
+    time: Column | None = None
+    lifted: Column | None = None
+    number: Column | None = Field(default=None, alias="pass")
+
+    def named(self) -> tuple[Column, ...]:
+        """All of them that are given."""
+        others = (self.x, self.y, self.time, self.lifted, self.number)
+        return (*self.moment, *(c for c in others if c is not None))
+
+
+class Csv(_Strict):
+    """How text is written.
+
+    Attributes:
+        delimiter: between values.
+        decimal: of numbers, a point or a comma.
+        skip_lines: before the header, or before the first values where columns are numbered.
+    """
+
+    delimiter: str = Field(default=",", min_length=1, max_length=1)
+    decimal: Literal[".", ","] = "."
+    skip_lines: int = Field(default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        if self.delimiter == self.decimal:
+            raise ValueError(f"has {self.decimal!r} as csv.delimiter and as csv.decimal")
+        return self
+
+
+class TracesFile(_Strict):
+    """What is known of the files.
+
+    Attributes:
+        whisker: whisker file.
+        columns: where what stands.
+        moment_unit: of the signals.
+        position_unit: of positions and of nothing else: keys say their own.
+        time_unit: of the column of time, where it has numbers.
+        sampling_rate_hz: where no column has the time, and no TDMS channel its increment.
+        lead_mm: run-in and run-out on bare land; 0 where there is none.
+        across_mm: how far beside the stage's position each tip runs: towards +y in passes along x, towards +x in
+            passes along y; all on the position unless given.
+        turns: the comb is turned with the direction: across_mm is to the right of the travel.
+        behind_mm: how far behind the position each tip runs; none unless given.
+        part_mm: x0, y0, x1, y1 of the part; a tip beyond it feels nothing; all of the plate unless given.
+        part_id: what the part is called.
+        start_time: ISO 8601 with zone.
+        csv: how text is written.
+    """
+
+    whisker: str
+    columns: Columns
+    moment_unit: Literal["N*mm", "mN*m", "N*m", "V"] = "N*mm"
+    position_unit: Unit = Field(default=Unit.MM, strict=False)
+    time_unit: TimeUnit = Field(default=TimeUnit.SECOND, strict=False)
+    sampling_rate_hz: Positive | None = None
+    lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
+    across_mm: tuple[Number, ...] = Field(default=(), strict=False)
+    turns: bool = False
+    behind_mm: tuple[Annotated[Number, Field(ge=0.0)], ...] = Field(default=(), strict=False)
+    part_mm: tuple[Number, Number, Number, Number] | None = Field(default=None, strict=False)
+    part_id: str = ""
+    start_time: str = ""
+    csv: Csv = Csv()
+
+    @model_validator(mode="after")
+    def _one_each(self) -> Self:
+        n = len(self.columns.moment)
+        for name, given in (("across_mm", self.across_mm), ("behind_mm", self.behind_mm)):
+            if len(given) not in (0, n):
+                raise ValueError(f"has {len(given)} numbers in {name}, and {n} whiskers in columns.moment")
+        if n > 1 and not self.across_mm:
+            raise ValueError(f"lacks the key across_mm, with {n} whiskers that do not run on one line")
+        if self.behind_mm and min(self.behind_mm) != 0.0:
+            raise ValueError("has no whisker with 0 in behind_mm, which is counted from the foremost")
+        if self.part_mm is not None and not (
+            self.part_mm[0] < self.part_mm[2] and self.part_mm[1] < self.part_mm[3]
+        ):
+            raise ValueError(
+                f"has part_mm {list(self.part_mm)}, which is least x, least y, greatest x, greatest y"
+            )
+        named = self.columns.named()
+        if len(set(named)) < len(named):
+            twice = next(c for c in named if named.count(c) > 1)
+            raise ValueError(f"names the column {twice!r} twice")
+        return self
+
+
+def read_traces_file(path: Path) -> TracesFile:
+    """What a person says of trace files.
+
+    Raises:
+        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
+    """
+    written = toml_table(path, format_version=_FORMAT_VERSION)
+    try:
+        return TracesFile.model_validate(written)
+    except ValidationError as error:
+        raise FileError(path, *wrong_key(error, hidden=("constrained-str", "constrained-int"))) from error

@@ -1,0 +1,189 @@
+"""The unit of the numbers in a height file: one decision for all formats.
+
+Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that are no
+such part in the unit that the file states (millimetres where it states none) are asked about. A unit that is given goes
+before the file's and is not asked about again.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.errors import FileError
+from pipeline.common.settings import MapSettings
+from pipeline.formats.raw_map import RawMap
+
+# mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
+MOST_PLATE_MM = 1000.0
+# mm, shorter side of a map: a tenth of the lowest lettering met, a coin's; and where the file states its unit
+LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
+# mm, height range: what measures more does not resolve a mark of 0.1 mm
+MOST_RELIEF_MM = 100.0
+# height range over the shorter side: no plate lies more than 45 degrees askew under an instrument
+MOST_RELIEF_SHARE = 1.0
+# mm, height range of a map that is not flat: a twentieth of the shallowest mark
+LEAST_RELIEF_MM = 1e-3
+# mm, height range of a stamped plate: of several units that make a part, the likeliest comes nearest
+USUAL_RELIEF_MM = 0.2
+# least height range over the shorter side where the file states its unit: instruments measure unmarked parts, too
+LEAST_RELIEF_SHARE = 3e-5
+# mm, height range less tilt and dome: twenty times the deepest stamped mark
+MOST_DEPTH_MM = 10.0
+# mean steepness over a fiftieth of the shorter side: 45 degrees everywhere
+MOST_STEEPNESS = 1.0
+# mm, distance of samples: a character of 25 mm has 25
+MOST_PITCH_MM = 1.0
+
+_SUBSAMPLE = 40_000
+
+
+class Unit(StrEnum):
+    """Unit of length."""
+
+    UM = "um"
+    MM = "mm"
+    M = "m"
+    INCH = "in"
+    NM = "nm"
+
+    @property
+    def mm(self) -> float:
+        """Millimetres in one."""
+        return {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "m": 1e3, "in": 25.4}[self.value]
+
+    @property
+    def plural(self) -> str:
+        """In words."""
+        words = {"nm": "nanometres", "um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches"}
+        return words[self.value]
+
+
+def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
+    """Factors that make millimetres of heights and of sample distances.
+
+    Args:
+        path: the file, for the message.
+        raw: its heights, without bad points.
+        pitch: the smaller distance of samples, in the file's numbers; millimetres where the settings give it.
+        settings: a unit given goes before the file's; heights and distances may have different units, so what it
+            would make absurd keeps the file's.
+
+    Raises:
+        FileError: the numbers are no part; says in which unit they would be.
+    """
+    shape = _Shape.of(raw, pitch)
+    z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
+    if settings.unit is not None:
+        mm = Unit(settings.unit).mm
+        tries = [(mm, mm), (mm, xy_mm), (z_mm, mm)] if settings.pitch_mm is None else [(mm, 1.0)]
+        tries = tries[:1] if raw.one_unit else tries
+        fitting = [factors for factors in tries if not shape.absurdity(*factors)]
+        return min(fitting, key=lambda factors: shape.unusual(factors[0]), default=tries[0])
+    absurd = shape.absurdity(z_mm, xy_mm)
+    if not absurd:
+        return z_mm, xy_mm
+    asked: list[tuple[bool, float, str, Unit]] = []
+    for unit in Unit:
+        if unit is Unit.NM and raw.z_mm is not None:
+            continue  # no format states its numbers wrongly by so much
+        factors = {"numbers": (unit.mm, unit.mm), "heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
+        unknown = factors if settings.pitch_mm is None else ("heights",)
+        for what in ("numbers",) if raw.one_unit else unknown:
+            z, xy = factors[what]
+            if not shape.absurdity(z, xy):
+                asked.append((unit is Unit.INCH, shape.unusual(z), what, unit))
+    if asked:
+        *_, what, unit = min(asked, key=lambda one: one[:2])
+        raise FileError(path, absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
+    if not shape.odd_size(xy_mm):
+        return z_mm, xy_mm  # flat, noisy or askew
+    raise FileError(
+        path,
+        f"{absurd}; in no unit are these the numbers of a part",
+        "give the distance of its samples with --pitch-mm, or say with --unit that it is right",
+    )
+
+
+class _Shape:
+    """Measures of a map in the file's numbers."""
+
+    def __init__(self, raw: RawMap, pitch: float, *, relief: float, depth: float, rise: float) -> None:
+        self.rows, self.cols, self.pitch = *raw.z.shape, pitch
+        self.relief, self.depth, self.rise = relief, depth, rise
+        self.stated, self.one_unit = raw.z_mm is not None, raw.one_unit
+
+    @classmethod
+    def of(cls, raw: RawMap, pitch: float) -> _Shape:
+        """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
+        z = raw.z
+        rows, cols = z.shape
+        step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
+        lag = max(1, round(min(rows, cols) / 50))
+        rises = [np.abs(z[lag::step, ::step] - z[:-lag:step, ::step]).ravel(),
+                 np.abs(z[::step, lag::step] - z[::step, :-lag:step]).ravel()]  # fmt: skip
+        rise = np.concatenate(rises)
+        rise = rise[np.isfinite(rise)]
+        few = np.asarray(z[::step, ::step], dtype=np.float64)
+        y, x = np.indices(few.shape) / max(few.shape)
+        known = np.isfinite(few)
+        if known.sum() < 8:
+            return cls(raw, pitch, relief=0.0, depth=0.0, rise=0.0)
+        heights, x, y = few[known], x[known], y[known]
+        heights = heights - np.median(heights)
+        form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+        rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
+        relief, depth = (
+            float(np.ptp(np.percentile(h, ends))) for h, ends in ((heights, (0.2, 99.8)), (rest, (1, 99)))
+        )
+        return cls(
+            raw, pitch, relief=relief, depth=depth, rise=float(rise.mean()) / lag if rise.size else 0.0
+        )
+
+    def least_relief(self, pitch_mm: float) -> float:
+        """Least height range of a map that is not flat, mm."""
+        return LEAST_RELIEF_SHARE * min(self.rows, self.cols) * pitch_mm if self.stated else LEAST_RELIEF_MM
+
+    def unusual(self, z_mm: float) -> float:
+        """How far the height range is from that of a stamped plate, in powers of ten."""
+        return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
+
+    def absurdity(self, z_mm: float, xy_mm: float) -> str:
+        """Why no plate with marks has these measures in these units; empty if one may."""
+        if odd := self.odd_size(xy_mm):
+            return odd
+        pitch, relief = self.pitch * xy_mm, self.relief * z_mm
+        shorter = min(self.rows, self.cols) * pitch
+        size = self._size(pitch)
+        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < self.least_relief(
+            pitch
+        ):
+            return f"heights span {_length(relief)} on a map of {size}"
+        if self.one_unit:  # a mesh may show the part's base, too
+            return ""
+        if self.depth * z_mm > MOST_DEPTH_MM:
+            return f"marks are {_length(self.depth * z_mm)} deep on a map of {size}"
+        if self.rise * z_mm / pitch > MOST_STEEPNESS:
+            return f"marks {_length(self.depth * z_mm)} deep make a map of {size} steeper than 45 degrees throughout"
+        return ""
+
+    def odd_size(self, xy_mm: float) -> str:
+        """Why no map of a plate has these distances; empty if one may."""
+        pitch = self.pitch * xy_mm
+        shorter, longer = sorted((self.rows * pitch, self.cols * pitch))
+        if pitch > MOST_PITCH_MM:
+            return f"its samples lie {_length(pitch)} apart, on a map of {self._size(pitch)}"
+        if not (longer <= MOST_PLATE_MM and shorter >= (LEAST_STATED_MM if self.stated else LEAST_PLATE_MM)):
+            return f"the map measures {self._size(pitch)}"
+        return ""
+
+    def _size(self, pitch_mm: float) -> str:
+        return f"{_length(self.cols * pitch_mm)} x {_length(self.rows * pitch_mm)}"
+
+
+def _length(mm: float) -> str:
+    if mm >= 1e3:
+        return f"{mm / 1e3:.3g} m" if mm < 1e6 else f"{mm / 1e3:,.0f} m"
+    return f"{mm:.3g} mm" if mm >= 0.1 or mm == 0.0 else f"{mm * 1e3:.3g} um"

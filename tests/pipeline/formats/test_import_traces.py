@@ -1,0 +1,283 @@
+"""Traces of others: what is laid out as a file says is the scan again, and what cannot be is said with its place."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glyphs.errors import FileError, MissingExtraError
+from glyphs.surface.maps import HeightMap, TraceDirection
+from pipeline.cli.main import main
+from pipeline.formats.import_traces import import_traces
+from pipeline.formats.traces_file import TracesFile, read_traces_file
+from tests.factories import scanned
+from whisker_array.scan.recording import load_scan
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.stagger import as_taken
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import default_touch
+
+TOUCH = default_touch(5.0)
+COLUMNS = {"moment": ["a", "b", "c"], "x": "x", "y": "y", "time": "t", "lifted": "up", "pass": "n"}
+ACROSS = [0.0, 0.5, 1.0]
+
+
+def told(**more: Any) -> TracesFile:
+    columns = {**COLUMNS, **more.pop("columns", {})}
+    given = {"whisker": "w.toml", "columns": columns, "across_mm": ACROSS, "lead_mm": 0.7, **more}
+    return TracesFile.model_validate(given)
+
+
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    rng = np.random.default_rng(3)
+    plan = RasterPlan(
+        array=WhiskerArray(3, 0.5),
+        region_mm=(0.5, 0.5, 6.0, 1.9),
+        line_pitch_mm=0.25,
+        sample_pitch_mm=0.1,
+        directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y, TraceDirection.BACK_X),
+        lead_mm=0.7,
+        air_samples=5,
+    )
+    surface = HeightMap(rng.normal(0.0, 0.002, (60, 120)).astype(np.float32), 0.06)
+    return scanned(surface, plan, touch=TOUCH)
+
+
+def rows_of(scan: Scan, *, behind: tuple[int, ...] = (0, 0, 0)) -> dict[str, np.ndarray]:
+    """What a bench would have logged."""
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in ("x", "y", "up", "n", "a", "b", "c")}
+    number = 0
+    for sweep in scan.sweeps:
+        n_air = sweep.air_n_mm.shape[2]
+        taken = as_taken(sweep.moment_n_mm, np.array(behind))
+        sign = -1.0 if sweep.plan.direction.backward else 1.0
+        along = sweep.plan.start_mm + sign * sweep.plan.step_mm * np.arange(taken.shape[2])
+        along = np.r_[np.full(n_air, along[0]), along]
+        for line, air, moment in zip(sweep.plan.line_mm, sweep.air_n_mm, taken, strict=True):
+            pair = (along, np.full(along.size, line[0]))
+            x, y = pair if sweep.plan.direction.along_x else pair[::-1]
+            up = (np.arange(along.size) < n_air).astype(float)
+            logged = np.concatenate([air, moment], axis=1).astype(np.float64)
+            for name, values in zip(parts, (x, y, up, np.full(x.size, number), *logged), strict=True):
+                parts[name].append(values)
+            number += 1
+    found = {name: np.concatenate(values) for name, values in parts.items()}
+    return {**found, "t": np.arange(found["x"].size) / scan.sample_rate_hz}
+
+
+def write_csv(
+    path: Path, columns: dict[str, np.ndarray], *, delimiter: str = ",", header: bool = True
+) -> Path:
+    names = delimiter.join(columns)
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, fmt="%.9g", delimiter=delimiter, header=names if header else "", comments="")
+    return path
+
+
+def assert_like(found: Scan, scan: Scan) -> None:
+    """Sample by sample; nine digits of text leave 1e-6 of a position, and so of a moment."""
+    assert found.directions == tuple(sorted(scan.directions, key=int))
+    for sweep in scan.sweeps:
+        (other,) = (s for s in found.sweeps if s.plan.direction is sweep.plan.direction)
+        assert other.plan.n_lead == sweep.plan.n_lead
+        assert other.plan.n_samples == sweep.plan.n_samples
+        assert other.plan.start_mm == pytest.approx(sweep.plan.start_mm, abs=1e-6)
+        assert other.plan.step_mm == pytest.approx(sweep.plan.step_mm, rel=1e-5)
+        np.testing.assert_allclose(other.plan.line_mm, sweep.plan.line_mm, atol=1e-6)
+        np.testing.assert_allclose(other.moment_n_mm, sweep.moment_n_mm, atol=1e-4)
+        np.testing.assert_allclose(other.air_n_mm, sweep.air_n_mm, atol=1e-6)
+
+
+def test_what_is_written_as_text_is_the_scan_again(scan: Scan, tmp_path: Path) -> None:
+    found = import_traces([write_csv(tmp_path / "t.csv", rows_of(scan))], told(), touch=TOUCH)
+    assert_like(found, scan)
+    assert found.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-6)
+    assert found.line_pitch_mm == pytest.approx(scan.line_pitch_mm, abs=1e-6)
+    assert not any(s.flags.any() for s in found.sweeps)
+
+
+def test_units_numbered_columns_and_other_text_are_taken_as_told(scan: Scan, tmp_path: Path) -> None:
+    rows = rows_of(scan)
+    metres = {k: v / 1000.0 if k in ("x", "y", "a", "b", "c") else v for k, v in rows.items()}
+    path = write_csv(tmp_path / "t.txt", metres, delimiter=";", header=False)
+    path.write_text("written by a bench\n" + path.read_text().replace(".", ","))
+    order = list(rows)
+    columns = {
+        k: [order.index(c) + 1 for c in v] if k == "moment" else order.index(v) + 1
+        for k, v in COLUMNS.items()
+    }
+    how = {"delimiter": ";", "decimal": ",", "skip_lines": 1}
+    said = told(columns=columns, csv=how, position_unit="m", moment_unit="N*m")
+    assert_like(import_traces([path], said, touch=TOUCH), scan)
+
+
+def test_files_of_one_pass_each_and_samples_that_stand_still(scan: Scan, tmp_path: Path) -> None:
+    rows, files = rows_of(scan), []
+    for k in range(int(rows["n"].max()) + 1):
+        one = {name: values[rows["n"] == k] for name, values in rows.items() if name not in ("n", "t")}
+        # the stage stands before it starts, and when it has stopped
+        one = {name: np.r_[values[:6], values[5:], values[-1:]] for name, values in one.items()}
+        files.append(write_csv(tmp_path / f"{k}.csv", one))
+    said = told(columns={"pass": None, "time": None}, sampling_rate_hz=500.0)
+    found = import_traces(files, said, touch=TOUCH)
+    assert_like(found, scan)
+    assert found.sample_rate_hz == 500.0
+
+
+def test_an_uneven_stage_is_laid_even_and_what_it_skipped_is_missing(scan: Scan, tmp_path: Path) -> None:
+    rows = rows_of(scan)
+    x = rows["x"]
+    smooth = {**rows, "a": np.sin(x), "b": np.sin(2.0 * x), "c": np.cos(x)}
+    keep = np.ones(x.size, dtype=bool)
+    keep[20:23] = False  # three samples of the first pass were lost
+    keep[60::7] = False  # and single ones of all
+    found = import_traces(
+        [write_csv(tmp_path / "t.csv", {k: v[keep] for k, v in smooth.items()})], told(), touch=TOUCH
+    )
+    sweep = next(s for s in found.sweeps if s.plan.direction is TraceDirection.FORWARD_X)
+    good = sweep.flags == 0
+    truth = np.sin(sweep.plan.position_mm())
+    # straight lines over 0.2 mm of a sine miss it by 0.2^2 / 8
+    assert np.abs(sweep.moment_n_mm[:, 0] - truth)[good[:, 0]].max() < 0.0055
+    assert (sweep.flags[0] == SampleFlag.DROPOUT).all(axis=0).sum() in (3, 4)
+    assert good[1:].all()
+
+
+def test_rows_of_whiskers_are_each_laid_where_their_tip_was(scan: Scan, tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "t.csv", rows_of(scan, behind=(0, 4, 4)))
+    found = import_traces([path], told(behind_mm=[0.0, 0.4, 0.4]), touch=TOUCH)
+    assert_like(found, scan)
+    assert found.sweeps[0].plan.offset_mm == pytest.approx((0.0, 0.4, 0.4), rel=1e-4)
+
+
+def test_a_comb_that_turns_and_a_part_that_ends(scan: Scan, tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "t.csv", rows_of(scan))
+    found = import_traces([path], told(turns=True, part_mm=[0.0, 0.0, 5.0, 1.6]), touch=TOUCH)
+    by_way = {int(s.plan.direction): s for s in found.sweeps}
+    assert by_way[0].plan.line_mm[0, 2] - by_way[0].plan.line_mm[0, 0] == pytest.approx(1.0)
+    for way in (90, 180):
+        assert by_way[way].plan.line_mm[0, 2] - by_way[way].plan.line_mm[0, 0] == pytest.approx(-1.0)
+    for sweep in found.sweeps:
+        line = np.broadcast_to(sweep.plan.line_mm[:, :, None], sweep.flags.shape)
+        along = np.broadcast_to(sweep.plan.position_mm(), sweep.flags.shape)
+        x, y = (along, line) if sweep.plan.direction.along_x else (line, along)
+        on = (x >= 0.0) & (x <= 5.0) & (y >= 0.0) & (y <= 1.6)
+        np.testing.assert_array_equal(sweep.flags == 0, on)
+
+
+def test_tdms_is_the_scan_again_and_its_damage_is_said(scan: Scan, tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    rows, path = rows_of(scan), tmp_path / "t.tdms"
+    increment = {"wf_increment": 1.0 / scan.sample_rate_hz}
+
+    def write(columns: dict[str, np.ndarray]) -> None:
+        with nptdms.TdmsWriter(path) as writer:
+            writer.write_segment([nptdms.ChannelObject("bench", k, v, increment) for k, v in columns.items()])
+
+    write(rows)
+    said = told(columns={"time": None, "moment": ["a", "bench/b", "c"]})
+    found = import_traces([path], said, touch=TOUCH)
+    assert_like(found, scan)
+    assert found.sample_rate_hz == pytest.approx(scan.sample_rate_hz, rel=1e-9)
+    write({**rows, "b": rows["b"][:-3]})
+    with pytest.raises(FileError, match=r"t\.tdms: has [\d,]+ samples in channel 'bench/b' and"):
+        import_traces([path], said, touch=TOUCH)
+    write({k: v for k, v in rows.items() if k != "c"})
+    with pytest.raises(FileError, match=r"t\.tdms: has no channel 'c' \(it has bench/x"):
+        import_traces([path], said, touch=TOUCH)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(FileError, match=r"t\.tdms: "):
+        import_traces([path], said, touch=TOUCH)
+
+
+def test_tdms_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "t.tdms").write_bytes(b"TDSm")
+    monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
+    with pytest.raises(MissingExtraError, match=r"tactile-marks\[tdms\]"):
+        import_traces([tmp_path / "t.tdms"], told(), touch=TOUCH)
+
+
+def _line(text: str, n: int, old: str, new: str) -> str:
+    lines = text.splitlines()
+    lines[n - 1] = lines[n - 1].replace(old, new)
+    return "\n".join(lines) + "\n"
+
+
+def _swapped(text: str, one: int, other: int) -> str:
+    lines = text.splitlines()
+    lines[one - 1], lines[other - 1] = lines[other - 1], lines[one - 1]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda s: _line(s, 5, ",1,", ",oops,"), r"says 'oops' in line 5, column 'up'; write a number"),
+        (lambda s: s.replace("x,y", "X,y", 1), r"has no column 'x' \(it has X, y, up"),
+        (lambda s: s.replace("x,y", "x,x", 1), r"has 2 columns 'x'; name them by number"),
+        (lambda s: s + "1,2\n", r"has 2 values in line \d+, none for column 'a'"),
+        (lambda s: _line(s, 9, "", "").replace("\n", "\n\n", 9), r"has nothing in line 2, and values after it"),
+        (lambda s: s.splitlines()[0] + "\n", "has no values below its header"),
+        (lambda s: _line(s, 7, s.splitlines()[6].split(",")[0], ""), "has no position in line 7"),
+        (lambda s: _line(s, 8, s.splitlines()[7].split(",")[-1], "0"), "has a time that runs back in line 8"),
+        (lambda s: re.sub(r"(,[01]),\d+,", r"\1,0,", s), "moves .* in x and .* in y in pass 0"),
+        (lambda s: "\n".join(s.splitlines()[:100]) + "\n", r"runs from .* to .* mm in pass 1; the passes at 0° have"),
+        (lambda s: _swapped(s, 40, 60), "runs back in pass 0, in line 41"),
+        (lambda s: "\x00\xff" + s, "has no column|is no text"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_with_its_place(scan: Scan, tmp_path: Path, spoil: Any, says: str) -> None:
+    path = write_csv(tmp_path / "t.csv", rows_of(scan))
+    path.write_text(spoil(path.read_text()))
+    with pytest.raises(FileError, match=rf"t\.csv: .*({says})"):
+        import_traces([path], told(), touch=TOUCH)
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ("speed = 3", "has the unknown key speed; take it out"),
+        ("position_unit = 'yard'", "says position_unit = 'yard'"),
+        ("across_mm = [0.0]", "has 1 numbers in across_mm, and 2 whiskers"),
+        ("behind_mm = [1.0, 2.0]", "has no whisker with 0 in behind_mm"),
+        ("part_mm = [1.0, 0.0, 0.5, 2.0]", "has part_mm"),
+        ("format_version = 2", "has format version 2; this program reads 1"),
+        ("lead_mm = inf", "says lead_mm = inf"),
+        ("lead_mm = ", "is not TOML"),
+    ],
+)
+def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
+    path = tmp_path / "traces.toml"
+    across = "" if more.startswith("across") else "across_mm = [0.0, 1.0]\n"
+    path.write_text(f"{more}\n{across}whisker = 'w.toml'\n[columns]\nmoment = ['a', 'b']\nx = 'x'\ny = 'y'\n")
+    with pytest.raises(FileError) as failure:
+        read_traces_file(path)
+    assert f"{path}: " in str(failure.value)
+    assert says in str(failure.value)
+
+
+def test_the_command_says_which_whisker_is_missing(
+    scan: Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, toml = write_csv(tmp_path / "t.csv", rows_of(scan)), tmp_path / "traces.toml"
+    toml.write_text(
+        "whisker = 'w.toml'\nacross_mm = [0.0, 0.5, 1.0]\n[columns]\nmoment = ['a', 'b', 'c']\n"
+        "x = 'x'\ny = 'y'\ntime = 't'\nlifted = 'up'\npass = 'n'\n"
+    )
+    out = tmp_path / "scan.h5"
+    asked = ["import", str(table), "--traces", str(toml), "--out", str(out)]
+    assert main(asked) == 1
+    assert "traces.toml: names the whisker w.toml, which is not there" in capsys.readouterr().err
+    assert not out.exists()
+    (tmp_path / "w.toml").write_text(
+        "kind = 'L'\nl1_mm = 30.0\nl2_mm = 2.5\npreload_mm = 0.6\ntip_radius_mm = 0.05\nfriction = 0.2\n"
+        "character_height_mm = 5.0\n[section]\nkind = 'round'\ndiameter_mm = 0.3\n"
+    )
+    assert main(asked) == 0
+    assert load_scan(out).part_id == ""

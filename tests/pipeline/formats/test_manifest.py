@@ -1,0 +1,363 @@
+"""Tables of parts, good and bad, and the list of bad parts, which is such a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import resource
+import tempfile
+from collections.abc import Iterable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pyarrow
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyarrow import parquet
+
+from glyphs.errors import FileError
+from pipeline.batch.quarantine import Quarantine
+from pipeline.common.row import Row
+from pipeline.formats.listed import ListedPart
+from pipeline.formats.manifest import COLUMNS, is_manifest, read_manifest
+from pipeline.formats.parts import discover
+
+
+def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return str(path)
+
+
+def parquet_table(folder: Path, columns: dict[str, Any], name: str = "lot.parquet") -> str:
+    parquet.write_table(pyarrow.table(columns), folder / name)
+    return str(folder / name)
+
+
+# --------------------------------------------------------------------------------------------------- good tables
+
+
+def test_every_column_is_read(tmp_path: Path) -> None:
+    source = table(
+        tmp_path,
+        "part,height_map,scan,photo,expected,format,font\n"
+        'A1,a.npz,a.h5,a.png,KB74,"AA99,x",block\n'
+        "A2,,,s3://lots/7/b.jpg,,,\n"
+        "A3,,,c.png | more/d.png|s3://e.png,,,\n",
+    )
+    one, other, several = read_manifest(source)
+    files = [str(tmp_path / name) for name in ("a.npz", "a.h5", "a.png")]
+    assert one == ListedPart("A1", *files, "KB74", "AA99,x", "block")
+    assert other == ListedPart("A2", photo="s3://lots/7/b.jpg")
+    assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_csv_as_spreadsheets_write_it(tmp_path: Path, delimiter: str, mark: bytes, end: str) -> None:
+    lines = [" Height_Map ", "PART", "Remark"], [" ö.npz", "A 1", "good"], ["", "", ""], ["b.npz", "B"]
+    text = end + end.join(delimiter.join(line) for line in lines) + end
+    parts = read_manifest(table(tmp_path, mark + text.encode()))
+    assert parts == [
+        ListedPart("A 1", str(tmp_path / "ö.npz")),
+        ListedPart("B", str(tmp_path / "b.npz")),
+    ]
+
+
+@pytest.mark.parametrize(
+    "kind", [pyarrow.string(), pyarrow.large_string(), pyarrow.dictionary(pyarrow.int32(), pyarrow.string())]
+)
+def test_parquet_says_the_same(tmp_path: Path, kind: pyarrow.DataType) -> None:
+    names = [f"m/{n}.npz" for n in range(20_000)]
+    source = parquet_table(
+        tmp_path,
+        {
+            "Height_Map ": pyarrow.array([*names, None], type=pyarrow.string()),
+            "font": pyarrow.array(["block"] * 20_000 + [None]).cast(kind),
+            "part": pyarrow.array([*range(20_000), None]),
+            "weight_g": pyarrow.array([1.0] * 20_001),
+        },
+    )
+    parts = read_manifest(source)
+    assert len(parts) == 20_000  # the empty row is passed over
+    assert parts[-1] == ListedPart("19999", str(tmp_path / "m/19999.npz"), font="block")
+
+
+def test_a_part_without_a_name_is_called_as_its_first_file(tmp_path: Path) -> None:
+    source = table(tmp_path, "photo,height_map\np.png,lot1/a.npz\nb.png,\n,lot2/a.npz\n")
+    assert [p.name for p in read_manifest(source)] == ["lot1/a", "b", "lot2/a"]
+
+
+def test_files_lie_beside_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "deep").mkdir()
+    monkeypatch.chdir(tmp_path)
+    table(tmp_path / "deep", "height_map\na.npz\n./b.npz\n/c.npz\nfile:///d.npz\n../e.npz\n")
+    files = [p.height_map for p in read_manifest("deep/lot.csv")]
+    assert files == ["deep/a.npz", "deep/b.npz", "/c.npz", "/d.npz", "deep/../e.npz"]
+    monkeypatch.chdir("deep")
+    assert read_manifest("lot.csv")[0].height_map == "a.npz"
+    assert read_manifest(f"file://{tmp_path}/deep/lot.csv")[0].height_map == f"{tmp_path}/deep/a.npz"
+
+
+def test_beside_a_table_in_a_store_is_in_the_store() -> None:
+    import fsspec
+
+    store = fsspec.filesystem("memory")
+    text = "height_map,part\na.npz,1\n../b.npz,2\n../../../../../etc/c.npz,3\nsub/d.npz,4\ns3://o/e.npz,5\n"
+    store.pipe_file("/lots/seven/lot.csv", text.encode())
+    files = [p.height_map for p in read_manifest("memory://lots/seven/lot.csv")]
+    assert files == [
+        "memory://lots/seven/a.npz",
+        "memory://lots/b.npz",
+        "memory://lots/etc/c.npz",  # above the store's root there is nothing
+        "memory://lots/seven/sub/d.npz",
+        "s3://o/e.npz",
+    ]
+    store.pipe_file("/lots/seven/bad.csv", b"name\n1\n")
+    with pytest.raises(FileError, match=r"^memory://lots/seven/bad.csv: has the columns name"):
+        read_manifest("memory://lots/seven/bad.csv")
+
+
+_TEXT = st.text(st.characters(blacklist_categories=["Cc", "Cs", "Zs", "Zl", "Zp", "Cf"]), max_size=12)
+_NAME = _TEXT.filter(
+    lambda t: t.strip() and not set("/\\") & set(t) and "://" not in t and t not in (".", "..")
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    rows=st.lists(
+        st.tuples(_NAME, _NAME, _TEXT, _TEXT), min_size=1, max_size=6, unique_by=lambda row: row[0].strip()
+    ),
+    order=st.permutations(("part", "height_map", "expected", "format")),
+    delimiter=st.sampled_from(",;\t"),
+    as_parquet=st.booleans(),
+)
+def test_what_is_written_is_read(
+    rows: list[tuple[str, ...]], order: tuple[str, ...], delimiter: str, as_parquet: bool
+) -> None:
+    records = [dict(zip(("part", "height_map", "expected", "format"), row, strict=True)) for row in rows]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if as_parquet:
+            source = parquet_table(folder, {column: [r[column] for r in records] for column in order})
+        else:
+            text = io.StringIO()
+            # a quote within a field that does not begin with one is not strict CSV
+            writer = csv.DictWriter(text, order, delimiter=delimiter, quoting=csv.QUOTE_ALL)
+            writer.writeheader()
+            writer.writerows(records)
+            source = table(folder, text.getvalue())
+        parts = read_manifest(source)
+        assert parts == [
+            ListedPart(r["part"].strip(), str(folder / r["height_map"].strip()), "", "")
+            if not (r["expected"].strip() or r["format"].strip())
+            else ListedPart(
+                r["part"].strip(),
+                str(folder / r["height_map"].strip()),
+                expected=r["expected"].strip(),
+                format=r["format"].strip(),
+            )
+            for r in records
+        ]
+
+
+# ---------------------------------------------------------------------------------------------------- bad tables
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("part,height_map\nA,a.npz\nB,b.npz\nA,c.npz\n", r"line 4 names A a second time, after line 2"),
+        ("height_map,photo\na.npz,\n,b.png\na.x3p,\n", r"line 4 names a a second time, after line 2"),
+        ("part,height_map\nA,a.npz\n\nB,\n", r"line 4 names no file; fill one of height_map, scan, photo"),
+        ("part,height_map,remark\n,,what\n", r"line 2 names no file"),
+        ("part,text\nA,KB\n", r"has the columns part, text; its first line must name one of height_map"),
+        ("part,heightmap\nA,a.npz\n", r"'heightmap'.*call it height_map"),
+        ("part,Height Map\nA,a.npz\n", r"'Height Map'.*call it height_map"),
+        ("part,height_map,formats\nA,a.npz,AA\n", r"'formats'.*call it format"),
+        ("parts,height_map\nA,a.npz\n", r"'parts'.*call it part"),
+        ("height_map,part,Part \na.npz,A,B\n", r"has two columns part"),
+        ("part,height_map\nA,a,b.npz\n", r"line 2 has more fields than the first line; quote"),
+        ("part,height_map\nA,lot/\n", r"line 2 names a folder"),
+        ('part,height_map\nA,"a.npz\nB,b.npz\nC,c.npz\n', r"not a CSV table after line 1 .*check its quotes"),
+        ('part,height_map\nA,"a.npz\nB,b.npz"\nC,c.npz\n', r"line 3 has a line break .*under height_map"),
+        ("part,height_map\nA,a\0.npz\n", r"line 2 has a line break or control character"),
+        ("part,height_map\nA," + "a" * 200_000 + "\n", r"not a CSV table after line 1 \(field larger"),
+        ("part,height_map\nA,St\xfcck.npz\n".encode("latin-1"), r"is not UTF-8 text; save it as CSV"),
+        ("part,height_map\n", r"holds no part"),
+        ("\n\n", r"has the columns none"),
+        (b"", r"is empty"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), r"lot.csv: "),
+    ],
+)
+def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes, told: str) -> None:
+    with pytest.raises(FileError, match=told) as refused:
+        read_manifest(table(tmp_path, text))
+    assert refused.value.path == tmp_path / "lot.csv"
+    assert refused.value.hint
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({"part": ["A", "B", "A"], "scan": ["a.h5", "b.h5", "c.h5"]}, r"row 3 names A .*after row 1"),
+        ({"part": ["A", "B"], "scan": ["a.h5", None]}, r"row 2 names no file"),
+        ({"part": ["A"], "scan": [1.5]}, r"has the column scan of type double; save it as text"),
+        ({"expected": [1234], "scan": ["a.h5"]}, r"has the column expected of type int64; save it as text"),
+        ({"part": [True], "scan": ["a.h5"]}, r"column part of type bool"),
+        ({"scan": [["a.h5"]]}, r"column scan of type list"),
+        ({"scans": ["a.h5"], "photo": ["a.png"]}, r"call it scan"),
+        ({"part": [1]}, r"its first line must name|must name one of height_map"),
+        ({"scan": pyarrow.array([], pyarrow.string())}, r"holds no part"),
+    ],
+)
+def test_a_bad_parquet_table_is_refused_with_its_row(
+    tmp_path: Path, columns: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(FileError, match=told):
+        read_manifest(parquet_table(tmp_path, columns))
+
+
+def test_damaged_parquet_is_refused(tmp_path: Path) -> None:
+    source = Path(parquet_table(tmp_path, {"scan": [f"{n:09}.h5" for n in range(5000)]}))
+    whole = source.read_bytes()
+    good = read_manifest(str(source))
+    for cut in (1, 10, len(whole) // 2, len(whole) - 1):
+        source.write_bytes(whole[:cut])
+        with pytest.raises(FileError, match="is damaged or not a Parquet file"):
+            read_manifest(str(source))
+    for at in range(4, len(whole), len(whole) // 40):
+        source.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        try:
+            parts = read_manifest(str(source))
+        except FileError:
+            continue
+        # a byte of a name, or of nothing that matters
+        assert len(parts) == len(good)
+
+
+def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="is not there"):
+        read_manifest(str(tmp_path / "none.csv"))
+    with pytest.raises(FileError, match=r"memory://none/at/all.parquet: is not there"):
+        read_manifest("memory://none/at/all.parquet")
+
+
+def test_columns_of_the_results_are_none_of_a_manifests_misspelled(tmp_path: Path) -> None:
+    others = [f.name for f in fields(Row) if f.name not in COLUMNS]
+    source = table(tmp_path, ",".join(["height_map", *others, "problem"]) + "\na.npz\n")
+    assert [p.name for p in read_manifest(source)] == ["a"]
+
+
+def test_manifests_are_told_by_their_ends() -> None:
+    assert is_manifest("a/lot.CSV")
+    assert is_manifest("https://host/lot.parquet?signature=x.npz")
+    assert is_manifest("s3://lots/lot.parquet")
+    assert not is_manifest("lots.csv/a.npz")
+    assert not is_manifest("https://host/a.npz?list=lot.csv")
+
+
+# ---------------------------------------------------------------------------------------------------- quarantine
+
+
+BAD = [
+    ListedPart("lot/a", "maps/a.npz", photo="s3://lots/a.png", expected="KB,74", format='A"9"', font="block"),
+    ListedPart("b", scan="https://host/b.h5?sign=1,2"),
+    ListedPart("ü;c", "/maps/ü;c.npz"),
+]
+
+
+def quarantined(path: Path, parts: Iterable[ListedPart], *, keep: bool = False) -> Quarantine:
+    book = Quarantine(path, keep=keep)
+    for part in parts:
+        book.add(part, f"{part.files[0]}: is damaged,\nor worse; copy it again")
+    book.close()
+    return book
+
+
+def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    book = Quarantine(path)
+    assert not path.exists()
+    for number, part in enumerate(BAD, start=1):
+        book.add(part, "is damaged; copy it again")
+        # there before the run goes on, whatever happens to it then
+        assert len(read_manifest(str(path))) == number == book.count
+    book.close()
+    again = read_manifest(str(path))
+    assert again[0] == ListedPart(
+        "lot/a", os.path.abspath("maps/a.npz"), "", "s3://lots/a.png", "KB,74", 'A"9"', "block"
+    )
+    assert again[1:] == BAD[1:]
+    with path.open(encoding="utf-8", newline="") as stream:
+        assert next(csv.DictReader(stream))["problem"] == "is damaged; copy it again"
+
+
+def test_a_run_taken_up_goes_on_with_its_list(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    quarantined(path, BAD[:2])
+    book = quarantined(path, BAD, keep=True)  # the first two are told again and stand once
+    assert book.count == 3
+    assert [p.name for p in read_manifest(str(path))] == [p.name for p in BAD]
+    assert book.kept is None
+
+
+def test_a_new_run_begins_a_new_list(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    quarantined(path, BAD)
+    book = quarantined(path, BAD[1:2])
+    assert [p.name for p in read_manifest(str(path))] == ["b"]
+    assert book.kept is not None
+    assert len(read_manifest(f"{tmp_path}/bad.csv")) == 1
+    assert len(book.kept.read_text().splitlines()) == 4
+    assert quarantined(path, []).kept is not None
+    assert not path.exists()  # nothing bad, no list
+
+
+def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path) -> None:
+    path, odd = tmp_path / "bad.csv", ListedPart("n\new", "a,b.npz")
+    quarantined(path, [*BAD, odd])
+    whole = path.read_bytes()
+    for cut in range(len(whole) + 1):
+        path.write_bytes(whole[:cut])
+        quarantined(path, [*BAD, odd], keep=True)
+        assert path.read_bytes() == whole, cut
+
+
+def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "lot.csv"
+    path.write_text("part,height_map\nA,a.npz\n")
+    for keep in (False, True):
+        with pytest.raises(FileError, match="is not a list of bad parts; name another file"):
+            Quarantine(path, keep=keep)
+    assert path.read_text() == "part,height_map\nA,a.npz\n"
+
+
+def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    quarantined(path, [ListedPart("x\ny", "x\ny.npz"), ListedPart("\udcff", "\udcff.npz"), BAD[1]])
+    assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
+    (part,) = discover(["x" * 5000 + ".npz"])
+    book = Quarantine(tmp_path / "long.csv")
+    book.add(ListedPart(part.name, problem=part.problem), str(part.problem))
+    book.close()
+    assert read_manifest(str(tmp_path / "long.csv"))[0].height_map.endswith("x.npz")
+
+
+def test_a_list_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
+        quarantined(tmp_path / "none" / "bad.csv", BAD)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))  # a disk that is full after a hundred bytes
+    try:
+        with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
+            quarantined(tmp_path / "bad.csv", BAD)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    quarantined(tmp_path / "bad.csv", BAD, keep=True)
+    assert len(read_manifest(str(tmp_path / "bad.csv"))) == 3

@@ -1,0 +1,139 @@
+"""Meshes and points: written from a stamped part by others' writers, read back as the map they were."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from glyphs import stamp
+from glyphs.errors import FileError
+from pipeline.common.settings import MapSettings
+from pipeline.formats.touch_file import read_height_map
+from recognition.reader import Reader
+
+PART = stamp("KX407", font="gothic", height_mm=5, seed=1).height_map
+ROWS, COLS = PART.shape
+TURN = np.array([[0.96, -0.28, 0.0], [0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
+
+
+def points() -> NDArray[np.float64]:
+    """(samples, 3), y upwards, corner at (3, 5)."""
+    x, y = np.meshgrid(3.0 + np.arange(COLS) * PART.pitch_mm, 5.0 - np.arange(ROWS) * PART.pitch_mm)
+    return np.column_stack([x.ravel(), y.ravel(), PART.z_mm.ravel()])
+
+
+def mesh(at: NDArray[np.float64]) -> trimesh.Trimesh:
+    k = np.arange(ROWS * COLS).reshape(ROWS, COLS)
+    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
+    return trimesh.Trimesh(
+        at, np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]), process=False
+    )
+
+
+def write(path: Path) -> Path:
+    geometry = mesh(points()) if path.stem == "mesh" else trimesh.PointCloud(points())
+    geometry.export(path)
+    return path
+
+
+@pytest.mark.parametrize("name", ["mesh.stl", "mesh.ply", "points.ply", "points.xyz"])
+def test_a_grid_keeps_its_heights(name: str, tmp_path: Path) -> None:
+    found = read_height_map(write(tmp_path / name))
+    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)  # coordinates are float32
+    np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)
+
+
+def test_the_serial_of_a_mesh_is_read(tmp_path: Path) -> None:
+    found = Reader(fonts=["gothic"], format="AA999").read(read_height_map(write(tmp_path / "mesh.stl")))
+    assert (found.text, found.decision) == ("KX407", "accept")
+
+
+def test_columns_of_text_in_any_order_with_a_heading(tmp_path: Path) -> None:
+    """x and y in mm with z in micrometres, as profilers of lines write."""
+    order = np.random.default_rng(0).permutation(ROWS * COLS)
+    columns = points()[order] * [1.0, 1.0, 1000.0]
+    np.savetxt(tmp_path / "a.asc", columns, fmt="%.4f", delimiter=";", header="X;Y;Z", comments="")
+    with pytest.raises(FileError, match=r"heights micrometres. .* --unit um"):
+        read_height_map(tmp_path / "a.asc")
+    found = read_height_map(tmp_path / "a.asc", MapSettings(unit="um"))
+    np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)  # written to 0.1 nm
+    assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
+
+
+@pytest.mark.parametrize("joined", [True, False])
+def test_off_a_grid_triangles_are_resampled(joined: bool, tmp_path: Path) -> None:
+    turned = points() @ TURN.T
+    if joined:
+        mesh(turned).export(tmp_path / "a.stl")
+        found = read_height_map(tmp_path / "a.stl")
+    else:
+        jitter = np.random.default_rng(0).uniform(-0.2, 0.2, (len(turned), 2)) * PART.pitch_mm
+        turned[:, :2] += jitter
+        trimesh.PointCloud(turned).export(tmp_path / "a.ply")
+        found = read_height_map(tmp_path / "a.ply")
+    # where each sample of the map lies on the part
+    v, u = np.nonzero(np.isfinite(found.z_mm))
+    x = turned[:, 0].min() + u * found.pitch_mm
+    y = turned[:, 1].max() - v * found.pitch_mm
+    back = np.column_stack([x, y, np.zeros_like(x)]) @ TURN
+    col, row = (back[:, 0] - 3.0) / PART.pitch_mm, (5.0 - back[:, 1]) / PART.pitch_mm
+    nearest = PART.z_mm[
+        np.rint(row).astype(int).clip(0, ROWS - 1), np.rint(col).astype(int).clip(0, COLS - 1)
+    ]
+    # half a sample aside on a wall of 45 degrees makes 0.035 mm, twice that for one corner of a triangle
+    assert np.percentile(np.abs(found.z_mm[v, u] - nearest), 99.9) < 2.0 * 0.7 * PART.pitch_mm
+    assert len(v) == pytest.approx(ROWS * COLS * (PART.pitch_mm / found.pitch_mm) ** 2, rel=0.02)
+
+
+def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
+    trimesh.creation.box((20.0, 10.0, 4.0)).export(tmp_path / "box.stl")
+    found = read_height_map(tmp_path / "box.stl")
+    assert found.z_mm == pytest.approx(2.0)
+    assert found.size_mm == pytest.approx((20.0, 10.0), abs=2.0 * found.pitch_mm)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("a.stl", b"", "is empty"),
+        ("a.stl", b"solid nothing", "damaged|holds 0 points"),
+        ("a.stl", bytes(80) + b"\xff\xff\xff\x7f" + bytes(50), "damaged|holds 0 points"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "damaged"),
+        ("a.ply", b"hello, this is text", "damaged"),
+        ("a.xyz", b"hello, this is text", "no table of numbers"),
+        ("a.xyz", b"0 0\n1 1\n", "2 columns"),
+        ("a.xyz", b"0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 nan\n", "profile"),
+        ("a.asc", b"1 2 nan\n" * 9, "holds 0 points"),
+    ],
+)  # fmt: skip
+def test_bad_files_are_refused(name: str, data: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(FileError, match=message):
+        read_height_map(tmp_path / name)
+
+
+def test_triangles_that_all_cover_the_part_are_refused_before_they_are_drawn(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    at = np.tile([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [40.0, 20.0, 0.0]], (10_000, 1))
+    at += rng.uniform(0.0, 0.1, at.shape)
+    trimesh.Trimesh(at, np.arange(30_000).reshape(-1, 3), process=False).export(tmp_path / "heap.stl")
+    with pytest.raises(FileError, match=r"holds 10,000 triangles that lie over each other"):
+        read_height_map(tmp_path / "heap.stl")
+
+
+def test_long_thin_triangles_are_drawn_by_what_they_cover(tmp_path: Path) -> None:
+    """A fan of slivers across the plate, as CAD programs write a flat: each lies in a box as large as the plate."""
+    edge = np.linspace(0.0, 20.0, 2001)
+    rim = np.column_stack([np.full(edge.size, 40.0), edge, 0.001 * edge])
+    corners = np.concatenate([[[0.0, 0.0, 0.0], [0.0, 20.0, 0.02]], rim])
+    k = np.arange(2, edge.size + 1)
+    fan = np.column_stack([np.zeros(k.size, dtype=int), k, k + 1])
+    faces = np.concatenate([fan, [[0, edge.size + 1, 1]]])
+    trimesh.Trimesh(corners, faces, process=False).export(tmp_path / "fan.stl")
+    found = read_height_map(tmp_path / "fan.stl").z_mm
+    rows = np.linspace(0.02, 0.0, found.shape[0])[:, None]
+    np.testing.assert_allclose(found, np.broadcast_to(rows, found.shape), atol=2e-5)

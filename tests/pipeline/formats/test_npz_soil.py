@@ -1,0 +1,128 @@
+"""What lies on a part, in `.npz` files: read, written, refused, and felt by `scan`."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.errors import FileError
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from pipeline.cli.scan import scan
+from pipeline.formats.npz import DEFAULT_HARDNESS_MPA, read_npz, read_soil, soil_members, write_npz
+from pipeline.formats.touch_file import read_scan
+from whisker_array.whisker.defaults import NOMINAL_FRICTION
+
+Z = np.zeros((4, 5), np.float32)
+MAP = HeightMap(Z, 0.05)
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    soil = Soil(*(rng.uniform(0.01, 1.0, Z.shape).astype(np.float32) for _ in range(3)))
+    write_npz(tmp_path / "a.npz", MAP, more=soil_members(soil))
+    read = read_soil(tmp_path / "a.npz")
+    assert read is not None
+    np.testing.assert_array_equal(read.thickness_mm, soil.thickness_mm)
+    np.testing.assert_array_equal(read.hardness_mpa, soil.hardness_mpa)
+    np.testing.assert_array_equal(read.friction, soil.friction)
+    np.testing.assert_array_equal(read_npz(tmp_path / "a.npz").z, Z)
+
+
+def test_a_map_alone_tells_of_no_soil(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", MAP)
+    assert read_soil(tmp_path / "a.npz") is None
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("given", ["friction", "soft_mm", "hardness_mpa"])
+@pytest.mark.parametrize("shape", [Z.shape, (), (1,)])
+def test_members_that_are_missing_are_filled_in(
+    given: str, shape: tuple[int, ...], dtype: type, tmp_path: Path
+) -> None:
+    write_npz(tmp_path / "a.npz", MAP, more={given: np.full(shape, 0.5, dtype)})
+    read = read_soil(tmp_path / "a.npz")
+    assert read is not None
+    expected = {
+        "friction": NOMINAL_FRICTION,
+        "soft_mm": 0.0,
+        "hardness_mpa": DEFAULT_HARDNESS_MPA,
+        given: 0.5,
+    }
+    for name, values in soil_members(read).items():
+        np.testing.assert_array_equal(values, np.full(Z.shape, expected[name], np.float32))
+
+
+BAD: dict[str, tuple[dict[str, object], str]] = {
+    "another grid": ({"friction": np.zeros((5, 4))}, "friction has shape (5, 4), z_mm (4, 5)"),
+    "a row": ({"soft_mm": np.zeros(5)}, "soft_mm has shape (5,)"),
+    "not a number": ({"soft_mm": Z + np.nan}, "soft_mm is not finite at 20 samples"),
+    "infinite": ({"hardness_mpa": np.inf}, "hardness_mpa is not finite"),
+    "beyond single precision": ({"hardness_mpa": 1e300}, "hardness_mpa runs from 1e+300"),
+    "negative friction": ({"friction": Z - 0.1}, "friction runs from -0.1"),
+    "friction in per cent": ({"friction": Z + 20.0}, "friction runs from 20"),
+    "negative thickness": ({"soft_mm": Z - 1e-3}, "soft_mm runs from -0.001"),
+    "thickness in nanometres": ({"soft_mm": Z + 5e4}, "soft_mm runs from 5e+04"),
+    "no hardness": ({"hardness_mpa": Z}, "hardness_mpa runs from 0"),
+    "words": ({"friction": "oily"}, "friction is of type <U4"),
+    "complex": ({"soft_mm": Z.astype(complex)}, "soft_mm is of type complex"),
+    "yes and no": ({"soft_mm": Z > 0}, "soft_mm is of type bool"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_soil_is_refused_by_name(case: str, tmp_path: Path) -> None:
+    more, message = BAD[case]
+    path = tmp_path / "part.npz"
+    write_npz(path, MAP, more=more)
+    with pytest.raises(FileError) as caught:
+        read_soil(path)
+    assert str(path) in str(caught.value)
+    assert message in str(caught.value)
+    assert caught.value.hint
+    read_npz(path)  # the map itself is sound
+
+
+def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
+    """20,000 x 20,000 are declared, and nothing follows."""
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f4", "fortran_order": False, "shape": (20_000, 20_000)}
+    )
+    write_npz(tmp_path / "a.npz", MAP)
+    with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
+        archive.writestr("friction.npy", header.getvalue())
+    with pytest.raises(FileError, match="friction has shape"):
+        read_soil(tmp_path / "a.npz")
+
+
+def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="is not there"):
+        read_soil(tmp_path / "a.npz")
+    (tmp_path / "a.npz").write_bytes(b"hello")
+    with pytest.raises(FileError, match="damaged"):
+        read_soil(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", friction=0.2)
+    with pytest.raises(FileError, match="no z_mm"):
+        read_soil(tmp_path / "b.npz")
+
+
+def test_scan_feels_what_the_file_tells_of(tmp_path: Path) -> None:
+    """Soft dirt caked over a groove: the map is flat, the moment is not."""
+    depth = np.zeros((41, 121), np.float32)
+    depth[:, 50:70] = 0.2
+    flat = HeightMap(0.0 * depth, 0.05)
+    ranges = {}
+    for name, more in (("clean", {}), ("soft", {"soft_mm": depth, "hardness_mpa": 1.0})):
+        write_npz(tmp_path / f"{name}.npz", flat, more=more)
+        out = tmp_path / f"{name}.h5"
+        assert scan(tmp_path / f"{name}.npz", out=out, height_mm=2.0, noise=False, fidelity="pointwise") == 0
+        sweep = read_scan(out).sweeps[0]
+        felt = sweep.moment_n_mm[sweep.flags == 0]
+        ranges[name] = float(np.ptp(felt) / np.abs(felt).mean())
+    assert ranges["clean"] < 1e-3
+    assert ranges["soft"] > 0.3

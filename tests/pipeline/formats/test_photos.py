@@ -1,0 +1,324 @@
+"""Photographs as files."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import FileError
+from glyphs.surface.maps import MAX_PIXELS
+from pipeline.formats.photos import read_header, read_photo, write_photo
+
+RNG = np.random.default_rng(0)
+COLOUR = RNG.integers(0, 256, (20, 31, 3), dtype=np.uint8)
+SMOOTH = np.ascontiguousarray(
+    np.stack(np.broadcast_arrays(np.arange(0, 240, 6)[None, :], np.arange(0, 150, 5)[:, None], 90), -1),
+    np.uint8,
+)
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def _with_chunk(png: bytes, name: bytes, body: bytes) -> bytes:
+    return png[:33] + _chunk(name, body) + png[33:]
+
+
+def _encoded(suffix: str, image: np.ndarray) -> bytes:
+    done, data = cv2.imencode(suffix, image)
+    assert done
+    return bytes(data)
+
+
+@pytest.mark.parametrize("pitch_mm", [None, 0.06, 0.0123])
+@pytest.mark.parametrize("pixels", [COLOUR, COLOUR[..., 0]], ids=["colour", "grey"])
+def test_a_photograph_comes_back_as_it_was(
+    pixels: np.ndarray, pitch_mm: float | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "part.png"
+    write_photo(path, Photo(pixels, pitch_mm=pitch_mm))
+    back = read_photo(path)
+    np.testing.assert_array_equal(back.pixels if pixels.ndim == 3 else back.pixels[..., 1], pixels)
+    if pitch_mm is None:
+        assert back.pitch_mm is None
+    else:
+        # whole pixels a metre: half of one in 16,667
+        assert back.pitch_mm == pytest.approx(pitch_mm, rel=5e-5)
+    assert back.centre_mm is None
+
+
+def test_the_scale_stands_in_a_chunk_that_others_read(tmp_path: Path) -> None:
+    write_photo(tmp_path / "part.png", Photo(COLOUR, pitch_mm=0.05))
+    data = (tmp_path / "part.png").read_bytes()
+    at = data.index(b"pHYs")
+    assert struct.unpack(">IIB", data[at + 4 : at + 13]) == (20000, 20000, 1)
+    assert struct.unpack(">I", data[at + 13 : at + 17])[0] == zlib.crc32(data[at : at + 13])
+    assert at < data.index(b"IDAT")
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".bmp", ".tif"])
+def test_other_formats_are_read(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"part{suffix}"
+    path.write_bytes(_encoded(suffix, SMOOTH[..., ::-1]))
+    # a JPEG of slow slopes is off by a few levels
+    assert np.abs(read_photo(path).pixels.astype(int) - SMOOTH).max() <= (12 if suffix == ".jpg" else 0)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_deep_pictures_fill_sixteen_bits(suffix: str, bits: int, tmp_path: Path) -> None:
+    deep = (np.linspace(0, 2**bits - 1, 16 * 16).reshape(16, 16)).astype(np.uint16)
+    path = tmp_path / f"part{suffix}"
+    path.write_bytes(_encoded(suffix, deep))
+    photo = read_photo(path)
+    np.testing.assert_allclose(photo.pixels[..., 0], deep * (65535.0 / deep.max()), atol=0.5)
+    np.testing.assert_array_equal(photo.eight_bit, photo.pixels >> 8)
+
+
+@pytest.mark.parametrize("glint", [1, 9])
+def test_a_glint_does_not_darken_a_deep_picture(glint: int, tmp_path: Path) -> None:
+    deep = np.full((64, 64, 3), 900, np.uint16)
+    deep[20:40, 10:50] = 700
+    deep[:glint, :4] = 65535
+    Path(tmp_path / "part.png").write_bytes(_encoded(".png", deep))
+    grey = read_photo(tmp_path / "part.png").grey()
+    assert grey[30, 30] < 0.1 < 0.2 < grey[50, 50] < 0.9
+    assert grey[0, 0] == 1.0
+
+
+def test_of_deep_colours_none_is_exchanged(tmp_path: Path) -> None:
+    deep = np.zeros((16, 16, 3), np.uint16)
+    deep[:8, :, 2] = 60000  # red, as OpenCV orders it
+    deep[8:, :, 0] = 30000
+    (tmp_path / "part.png").write_bytes(_encoded(".png", deep))
+    np.testing.assert_array_equal(read_photo(tmp_path / "part.png").pixels[0, 0], (65535, 0, 0))
+
+
+@pytest.mark.parametrize("dark", [True, False])
+@pytest.mark.parametrize("deep", [False, True])
+def test_what_is_transparent_is_laid_on_a_ground(dark: bool, deep: bool, tmp_path: Path) -> None:
+    dtype, full = (np.uint16, 65535) if deep else (np.uint8, 255)
+    picture = np.full((40, 60, 4), 0 if dark else full, dtype)
+    picture[..., 3] = 0
+    picture[10:30, 20:40, 3] = full  # the mark stands in the opacity alone
+    path = tmp_path / "part.png"
+    path.write_bytes(_encoded(".png", picture))
+    photo = read_photo(path)
+    land, mark = photo.grey()[0, 0], photo.grey()[20, 30]
+    assert (land, mark) == ((1.0, 0.0) if dark else (0.0, 1.0))
+    assert photo.notes == (
+        f"the picture is transparent in places; it was laid on {'white' if dark else 'black'}",
+    )
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_the_first_page_that_is_not_blank_is_read(deep: bool, tmp_path: Path) -> None:
+    path = tmp_path / "part.tif"
+    shown = SMOOTH[..., 0].astype(np.uint16) * 257 if deep else SMOOTH[..., 0]
+    pages = [Image.fromarray(np.full_like(shown, 128)), Image.fromarray(shown), Image.fromarray(shown[:20])]
+    pages[0].save(path, save_all=True, append_images=pages[1:])
+    photo = read_photo(path)
+    assert photo.shape == SMOOTH.shape[:2]
+    assert photo.notes == ("page 2 of the file's 3 was read; those before it are blank",)
+    assert np.corrcoef(photo.grey().ravel(), SMOOTH[..., 0].ravel())[0, 1] > 0.999
+
+
+def test_smaller_copies_are_no_pages(tmp_path: Path) -> None:
+    path = tmp_path / "part.tif"
+    tag = Image.core and {254: 1}
+    pages = [Image.fromarray(SMOOTH), Image.fromarray(SMOOTH[::2, ::2].copy())]
+    pages[1].encoderinfo = {"tiffinfo": tag}
+    pages[0].save(path, save_all=True, append_images=pages[1:])
+    assert read_photo(path).notes == ()
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_of_an_animation_the_first_frame_is_read(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"part{suffix}"
+    frames = [Image.fromarray(SMOOTH), Image.fromarray(SMOOTH[::-1].copy())]
+    frames[0].save(path, save_all=True, append_images=frames[1:])
+    photo = read_photo(path)
+    assert photo.notes == ("the first of the file's 2 frames was read",)
+    assert np.abs(photo.pixels.astype(int) - SMOOTH).max() <= 60  # few colours
+
+
+def test_a_picture_of_another_kind_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "part.jpg"
+    path.write_bytes(struct.pack(">I", 24) + b"ftypheic" + bytes(400))
+    with pytest.raises(FileError, match=r"is a HEIC file.*PNG, JPEG, BMP, TIFF, WebP or GIF"):
+        read_photo(path)
+
+
+def _with_scans(picture: Image.Image, scans: int) -> bytes:
+    """A progressive JPEG whose last pass is repeated."""
+    stream = io.BytesIO()
+    picture.save(stream, "JPEG", progressive=True, quality=10)
+    data = stream.getvalue()
+    last = data[data.rindex(b"\xff\xda") : -2]
+    return data[:-2] + last * scans + b"\xff\xd9"
+
+
+def test_a_jpeg_of_endless_passes_is_refused_from_its_markers(tmp_path: Path) -> None:
+    path = tmp_path / "part.jpg"
+    path.write_bytes(_with_scans(Image.new("L", (2000, 2000), 128), 400))
+    with pytest.raises(FileError, match=r"JPEG of 4\d\d passes"):
+        read_header(path)
+    path.write_bytes(_with_scans(Image.new("L", (64, 64), 128), 40))  # little work
+    assert read_photo(path).shape == (64, 64)
+
+
+def test_transparency_and_palettes(tmp_path: Path) -> None:
+    clear = np.dstack([COLOUR, np.zeros(COLOUR.shape[:2], np.uint8)])
+    path = tmp_path / "part.png"
+    path.write_bytes(_encoded(".png", clear))
+    np.testing.assert_array_equal(read_photo(path).pixels, COLOUR[..., ::-1])
+    index = RNG.integers(0, 3, (9, 12), dtype=np.uint8)
+    table = np.array([[255, 0, 0], [0, 9, 0], [1, 2, 3]], dtype=np.uint8)
+    rows = b"".join(b"\0" + row.tobytes() for row in index)
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + _chunk(b"IHDR", struct.pack(">IIBBBBB", 12, 9, 8, 3, 0, 0, 0))
+        + _chunk(b"PLTE", table.tobytes())
+        + _chunk(b"IDAT", zlib.compress(rows))
+        + _chunk(b"IEND", b"")
+    )
+    np.testing.assert_array_equal(read_photo(path).pixels, table[index])
+
+
+def _exif(orientation: int) -> bytes:
+    return b"II*\0" + struct.pack("<IHHHIHHI", 8, 1, 0x0112, 3, 1, orientation, 0, 0)
+
+
+@pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, -1), (8, 1)])
+def test_a_turned_camera_is_turned_back(orientation: int, turns: int, tmp_path: Path) -> None:
+    jpeg = _encoded(".jpg", SMOOTH[..., ::-1])
+    body = b"Exif\0\0" + _exif(orientation)
+    path = tmp_path / "part.jpg"
+    path.write_bytes(jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:])
+    plain = tmp_path / "plain.jpg"
+    plain.write_bytes(jpeg)
+    np.testing.assert_array_equal(read_photo(path).pixels, np.rot90(read_photo(plain).pixels, turns))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "unit", "pitch_mm"),
+    [
+        (20000, 20000, 1, 0.05),
+        (20000, 20000, 0, None),  # no unit
+        (2835, 2835, 1, None),  # 72 dpi
+        (3780, 3780, 1, None),  # 96 dpi
+        (20000, 10000, 1, None),  # not square
+        (0, 0, 1, None),
+        (100, 100, 1, None),  # a centimetre a pixel
+    ],
+)
+def test_the_pitch_of_a_png(x: int, y: int, unit: int, pitch_mm: float | None, tmp_path: Path) -> None:
+    path = tmp_path / "part.png"
+    path.write_bytes(_with_chunk(_encoded(".png", COLOUR), b"pHYs", struct.pack(">IIB", x, y, unit)))
+    assert read_photo(path).pitch_mm == (None if pitch_mm is None else pytest.approx(pitch_mm))
+
+
+@pytest.mark.parametrize(
+    ("unit", "density", "pitch_mm"),
+    [(1, 508, 0.05), (2, 200, 0.05), (0, 1, None), (1, 72, None), (1, 96, None)],
+)
+def test_the_pitch_of_a_jpeg(unit: int, density: int, pitch_mm: float | None, tmp_path: Path) -> None:
+    jpeg = bytearray(_encoded(".jpg", SMOOTH))
+    at = bytes(jpeg).index(b"JFIF\0")
+    jpeg[at + 7 : at + 12] = struct.pack(">BHH", unit, density, density)
+    path = tmp_path / "part.jpeg"
+    path.write_bytes(jpeg)
+    assert read_photo(path).pitch_mm == (None if pitch_mm is None else pytest.approx(pitch_mm))
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".bmp"])
+def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"part{suffix}"
+    Image.fromarray(COLOUR).save(path, dpi=(508.0, 508.0))
+    header = read_header(path)
+    assert (header.rows, header.cols) == COLOUR.shape[:2]
+    assert header.pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
+
+
+def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.update({282: 300.0, 283: 300.0, 296: 2})
+    Image.fromarray(COLOUR).save(tmp_path / "part.jpg", exif=exif)
+    assert read_photo(tmp_path / "part.jpg").pitch_mm is None
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 0.9, 0.995])
+def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) -> None:
+    big = np.kron(COLOUR, np.ones((4, 4, 1), np.uint8))
+    data = _encoded(suffix, big)
+    path = tmp_path / f"part{suffix}"
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(FileError, match=r"is empty|is damaged|ends too soon|not a picture"):
+        read_photo(path)
+
+
+def test_what_is_no_photograph_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "part.png"
+    with pytest.raises(FileError, match="is not there"):
+        read_photo(path)
+    path.write_text("a letter, not a picture")
+    with pytest.raises(FileError, match="is not a picture that can be read"):
+        read_photo(path)
+    path.write_bytes(_encoded(".png", COLOUR[:5, :5]))
+    with pytest.raises(FileError, match="shows no characters"):
+        read_photo(path)
+    path.write_bytes(_encoded(".tiff", np.zeros((16, 16), np.float32)))
+    with pytest.raises(FileError, match="TIFF of numbers of 32 bit"):
+        read_photo(path)
+    with pytest.raises(FileError, match=r"end it in \.png"):
+        write_photo(tmp_path / "part.webp", Photo(COLOUR))
+    with pytest.raises(FileError, match="cannot be written"):
+        write_photo(tmp_path / "nowhere" / "part.png", Photo(COLOUR))
+
+
+def test_a_huge_picture_is_refused_before_it_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("decoded")
+
+    monkeypatch.setattr(cv2, "imdecode", never)
+    side = int(MAX_PIXELS**0.5) + 1
+    path = tmp_path / "part.png"
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + _chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0))
+        + _chunk(b"IDAT", b"")
+        + _chunk(b"IEND", b"")
+    )
+    with pytest.raises(FileError, match="over the limit"):
+        read_photo(path)
+
+
+@given(data=st.data(), suffix=st.sampled_from([".png", ".jpg", ".bmp", ".tif"]))
+@settings(max_examples=60, deadline=None)
+def test_damage_is_told_and_never_ends_a_run(
+    data: st.DataObject, suffix: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    whole = bytearray(_encoded(suffix, COLOUR))
+    for _ in range(data.draw(st.integers(1, 6))):
+        whole[data.draw(st.integers(0, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.mktemp("damage") / f"part{suffix}"
+    path.write_bytes(whole)
+    try:
+        photo = read_photo(path)
+    except FileError:
+        return
+    assert photo.pixels.dtype == np.uint8

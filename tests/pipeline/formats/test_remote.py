@@ -1,0 +1,520 @@
+"""Files named by URLs: of a store in memory, a server that speaks S3, and web servers in good order and in bad."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import multiprocessing
+import pickle
+import resource
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from glyphs.errors import FileError, MissingExtraError
+from glyphs.surface.maps import HeightMap
+from pipeline.formats import remote
+from pipeline.formats.listed import ListedPart, UrlError
+from pipeline.formats.listing import list_parts
+from pipeline.formats.manifest import read_manifest
+from pipeline.formats.npz import write_npz
+from pipeline.formats.parts import Part
+from pipeline.formats.remote import copied, fetched, list_remote, originally
+from pipeline.formats.touch_file import read_height_map
+from pipeline.reading.part_reader import Mode, load_photo, senses_of
+
+if TYPE_CHECKING:
+    from moto.server import ThreadedMotoServer
+
+BOUND_S = 15.0
+"""No fault of the network may keep a part busy longer; with the silence allowed cut down to SILENCE_S."""
+SILENCE_S = 0.5
+
+
+@pytest.fixture(autouse=True)
+def copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Where copies go; nothing of them is left, whatever a test did."""
+    folder = tmp_path / "copies"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield folder
+    assert list(folder.iterdir()) == []
+
+
+def read(url: str, **more: Any) -> bytes:
+    with fetched(ListedPart("part", height_map=url), **more) as part:
+        assert part.height_map is not None
+        return part.height_map.read_bytes()
+
+
+def refused(url: str, told: str) -> FileError:
+    """The problem of a URL, which comes in time and names it."""
+    began_s = time.monotonic()
+    with pytest.raises(FileError, match=told) as caught:
+        read(url)
+    assert time.monotonic() - began_s < BOUND_S
+    assert str(caught.value).startswith(f"{url}: ")
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+    return caught.value
+
+
+# -------------------------------------------------------------------------------------------- a store in memory
+
+
+@pytest.fixture
+def memory() -> Callable[[str, bytes], str]:
+    """Puts a file into the store, and gives its URL."""
+    import fsspec
+
+    store = fsspec.filesystem("memory")
+
+    def put(name: str, data: bytes) -> str:
+        store.pipe_file(f"/{name}", data)
+        return f"memory://{name}"
+
+    return put
+
+
+def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
+    (tmp_path / "a b%20.npz").write_bytes(b"x")
+    for name in (f"{tmp_path}/a b%20.npz", f"file://{tmp_path}/a b%20.npz"):
+        with fetched(ListedPart("part", height_map=name, photo="b.png")) as part:
+            assert part == Part("part", height_map=tmp_path / "a b%20.npz", photo=Path("b.png"))
+    with pytest.raises(FileError, match="is not there"), fetched(ListedPart("p", "none.npz")) as part:
+        read_height_map(part.height_map or "")
+
+
+def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, bytes], str]) -> None:
+    heights = np.random.default_rng(6).normal(0.0, 0.05, size=(30, 40)).astype(np.float32)
+    write_npz(tmp_path / "a.npz", HeightMap(heights, 0.05))
+    url = memory("lot/a.npz", (tmp_path / "a.npz").read_bytes())
+    with fetched(ListedPart("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
+        assert part.height_map is not None
+        assert part.scan is not None
+        np.testing.assert_array_equal(read_height_map(part.height_map).z_mm, heights)
+        assert (part.name, part.height_map.name, part.scan.name) == ("part", "a.npz", "a.h5")
+        kept = part.height_map
+    assert not kept.exists()
+
+
+def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], str]) -> None:
+    listed = ListedPart("part", height_map=memory("lot/bad.npz", b"no map"))
+    with pytest.raises(UrlError, match=r"^memory://lot/bad.npz: ") as caught, fetched(listed) as part:
+        read_height_map(part.height_map or "")
+    assert tempfile.gettempdir() not in str(caught.value)
+    with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, fetched(listed):
+        raise FileError("other.npz", "is odd", "correct it")
+    assert caught_too.value.__cause__ is None
+    with pytest.raises(KeyError), fetched(listed):
+        raise KeyError("a fault of the program stays one")
+
+
+def test_words_about_a_copy_are_turned_to_its_url(memory: Callable[[str, bytes], str]) -> None:
+    listed = ListedPart("part", height_map=memory("lot/a.npz", b"x"), photo="here.png")
+    with fetched(listed) as part:
+        text = f"{part.height_map}: is odd beside {part.photo}"
+        assert originally(text, part, listed) == "memory://lot/a.npz: is odd beside here.png"
+
+
+def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], str]) -> None:
+    problem = FileError("a.npz", "stands beside another", "rename one")
+    url = memory("lot/a.npz", b"x")
+    with fetched(ListedPart("part", url, problem=problem)) as part:
+        assert part.problem is problem
+    with fetched(ListedPart("part", url, photo=url, photo_problem=problem)) as part:
+        assert part.photo_problem is problem
+        assert part.height_map is not None
+        assert part.height_map.read_bytes() == b"x"
+
+
+def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
+    listed = ListedPart("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
+    with fetched(listed) as part:
+        assert part.photo_problem is not None
+        assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
+        assert len(senses_of(part, Mode.AUTO)) == 2
+        with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
+            load_photo(part)
+    with fetched(listed, photos=False) as part:
+        assert (part.photo, part.photo_problem) == (None, None)
+    alone = ListedPart("part", photo="memory://lot/none.png")
+    with (
+        pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"),
+        fetched(alone, photos=False),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    "name", ["lot/..", "lot/.npz", "lot/..\\..\\x.npz", "lot/~/a\nb\x00c.npz", "lot/" + "ü" * 400]
+)
+def test_no_object_name_leads_out_of_the_folder(
+    name: str, copies: Path, memory: Callable[[str, bytes], str]
+) -> None:
+    with contextlib.suppress(FileError), copied(memory(name, b"x"), most_bytes=10) as path:
+        assert path.resolve().parent.parent == copies.resolve()
+        assert path.read_bytes() == b"x"
+
+
+def test_what_is_too_long_is_not_copied(
+    memory: Callable[[str, bytes], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 1000)
+    assert len(read(memory("lot/a.npz", bytes(1000)))) == 1000
+    from fsspec.implementations.memory import MemoryFileSystem
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("it is copied")
+
+    monkeypatch.setattr(MemoryFileSystem, "get_file", never)
+    refused(memory("lot/b.npz", bytes(1001)), r"is 0\.0 GB long, over the limit of 0\.0 GB; crop it")
+
+
+def test_a_full_disk_is_told_as_one(memory: Callable[[str, bytes], str]) -> None:
+    url = memory("lot/a.npz", bytes(100_000))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        refused(url, "cannot be copied .*; make room in the folder that TMPDIR names")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "zip://a.npz::s3://lots/a.zip",
+        "simplecache::s3://lots/a.npz",
+        "reference://a",
+        "github://o/r/a.npz",
+        "odd://a",
+    ],
+)
+def test_chains_and_odd_kinds_are_refused(url: str) -> None:
+    refused(url, "is of a kind that is not read; name one of abfs, .* s3")
+    with pytest.raises(FileError, match="is of a kind that is not read"):
+        list_remote(url)
+
+
+@pytest.mark.parametrize(
+    ("library", "url", "extra"),
+    [("fsspec", "memory://a", "cluster"), ("s3fs", "s3://b/a", "s3"), ("gcsfs", "gs://b/a", "gs")],
+)
+def test_a_missing_extra_is_named(
+    library: str, url: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+
+    import fsspec
+    from fsspec.registry import _registry
+
+    del fsspec
+    for scheme in ("s3", "s3a", "gs"):
+        monkeypatch.delitem(_registry, scheme, raising=False)
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(MissingExtraError, match=rf"needs {library}; .*tactile-marks\[{extra}\]"):
+        read(url)
+
+
+# ----------------------------------------------------------------------------------------- a server that speaks S3
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ThreadedMotoServer]:
+    """A server of buckets on a free port of this machine."""
+    from moto.server import ThreadedMotoServer
+
+    started = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    started.start()
+    yield started
+    started.stop()
+
+
+def forget() -> None:
+    """The file systems that fsspec keeps open, with their credentials."""
+    from s3fs import S3FileSystem
+
+    S3FileSystem.clear_instance_cache()
+
+
+@pytest.fixture
+def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[str], None]]:
+    """Credentials in the environment and nowhere else; gives what points them to another server."""
+    forget()
+    for name in ("AWS_PROFILE", "AWS_SESSION_TOKEN"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "tester")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+
+    def point(url: str) -> None:
+        forget()
+        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+
+    yield point
+    forget()
+
+
+OBJECTS = {
+    "lot/a.npz": b"map a",
+    "lot/a.png": b"photo a",
+    "lot/b.npz": b"map b",
+    "lot/deeper/c.npz": b"map c",
+    "lot/we::ird [1] #?ü.npz": b"odd",
+    "lot/notes.txt": b"notes",
+    "lot/empty/": b"",
+    "lot/list.csv": b"part,height_map,photo\nA,a.npz,a.png\nC,deeper/c.npz,\nD,s3://lots/lot/none.npz,\n",
+}
+
+
+@pytest.fixture
+def bucket(server: ThreadedMotoServer, s3: Callable[[str], None]) -> str:
+    """A bucket with a lot in it."""
+    import boto3
+
+    host, port = server.get_host_and_port()
+    s3(f"http://{host}:{port}")
+    client = boto3.client("s3")
+    client.create_bucket(Bucket="lots")
+    for key, data in OBJECTS.items():
+        client.put_object(Bucket="lots", Key=key, Body=data)
+    return "s3://lots"
+
+
+def test_buckets_are_listed(bucket: str) -> None:
+    files = [f"{bucket}/{key}" for key in sorted(OBJECTS) if key.count("/") == 1]
+    assert list_remote(f"{bucket}/lot") == list_remote(f"{bucket}/lot/") == files
+    assert list_remote(f"{bucket}/lot/?.npz") == [f"{bucket}/lot/a.npz", f"{bucket}/lot/b.npz"]
+    assert list_remote(f"{bucket}/lot/**/*.npz") == sorted(
+        f"{bucket}/{k}" for k in OBJECTS if k.endswith("npz")
+    )
+    assert list_remote(f"{bucket}/lot/notes.txt") == [f"{bucket}/lot/notes.txt"]
+    assert list_remote(f"{bucket}/lot/z*") == []
+    for missing in (f"{bucket}/none", "s3://nowhere/lot"):
+        with pytest.raises(FileError, match=rf"^{missing}: is not there; check the name"):
+            list_remote(missing)
+
+
+def test_every_object_listed_is_fetched(bucket: str) -> None:
+    parts = list_parts([f"{bucket}/lot"], photos=True)
+    assert [p.name for p in parts] == ["a", "b", "we::ird [1] #?ü"]
+    for part in parts:
+        with fetched(part) as local:
+            for kind in ("height_map", "photo"):
+                name = getattr(part, kind)
+                if name:
+                    assert getattr(local, kind).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
+
+
+def test_a_manifest_in_a_bucket(bucket: str) -> None:
+    one, two, three = read_manifest(f"{bucket}/lot/list.csv")
+    assert one == ListedPart("A", height_map=f"{bucket}/lot/a.npz", photo=f"{bucket}/lot/a.png")
+    assert read(two.height_map) == b"map c"
+    refused(three.height_map, "is not there; check the name")
+
+
+def test_what_a_bucket_has_not(bucket: str) -> None:
+    refused(f"{bucket}/lot/none.npz", "is not there; check the name")
+    refused("s3://nowhere/a.npz", "is not there; check the name")
+    for folder in (f"{bucket}/lot", f"{bucket}/lot/empty/", bucket):
+        refused(folder, "is not a file; name a file, or the folder among the inputs")
+
+
+def test_a_long_object_is_refused_unread(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 3)
+    refused(f"{bucket}/lot/a.npz", "over the limit of .*; crop it")
+
+
+def test_without_credentials(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    forget()
+    monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+    monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
+    refused(f"{bucket}/lot/a.npz", "may not be read .*NoCredentials.*; check the credentials")
+    with pytest.raises(FileError, match="may not be read"):
+        list_remote(bucket)
+
+
+def test_a_server_that_refuses(s3: Callable[[str], None]) -> None:
+    with serving(_Forbidding) as url:
+        s3(url)
+        refused("s3://lots/a.npz", "may not be read .*; check the credentials")
+        with pytest.raises(FileError, match="may not be read"):
+            list_remote("s3://lots/lot")
+
+
+def test_a_server_that_is_gone(s3: Callable[[str], None]) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    s3(f"http://127.0.0.1:{port}")
+    problem = refused("s3://lots/a.npz", "cannot be fetched .*check the network, the endpoint")
+    assert str(port) in problem.what
+    with pytest.raises(FileError, match="cannot be fetched"):
+        list_remote("s3://lots/lot")
+
+
+def test_a_server_that_says_nothing(s3: Callable[[str], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "_SILENCE_S", SILENCE_S)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen(64)  # connections are taken, and never answered
+        s3(f"http://127.0.0.1:{silent.getsockname()[1]}")
+        refused("s3://lots/a.npz", "cannot be fetched .*Timeout")
+        refused(f"http://127.0.0.1:{silent.getsockname()[1]}/a.npz", "cannot be fetched .*[Tt]imeout")
+
+
+def _read_in_child(url: str, answers: multiprocessing.Queue[bytes]) -> None:
+    answers.put(read(url))
+
+
+def test_a_process_forked_after_fetching_fetches_too(bucket: str) -> None:
+    # workers of a pool that are forked find the parent's connections; fsspec makes its own
+    assert read(f"{bucket}/lot/a.npz") == b"map a"
+    context = multiprocessing.get_context("fork")
+    answers: multiprocessing.Queue[bytes] = context.Queue()
+    child = context.Process(target=_read_in_child, args=(f"{bucket}/lot/b.npz", answers))
+    child.start()
+    assert answers.get(timeout=BOUND_S) == b"map b"
+    child.join(BOUND_S)
+    assert child.exitcode == 0
+
+
+# ---------------------------------------------------------------------------------------------------- a web server
+
+
+class _Quiet(http.server.BaseHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Nothing is logged."""
+
+    def head(self, status: int, **headers: str) -> None:
+        self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name.replace("_", "-"), value)
+        self.end_headers()
+
+    def do_HEAD(self) -> None:
+        self.do_GET()
+
+    def do_GET(self) -> None:
+        raise NotImplementedError
+
+
+class _Forbidding(_Quiet):
+    def do_GET(self) -> None:
+        self.head(403, Content_Length="0")
+
+
+class _Signed(_Quiet):
+    """As stores do with addresses that are signed for GET alone."""
+
+    def do_HEAD(self) -> None:
+        self.head(403, Content_Length="0")
+
+    def do_GET(self) -> None:
+        if self.path != "/lot/a.npz?X-Signature=secret":
+            self.head(403, Content_Length="0")
+            return
+        self.head(200, Content_Length="5")
+        self.wfile.write(b"map a")
+
+
+class _Endless(_Quiet):
+    """Does not say how much there is, and there is no end."""
+
+    def do_GET(self) -> None:
+        self.head(200)
+        with contextlib.suppress(OSError):
+            while self.command == "GET":
+                self.wfile.write(bytes(100_000))
+
+
+class _CutShort(_Quiet):
+    def do_GET(self) -> None:
+        self.head(200, Content_Length="100")
+        if self.command == "GET":
+            self.wfile.write(b"map a")
+
+
+class _Dripping(_Quiet):
+    def do_GET(self) -> None:
+        self.head(200, Content_Length="100000")
+        with contextlib.suppress(OSError):
+            while self.command == "GET":
+                self.wfile.write(b"x")
+                time.sleep(0.05)
+
+
+@contextlib.contextmanager
+def serving(handler: Any) -> Iterator[str]:
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def test_a_web_server(tmp_path: Path) -> None:
+    lot = tmp_path / "lot"
+    (lot / "deeper").mkdir(parents=True)
+    for name in ("a.npz", "b.npz", "b.png", "notes.txt"):
+        (lot / name).write_bytes(name.encode())
+
+    class Folder(http.server.SimpleHTTPRequestHandler):
+        def __init__(self, *args: Any) -> None:
+            super().__init__(*args, directory=str(tmp_path))
+
+        def log_message(self, *_: object) -> None:
+            """Nothing is logged."""
+
+    with serving(Folder) as url:
+        parts = list_parts([f"{url}/lot/"], photos=True)
+        assert [(p.name, p.files) for p in parts] == [
+            ("a", (f"{url}/lot/a.npz",)),
+            ("b", (f"{url}/lot/b.npz", f"{url}/lot/b.png")),
+        ]
+        assert [p.name for p in list_parts([f"{url}/lot/*.npz"])] == ["a", "b"]
+        assert read(parts[0].height_map) == b"a.npz"
+        refused(f"{url}/lot/none.npz", "is not there; check the name")
+
+
+def test_a_signed_address_is_fetched_and_not_told() -> None:
+    with serving(_Signed) as url:
+        listed = ListedPart("a", f"{url}/lot/a.npz?X-Signature=secret")
+        with fetched(listed) as part:
+            assert part.height_map is not None
+            assert part.height_map.name == "a.npz"
+            assert part.height_map.read_bytes() == b"map a"
+        with pytest.raises(FileError) as caught:
+            read(f"{url}/lot/a.npz?X-Signature=secretly")
+        assert "secret" not in str(caught.value)
+        assert "may not be read" in caught.value.what
+
+
+def test_an_endless_file_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 20_000_000)
+    with serving(_Endless) as url:
+        refused(f"{url}/a.npz", "over the limit of 0.0 GB; crop it")
+
+
+def test_a_file_cut_short_is_not_taken_for_whole() -> None:
+    with serving(_CutShort) as url:
+        refused(f"{url}/a.npz", "cannot be fetched .*check the network")
+
+
+def test_a_server_that_drips_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "_START_S", 0.5)
+    with serving(_Dripping) as url:
+        refused(f"{url}/a.npz", "comes too slowly to wait for; check the network")

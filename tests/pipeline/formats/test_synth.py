@@ -1,0 +1,222 @@
+"""Parts out of nothing."""
+
+from __future__ import annotations
+
+import csv
+from functools import partial
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from glyphs.camera.appearance import draw_light
+from glyphs.errors import FileError, MarksError
+from glyphs.soiling.soiled import Soiling
+from glyphs.stamping.die import Face
+from glyphs.stamping.dies import DIES
+from glyphs.stamping.layouts import LAYOUTS
+from glyphs.stamping.plates import PLATES
+from glyphs.stamping.variation import PRACTICES
+from pipeline.cli.choices import DieName, LayoutName, PlateName, PracticeName
+from pipeline.cli.main import main
+from pipeline.common.settings import SettingsError
+from pipeline.formats.photos import read_photo
+from pipeline.formats.synth import SynthSpec, make_part, write_parts
+from pipeline.formats.touch_file import read_height_map
+from pipeline.formats.truth import load_truth
+from pipeline.workers.executors import PoolExecutor, ordered_map
+
+
+def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
+    spec = SynthSpec(format="A9", seed=7, height_mm=3.0)
+    few = write_parts(spec, tmp_path / "few", parts=2)
+    more = write_parts(spec, tmp_path / "more", parts=3)
+    assert more[:2] == few
+    for name, text in few:
+        assert (tmp_path / "few" / f"{name}.png").read_bytes() == (
+            tmp_path / "more" / f"{name}.png"
+        ).read_bytes()
+        one, other = (read_height_map(tmp_path / f / f"{name}.npz") for f in ("few", "more"))
+        np.testing.assert_array_equal(one.z_mm, other.z_mm)
+        assert len(text) == 2
+    assert make_part(spec, 1).text == more[1][1]
+    changed = make_part(SynthSpec(format="A9", seed=8, height_mm=3.0), 1)
+    assert changed.text != more[1][1] or changed.height_map.shape != make_part(spec, 1).height_map.shape
+
+
+def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
+    made = write_parts(SynthSpec(format="99", height_mm=3.0), tmp_path / "out", parts=2)
+    assert load_truth(tmp_path / "out" / "truth.csv") == dict(made)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "part-000.npz",
+        "part-000.png",
+        "part-001.npz",
+        "part-001.png",
+        "truth.csv",
+    ]
+    with np.load(tmp_path / "out" / "part-000.npz") as content:
+        assert sorted(content.files) == ["pitch_mm", "rows", "z_mm"]
+    with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
+        assert next(csv.reader(stream)) == ["part", "text"]
+
+
+def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    spec = SynthSpec(format="9", height_mm=3.0)
+    with pytest.raises(FileError, match="--overwrite"):
+        write_parts(spec, tmp_path, parts=1)
+    write_parts(spec, tmp_path, parts=1, overwrite=True)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (tmp_path / "part-000.npz").is_file()
+    with pytest.raises(FileError, match="cannot be made"):
+        write_parts(spec, tmp_path / "mine.txt" / "deeper", parts=1)
+
+
+def test_what_is_asked_for_is_stamped() -> None:
+    sunk = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False), 0)
+    assert sunk.height_map.z_mm.min() == pytest.approx(-0.3, abs=0.01)
+    assert sunk.height_map.z_mm.max() == pytest.approx(0.0, abs=0.01)
+    raised = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False, raised=True), 0)
+    assert raised.height_map.z_mm.max() == pytest.approx(0.3, abs=0.01)
+    steep, gentle = (
+        make_part(SynthSpec(format="8", height_mm=4.0, face=Face.SHARP, bevel_deg=b, variation=False), 0)
+        for b in (60.0, 30.0)
+    )
+    assert np.abs(np.diff(steep.height_map.z_mm)).max() > np.abs(np.diff(gentle.height_map.z_mm)).max()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"format": ""},
+        {"format": "9", "seed": -1},
+        {"format": "9", "font": "comic"},
+        {"format": "9", "height_mm": 0.0},
+        {"format": "9", "bevel_deg": 90.0},
+        {"format": "9", "depth_mm": -0.1},
+        {"format": "9", "light_elevation_deg": 0.0},
+        {"format": "9", "light_azimuth_deg": float("nan")},
+        {"format": "9", "pixel_mm": 0.0},
+        {"format": "9", "die": "oval"},
+        {"format": "9", "die": "sharp", "face": Face.ROUND},
+        {"format": "9", "plate": "moon"},
+        {"format": "9", "layout": "spiral"},
+        {"format": "9", "practice": "robot"},
+        {"format": "9", "practice": "hand", "variation": False},
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(MarksError, match=r"\S"):
+        SynthSpec(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("parts", [0, -3, 10_000_000])
+def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="number of parts"):
+        write_parts(SynthSpec(format="9"), tmp_path / "out", parts=parts)
+    assert not (tmp_path / "out").exists()
+
+
+def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
+    clean, dirty = (SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=d)) for d in (0.0, 0.7))
+    bare = make_part(clean, 1)
+    assert bare.soil is None
+    np.testing.assert_array_equal(bare.soiled.height_map.z_mm, bare.height_map.z_mm)
+    soiled = make_part(dirty, 1)
+    assert soiled.text == bare.text
+    np.testing.assert_array_equal(soiled.stamped.height_map.z_mm, bare.height_map.z_mm)
+    assert (soiled.height_map.z_mm != bare.height_map.z_mm).any()
+    write_parts(clean, tmp_path / "with", parts=2)
+    write_parts(clean, tmp_path / "without", parts=2, photos=False)
+    assert not list((tmp_path / "without").glob("*.png"))
+    for name in ("part-000.npz", "part-001.npz"):
+        one, other = (read_height_map(tmp_path / f / name) for f in ("with", "without"))
+        np.testing.assert_array_equal(one.z_mm, other.z_mm)
+
+
+def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
+    spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.7))
+    write_parts(spec, tmp_path / "out", parts=2)
+    soiled = make_part(spec, 1)
+    assert soiled.soil is not None
+    np.testing.assert_array_equal(
+        read_height_map(tmp_path / "out" / "part-001.npz").z_mm, soiled.height_map.z_mm
+    )
+    with np.load(tmp_path / "out" / "part-001.npz") as content:
+        assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "rows", "soft_mm", "z_mm"]
+        # half precision: eleven bits
+        for name, kept in (
+            ("friction", soiled.soil.friction),
+            ("soft_mm", soiled.soil.thickness_mm),
+            ("hardness_mpa", soiled.soil.hardness_mpa),
+        ):
+            np.testing.assert_allclose(content[name].astype(np.float32), kept, rtol=2**-11, atol=1e-7)
+    photo = spec.photograph(soiled)
+    back = read_photo(tmp_path / "out" / "part-001.png")
+    np.testing.assert_array_equal(back.pixels, photo.pixels)
+    assert photo.pitch_mm == 0.06
+    assert back.pitch_mm == pytest.approx(0.06, rel=1e-4)
+    width, height = soiled.height_map.size_mm
+    assert photo.centre_mm == (width / 2, height / 2)
+    assert photo.shape == (round(height / 0.06) + 1, round(width / 0.06) + 1)
+
+
+def test_workers_write_the_same(tmp_path: Path) -> None:
+    spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.5))
+    named: list[str] = []
+    one = write_parts(spec, tmp_path / "one", parts=2)
+    with PoolExecutor(2) as executor:
+        each = partial(ordered_map, executor)
+        two = write_parts(spec, tmp_path / "two", parts=2, each=each, on_part=named.append)
+    assert one == two
+    assert named == ["part-000", "part-001"]
+    for path in sorted((tmp_path / "one").glob("*.png")):
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
+
+
+def test_the_light_may_be_given() -> None:
+    free = SynthSpec(format="8", height_mm=3.0)
+    given = SynthSpec(format="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
+    part = make_part(free, 0)
+    assert (given.photograph(part).pixels != free.photograph(part).pixels).any()
+    light = draw_light(np.random.default_rng(3), azimuth_deg=10.0, elevation_deg=30.0)
+    assert (light.azimuth_deg, light.elevation_deg) == (10.0, 30.0)
+
+
+def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["--parts", "1", "--format", "A9", "--height-mm", "3"]
+    assert main(["synth", str(tmp_path / "a"), *common, "--dirt", "0.5", "--oil", "0", "--pits", "0"]) == 0
+    with np.load(tmp_path / "a" / "part-000.npz") as content:
+        assert content["soft_mm"].max() > 0.0
+        assert content["friction"].min() > 0.19  # no oil
+    assert main(["synth", str(tmp_path / "b"), *common, "--swarf", "0.6", "--no-photo"]) == 0
+    assert not (tmp_path / "b" / "part-000.png").exists()
+    with np.load(tmp_path / "b" / "part-000.npz") as content:
+        assert content["soft_mm"].max() == 0.0
+    assert main(["synth", str(tmp_path / "c"), *common, "--dirt", "1.5"]) == 2
+    assert "severity is 1.5" in capsys.readouterr().err
+    assert main(["synth", str(tmp_path / "c"), *common, "--grime", "-1"]) == 2
+    assert "grime is -1" in capsys.readouterr().err
+
+
+def test_practices_from_the_command_line(tmp_path: Path) -> None:
+    common = ["--parts", "1", "--format", "A9999", "--height-mm", "3", "--no-photo"]
+    assert main(["synth", str(tmp_path / "usual"), *common]) == 0
+    own = ["--die", "blunt-v", "--plate", "cylinder", "--practice", "hand", "--layout", "two-lines"]
+    assert main(["synth", str(tmp_path / "own"), *common, *own]) == 0
+    usual, other = (read_height_map(tmp_path / name / "part-000.npz") for name in ("usual", "own"))
+    assert other.size_mm[1] > usual.size_mm[1] + 3.0
+    assert load_truth(tmp_path / "own" / "truth.csv") == load_truth(tmp_path / "usual" / "truth.csv")
+    spec = SynthSpec(
+        format="A9999", height_mm=3.0, die="blunt-v", plate="cylinder", practice="hand", layout="two-lines"
+    )
+    np.testing.assert_array_equal(make_part(spec, 0).height_map.z_mm, other.z_mm)
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [(DieName, DIES), (PlateName, PLATES), (PracticeName, PRACTICES), (LayoutName, LAYOUTS)],
+)
+def test_the_words_of_the_command_line_are_the_names_there_are(words: object, names: object) -> None:
+    assert list(get_args(words)) == list(names)  # type: ignore[call-overload]

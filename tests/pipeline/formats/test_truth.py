@@ -1,0 +1,66 @@
+"""Tables of the truth, and how right readings are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from glyphs.errors import FileError
+from pipeline.common.row import Row
+from pipeline.formats.truth import load_truth, score
+
+
+def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
+    path = tmp_path / "truth.csv"
+    path.write_bytes(content)
+    return load_truth(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"part,text\na,A1\nb,B2\n",
+        b"\xef\xbb\xbfPart, Text\r\na, A1\r\n\r\nb,B2",
+        b"file,serial,note\na.npz,A1,x\nb.h5,B2,y\n",
+        b"text,part\nA1,a\nB2,b\n",
+    ],
+)
+def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
+    assert truth_of(tmp_path, content) == {"a": "A1", "b": "B2"}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"part,text\n", "no part"),
+        (b"a,AB\n", "columns a, ab"),
+        (b"part,text\na\n", "line 2 is not complete"),
+        (b"part,text\na,A\na,B\n", "line 3 names a a second time"),
+        (b"part,text\n\xff\xfe,A\n", "UTF-8"),
+    ],
+)
+def test_truth_tables_that_are_none(content: bytes, message: str, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=message) as caught:
+        truth_of(tmp_path, content)
+    assert str(tmp_path / "truth.csv") in str(caught.value)
+
+
+def test_accuracy_by_its_definition() -> None:
+    truth = {"a": "ABCD1234", "b": "EFGH5678", "c": "ONE DIME", "d": "JKLM", "unread": "Z"}
+    rows = [
+        Row("a", "ABCD1234"),
+        Row("b", "EFH5679"),  # one missing, one wrong
+        Row("folder/c", "ONEDIME"),  # spaces are not stamped
+        Row("d", "", error="broken"),  # four missing
+        Row("stranger", "X"),
+    ]
+    found = score(rows, truth)
+    assert (found.parts, found.parts_right, found.characters, found.edits) == (4, 2, 27, 6)
+    assert found.character_accuracy == pytest.approx(1.0 - 6 / 27)
+    assert found.serial_accuracy == 0.5
+    assert (found.without_truth, found.not_read) == (1, 1)
+    assert "77.78%" in found.describe()
+    assert score([Row("a", "X" * 90)], truth).character_accuracy == 0.0
+    assert "no part" in score([Row("stranger")], truth).describe()
