@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.batch.options import RunOptions
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, Config, JobPath, Reading
+from pipeline.runs.options import RunOptions
 from pipeline.workers.options import ExecutorOptions
 
 _RUN, _EXECUTORS = RunOptions(), ExecutorOptions()
@@ -34,7 +34,7 @@ def read(
         of them; files that differ in their endings only are one part. URLs (s3://, gs:// ...) with the extra cluster,
         and manifests.
     """
-    from pipeline.batch.production import run_batch
+    from pipeline.runs.production import run_batch
     from pipeline.store.errors import StoreError
     from pipeline.workers.cluster import ClusterError
 

@@ -129,8 +129,8 @@ def _notes(plan: StudyPlan, arrays: int, unknown: Sequence[str]) -> list[str]:
 def _measure(
     plan: StudyPlan, parts: Sequence[StudiedPart], jobs: int | None, journal: StudyJournal
 ) -> list[Measured]:
-    from pipeline.batch.progress import Progress
     from pipeline.benchmark.study.repeats import measure
+    from pipeline.runs.progress import Progress
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError
 

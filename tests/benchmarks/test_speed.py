@@ -19,10 +19,10 @@ from glyphs.fonts.outlines import load_font
 from glyphs.soiling.soils import SOILS
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import stamp_line
-from pipeline.batch.task import RunOrder, read_listed
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.listed import ListedPart
 from pipeline.formats.synth import SynthSpec, write_part
+from pipeline.runs.task import RunOrder, read_listed
 from pipeline.workers.executors import PoolExecutor
 from tests.benchmarks.one_core import TEXT
 from whisker_array.simulation.contact import trace_contact

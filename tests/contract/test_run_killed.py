@@ -57,7 +57,7 @@ def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None
 
 
 def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path) -> None:
-    # once, and as a table of lines; tests/pipeline/batch/test_journal.py has other kinds, and kills again and again
+    # once, and as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, and kills again and again
     out = "rows.csv"
     killed_after(started(parts, tmp_path, out), tmp_path / out, 3)
     kept = [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(tmp_path / out)]

@@ -20,16 +20,16 @@ from types import SimpleNamespace
 from typing import Any
 
 from glyphs.errors import FileError, MarksError
-from pipeline.batch.journal import RunJournal
-from pipeline.batch.options import RunOptions
-from pipeline.batch.row_files import read_rows
-from pipeline.batch.setup import opened
-from pipeline.batch.task import Picture, ReadPart, RunOrder
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.listed import ListedPart
+from pipeline.runs.journal import RunJournal
+from pipeline.runs.options import RunOptions
+from pipeline.runs.row_files import read_rows
+from pipeline.runs.setup import opened
+from pipeline.runs.task import Picture, ReadPart, RunOrder
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import FileState, Handled, WatchJournal

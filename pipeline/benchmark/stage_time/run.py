@@ -9,8 +9,8 @@ from typing import Any
 
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.stage_time.trial import TouchPlan, TouchTrial, failed, tried_on
-from pipeline.common.line_journal import LineJournal
 from pipeline.common.version import program_mark
+from pipeline.runs.line_journal import LineJournal
 from pipeline.workers.executors import Executor
 
 JOURNAL_FILE = "active.jsonl"

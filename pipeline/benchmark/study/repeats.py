@@ -17,10 +17,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.listed import ListedPart, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
+from pipeline.runs.line_journal import LineJournal
 
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
-from pipeline.common.line_journal import LineJournal
+from pipeline.runs.line_journal import LineJournal
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading

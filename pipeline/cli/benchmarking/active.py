@@ -23,11 +23,11 @@ def compare_plans(source: Parts, *, out: Path, seed: int, jobs: int) -> int:
         seed: of sensors and of random plans.
         jobs: worker processes.
     """
-    from pipeline.batch.progress import Progress
     from pipeline.benchmark.report.writing import command_line
     from pipeline.benchmark.stage_time.report import level_text, write_curves, write_page, write_table
     from pipeline.benchmark.stage_time.run import Comparison, compare
     from pipeline.benchmark.stage_time.trial import PLANS, results
+    from pipeline.runs.progress import Progress
     from pipeline.workers.options import ExecutorOptions
 
     comparison = Comparison(source, seed, BUDGET_S, PLANS)

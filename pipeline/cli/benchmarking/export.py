@@ -40,11 +40,11 @@ def export(
         Write nothing: compare the folder with its manifest, and name what differs.
     """
     with failures_reported():
-        from pipeline.batch.progress import Progress
         from pipeline.benchmark.exam.designed_parts import DesignedParts
         from pipeline.benchmark.exam.editions import design_named
         from pipeline.benchmark.export import folder as exporting
         from pipeline.benchmark.export.exported_part import ExportOrder
+        from pipeline.runs.progress import Progress
         from pipeline.workers.cluster import ClusterError
         from pipeline.workers.options import ExecutorOptions
         from pipeline.workers.pool import WorkerLostError

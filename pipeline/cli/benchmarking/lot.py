@@ -48,14 +48,14 @@ def lot(
         Worker processes.
     """
     with failures_reported():
-        from pipeline.batch.options import RunOptions
-        from pipeline.batch.production import run_batch
         from pipeline.benchmark.exam.condition import Given
         from pipeline.benchmark.exam.designed_parts import DesignedParts
         from pipeline.benchmark.trials.answers import designed_items, load_answers
         from pipeline.cli.benchmarking.score import print_scores
         from pipeline.common.run_description import key_of
         from pipeline.common.settings import ReadSettings
+        from pipeline.runs.options import RunOptions
+        from pipeline.runs.production import run_batch
         from pipeline.workers.executors import ordered_map
         from pipeline.workers.options import ExecutorOptions
 

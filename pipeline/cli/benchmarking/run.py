@@ -276,10 +276,10 @@ def _numbers(text: str) -> list[float]:
 def _run(
     benchmark: Benchmark, out: Path, certificate: Certificate | None, *, jobs: int, cluster: str | None
 ) -> Written:
-    from pipeline.batch.progress import Progress
     from pipeline.benchmark.report.writing import command_line, crossed_of, write_report
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import run_benchmark
+    from pipeline.runs.progress import Progress
     from pipeline.workers.cluster import ClusterError
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError

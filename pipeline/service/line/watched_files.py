@@ -24,8 +24,8 @@ import structlog
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import replacing
-from pipeline.common.line_journal import LineJournal
 from pipeline.formats.parts import set_of
+from pipeline.runs.line_journal import LineJournal
 
 log = structlog.get_logger("tactile-marks")
 _SPARE = 1000

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from pipeline.batch.options import RunOptions
-from pipeline.batch.tables import write_records
 from pipeline.cli.benchmarking.lot import lot
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.parts import discover
 from pipeline.formats.synth import text_of
+from pipeline.runs.options import RunOptions
+from pipeline.runs.tables import write_records
 
 
 def test_a_lot_is_made_and_read_both_ways(
@@ -50,7 +50,7 @@ def test_a_lot_is_made_and_read_both_ways(
         return 0
 
     monkeypatch.setattr("pipeline.benchmark.exam.designed_parts.text_of", noted)
-    monkeypatch.setattr("pipeline.batch.production.run_batch", read)
+    monkeypatch.setattr("pipeline.runs.production.run_batch", read)
     assert lot(out=tmp_path, font="gothic", parts=4) == 0
     said = capsys.readouterr().out
     assert runs == [((), False), ((), True)]

@@ -36,7 +36,7 @@ def test_a_fault_of_the_program_is_never_taken_for_bad_usage(
     def broken(*_: object) -> int:
         raise ValueError("array is empty")
 
-    monkeypatch.setattr("pipeline.batch.production.run_batch", broken)
+    monkeypatch.setattr("pipeline.runs.production.run_batch", broken)
     assert main(["read", "part.npz"]) == FAULT
     last = capsys.readouterr().err.splitlines()[-1]
     assert last == (

@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from glyphs.errors import FileError
-from pipeline.batch.quarantine import Quarantine
 from pipeline.common.row import Row
 from pipeline.formats.listed import ListedPart
 from pipeline.formats.manifest import COLUMNS, is_manifest, read_manifest
 from pipeline.formats.parts import discover
+from pipeline.runs.quarantine import Quarantine
 
 
 def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:

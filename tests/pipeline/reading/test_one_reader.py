@@ -12,7 +12,6 @@ import pipeline
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
-from pipeline.batch.task import RunOrder, read_listed
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.folder_parts import FolderParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
@@ -22,6 +21,7 @@ from pipeline.formats.limits import Limits
 from pipeline.formats.listed import ListedPart
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import PartOrder, read_order
+from pipeline.runs.task import RunOrder, read_listed
 from recognition.senses.photo_sizes import SIZES
 from recognition.senses.settings import ReaderSettings
 

@@ -19,10 +19,10 @@ from typing import Any
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
-from pipeline.batch.read_table import notes
-from pipeline.batch.tables import CSV_COLUMNS, WORKBOOK, plain_values
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
+from pipeline.runs.read_table import notes
+from pipeline.runs.tables import CSV_COLUMNS, WORKBOOK, plain_values
 
 MOST_PARTS = 1_048_575
 """Lines of a sheet below its headings, a limit of Excel."""

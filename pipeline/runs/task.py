@@ -34,7 +34,7 @@ class RunOrder:
         pictures: whether pictures of parts that a person is to review are wanted.
         digests: whether a hash of what the parts' files hold is wanted.
         measures: whether measures of the parts are wanted.
-        sent: contents of files that the settings name, for machines that lack them (`pipeline.batch.setting_files`).
+        sent: contents of files that the settings name, for machines that lack them (`pipeline.runs.setting_files`).
     """
 
     settings: ReadSettings
@@ -126,8 +126,8 @@ def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
     Raises:
         FileError: a font, format, database or lexicon that cannot be used.
     """
-    from pipeline.batch.setting_files import settled
     from pipeline.reading.kept_readers import reader_of
+    from pipeline.runs.setting_files import settled
 
     try:
         return reader_of(settings_of(settled(order.settings, order.sent), listed))

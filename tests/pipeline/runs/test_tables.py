@@ -11,7 +11,6 @@ import pyarrow.parquet
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.batch.tables import check_output, record_of_json, write_records
 from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
@@ -21,6 +20,7 @@ from pipeline.common.reading_records import (
     ReadingRecord,
     RivalRecord,
 )
+from pipeline.runs.tables import check_output, record_of_json, write_records
 
 PLACE = CharacterRecord(
     (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),

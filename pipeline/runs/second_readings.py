@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Set
 from pathlib import Path
 
-from pipeline.batch.row_files import RowFile
-from pipeline.batch.tables import LineForm, record_of_json
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
+from pipeline.runs.row_files import RowFile
+from pipeline.runs.tables import LineForm, record_of_json
 from recognition.learning.lot import is_better
 
 

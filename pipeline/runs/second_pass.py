@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError
-from pipeline.batch.options import RunOptions
-from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.listed import ListedPart, is_url, split_name
+from pipeline.runs.options import RunOptions
+from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.workers.executors import Executor, ordered_map
 
 if TYPE_CHECKING:
-    from pipeline.batch.journal import RunJournal
     from pipeline.common.reading_records import ReadingRecord
     from pipeline.reading.enrolment import EnrolReport
+    from pipeline.runs.journal import RunJournal
 
 
 def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[ListedPart]) -> bool:
@@ -175,7 +175,7 @@ class SecondPass:
 
     def _order(self, order: RunOrder, name: str) -> RunOrder:
         """As the first pass, with what was learned."""
-        from pipeline.batch.setting_files import files_to_send
+        from pipeline.runs.setting_files import files_to_send
 
         settings = order.settings.model_copy(update={"database": self.database, "font": (name,)})
         return replace(order, settings=settings, sent=files_to_send(settings) if self.sent else {})

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from pipeline.batch.progress import Progress
+from pipeline.runs.progress import Progress
 
 
 class Terminal(io.StringIO):

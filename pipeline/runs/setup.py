@@ -10,19 +10,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.batch.options import RunOptions
-from pipeline.batch.run import Run
-from pipeline.batch.task import RunOrder
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.listed import ListedPart
 from pipeline.formats.part_list import PartList
+from pipeline.runs.options import RunOptions
+from pipeline.runs.run import Run
+from pipeline.runs.task import RunOrder
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
-    from pipeline.batch.journal import RunJournal
-    from pipeline.batch.second_pass import SecondPass
     from pipeline.formats.listing import Listing
     from pipeline.reading.expected import Expected
+    from pipeline.runs.journal import RunJournal
+    from pipeline.runs.second_pass import SecondPass
 
 
 @contextmanager
@@ -38,10 +38,10 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         FileError: the table holds another run, is being written, or cannot be.
         StoreError: a store that cannot be opened.
     """
-    from pipeline.batch.journal import RunJournal
-    from pipeline.batch.quarantine import Quarantine
-    from pipeline.batch.store_target import RunStore
     from pipeline.common.run_description import key_of
+    from pipeline.runs.journal import RunJournal
+    from pipeline.runs.quarantine import Quarantine
+    from pipeline.runs.store_target import RunStore
 
     if options.out is None:
         with tempfile.TemporaryDirectory(prefix="tactile-marks-") if learns else nullcontext() as folder:
@@ -75,7 +75,7 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
 
 def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:
     """With its database beside the table; one that an earlier run left there is moved as its table is."""
-    from pipeline.batch.second_pass import SecondPass
+    from pipeline.runs.second_pass import SecondPass
 
     database = book.path.with_suffix(".die.glyphs")
     if database.exists() and not book.resumed:
@@ -110,7 +110,7 @@ def order_for(
     Raises:
         FileError: a file of the settings that cannot be sent.
     """
-    from pipeline.batch.setting_files import files_to_send
+    from pipeline.runs.setting_files import files_to_send
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
     stored = options.store is not None

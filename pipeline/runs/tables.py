@@ -245,7 +245,7 @@ CSV = LineForm(
 JSON_LINES = LineForm(b"", _json_line, lambda data: Row.of(record_of_json(data)), quoted=False)
 LINE_FORMS = {".csv": CSV, ".jsonl": JSON_LINES}
 WORKBOOK = ".xlsx"
-"""Made at the end of a run, see `pipeline.batch.workbook`."""
+"""Made at the end of a run, see `pipeline.runs.workbook`."""
 SUFFIXES = (*LINE_FORMS, ".parquet", WORKBOOK)
 
 

@@ -15,14 +15,6 @@ import sqlalchemy as sa
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
-from pipeline.batch.journal import RunJournal
-from pipeline.batch.lot_check import LotCheck
-from pipeline.batch.options import RunOptions
-from pipeline.batch.quarantine import Quarantine
-from pipeline.batch.run import Run
-from pipeline.batch.setting_files import files_to_send, settled
-from pipeline.batch.setup import opened
-from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.cli.main import main
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
@@ -32,6 +24,14 @@ from pipeline.formats.listed import ListedPart, settings_of
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.synth import SynthSpec, write_part
+from pipeline.runs.journal import RunJournal
+from pipeline.runs.lot_check import LotCheck
+from pipeline.runs.options import RunOptions
+from pipeline.runs.quarantine import Quarantine
+from pipeline.runs.run import Run
+from pipeline.runs.setting_files import files_to_send, settled
+from pipeline.runs.setup import opened
+from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.store import Store
 from pipeline.workers.executors import Outcome
 

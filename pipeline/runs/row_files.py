@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from glyphs.errors import FileError
-from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_records
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
+from pipeline.runs.tables import LINE_FORMS, LineForm, parquet_records
 
 _MOST_RECORD_BYTES = 1 << 24  # more than all texts of a row take, escaped
 _SYNC_S = 1.0
@@ -81,7 +81,7 @@ class RowFile:
         Raises:
             FileError: another program replaced the file.
             OSError: it cannot be written; nothing of it stays.
-            ValueError: a record that no table holds, see `pipeline.batch.tables.plain_values`.
+            ValueError: a record that no table holds, see `pipeline.runs.tables.plain_values`.
         """
         if record.part in self._numbers:
             return
@@ -215,7 +215,7 @@ class RowFile:
 
 
 def read_rows(path: Path) -> Iterator[Row]:
-    """The rows of a table that `pipeline.batch.tables.write_records` or a finished run wrote, streamed.
+    """The rows of a table that `pipeline.runs.tables.write_records` or a finished run wrote, streamed.
 
     Raises:
         FileError: the table is damaged.

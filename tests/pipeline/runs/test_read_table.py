@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.batch.options import RunOptions
-from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
 from pipeline.formats.npz import write_npz
+from pipeline.runs.options import RunOptions
+from pipeline.runs.read_table import notes, print_table, table_lines
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice

@@ -14,24 +14,24 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import fault_of
-from pipeline.batch.summary import Summary
-from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.formats.listed import ListedPart
+from pipeline.runs.summary import Summary
+from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
-    from pipeline.batch.journal import RunJournal
-    from pipeline.batch.lot_check import LotCheck
-    from pipeline.batch.quarantine import Quarantine
-    from pipeline.batch.second_pass import SecondPass
     from pipeline.reading.drift import DriftWatch
+    from pipeline.runs.journal import RunJournal
+    from pipeline.runs.lot_check import LotCheck
+    from pipeline.runs.quarantine import Quarantine
+    from pipeline.runs.second_pass import SecondPass
 
 
 class Store(Protocol):
-    """What keeps parts beside the table: `pipeline.batch.store_target.RunStore` does."""
+    """What keeps parts beside the table: `pipeline.runs.store_target.RunStore` does."""
 
     def add(self, read: ReadPart) -> bool:
         """Keep a part; False where it is kept already.

@@ -24,9 +24,15 @@ from types import TracebackType
 from typing import Any
 
 from glyphs.errors import FileError
-from pipeline.batch.row_files import RowFile, read_rows
-from pipeline.batch.second_readings import SecondReadings
-from pipeline.batch.tables import (
+from pipeline.common.atomic import replacing, sync_names
+from pipeline.common.file_lock import lock
+from pipeline.common.parsed import json_of
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.row import Row
+from pipeline.common.run_description import differences, key_of
+from pipeline.runs.row_files import RowFile, read_rows
+from pipeline.runs.second_readings import SecondReadings
+from pipeline.runs.tables import (
     LINE_FORMS,
     WORKBOOK,
     check_output,
@@ -35,13 +41,7 @@ from pipeline.batch.tables import (
     write_parquet,
     write_records,
 )
-from pipeline.batch.workbook import write_workbook
-from pipeline.common.atomic import replacing, sync_names
-from pipeline.common.file_lock import lock
-from pipeline.common.parsed import json_of
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.row import Row
-from pipeline.common.run_description import differences, key_of
+from pipeline.runs.workbook import write_workbook
 
 FORMAT_VERSION = 3
 """The first had flat JSON lines, and tables without height_px; the second knew no other lines."""
@@ -111,7 +111,7 @@ class RunJournal:
 
         Raises:
             FileError: it cannot be written; the rows before stay.
-            ValueError: a record that no table holds, see `pipeline.batch.tables.plain_values`.
+            ValueError: a record that no table holds, see `pipeline.runs.tables.plain_values`.
         """
         with self._faults_told():
             self._rows.append(record)

@@ -41,7 +41,7 @@ class RunOptions:
     @property
     def store(self) -> str | None:
         """URL of the store, where that is the output."""
-        from pipeline.batch.store_target import is_store
+        from pipeline.runs.store_target import is_store
 
         return self.out if self.out is not None and is_store(self.out) else None
 
@@ -52,8 +52,8 @@ class RunOptions:
             FileError: unknown suffix, or a place that cannot be written.
             SettingsError: pictures without a store.
         """
-        from pipeline.batch.tables import check_output
         from pipeline.common.atomic import check_writable
+        from pipeline.runs.tables import check_output
 
         if self.evidence is not None and self.store is None:
             raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")

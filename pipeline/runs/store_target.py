@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from pipeline.batch.task import Picture, ReadPart
+from pipeline.runs.task import Picture, ReadPart
 
 if TYPE_CHECKING:
     from pipeline.common.records import EvidenceRecord

@@ -16,16 +16,16 @@ from typing import Any
 
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.errors import FileError
-from pipeline.batch.progress import Progress
-from pipeline.batch.setup import absolute, parts_for
-from pipeline.batch.task import ReadPart, RunOrder, read_listed
-from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from pipeline.formats.listed import ListedPart
 from pipeline.formats.truth import load_truth, without_blanks
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
+from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.progress import Progress
+from pipeline.runs.setup import absolute, parts_for
+from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.workers.options import ExecutorOptions
 from recognition.decision.accepted_risk import (
     THRESHOLDS,
@@ -202,8 +202,8 @@ def _all_read(
     journal: CertificationJournal,
 ) -> list[LabelledPart]:
     """Every part with its label, by name; those that were read before are taken from the journal."""
-    from pipeline.batch.run import lost_part
-    from pipeline.batch.setting_files import files_to_send
+    from pipeline.runs.run import lost_part
+    from pipeline.runs.setting_files import files_to_send
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
     order = RunOrder(settings, measures=True, sent=sent)

@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from pipeline.batch.journal import RunJournal
-from pipeline.batch.options import RunOptions
-from pipeline.batch.row_files import read_rows
-from pipeline.batch.run import Run
-from pipeline.batch.second_pass import SecondPass, learns
-from pipeline.batch.setup import opened
-from pipeline.batch.task import ReadPart, RunOrder
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.listed import ListedPart
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart
+from pipeline.runs.journal import RunJournal
+from pipeline.runs.options import RunOptions
+from pipeline.runs.row_files import read_rows
+from pipeline.runs.run import Run
+from pipeline.runs.second_pass import SecondPass, learns
+from pipeline.runs.setup import opened
+from pipeline.runs.task import ReadPart, RunOrder
 from pipeline.workers.executors import Outcome
 from recognition.learning.exemplars import ExemplarError
 
@@ -162,7 +162,7 @@ def test_a_run_that_breaks_off_as_it_ends_is_ended(
 ) -> None:
     path = tmp_path / "rows.csv"
     with RunJournal.open(path, {}) as book, monkeypatch.context() as patched:
-        patched.setattr("pipeline.batch.second_readings.SecondReadings.remove", _broken)
+        patched.setattr("pipeline.runs.second_readings.SecondReadings.remove", _broken)
         with pytest.raises(KeyboardInterrupt):
             run_of(book).work(PARTS, ORDER, FakeExecutor())
     with RunJournal.open(path, {}) as book:

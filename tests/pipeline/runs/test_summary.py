@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.batch.summary import MOST_REASONS, Summary
 from pipeline.common.row import Row
+from pipeline.runs.summary import MOST_REASONS, Summary
 
 ROWS = (
     Row("a", "A1", "accept", 0.99, seconds=0.5),

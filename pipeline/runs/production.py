@@ -11,13 +11,6 @@ from typing import Any
 
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.plain_text import visible
-from pipeline.batch.lot_check import LotCheck
-from pipeline.batch.options import RunOptions
-from pipeline.batch.progress import Progress
-from pipeline.batch.run import Run
-from pipeline.batch.second_pass import learns
-from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
-from pipeline.batch.workbook import check_number
 from pipeline.common.atomic import replacing
 from pipeline.common.job_file import files_of
 from pipeline.common.row import Row
@@ -32,6 +25,13 @@ from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
 from pipeline.reading.expected import load_expected
 from pipeline.reading.readers import open_reader
+from pipeline.runs.lot_check import LotCheck
+from pipeline.runs.options import RunOptions
+from pipeline.runs.progress import Progress
+from pipeline.runs.run import Run
+from pipeline.runs.second_pass import learns
+from pipeline.runs.setup import absolute, opened, order_for, parts_for, with_expected
+from pipeline.runs.workbook import check_number
 from pipeline.workers.options import ExecutorOptions
 
 MOST_SHOWN = 200
@@ -108,7 +108,7 @@ def run_batch(
                 workers = executor.workers
         elapsed_s = time.monotonic() - began
     if shown is not None:
-        from pipeline.batch.read_table import print_table
+        from pipeline.runs.read_table import print_table
 
         print_table([shown[part.name] for part in parts])
     drift = _drift(run.watch)

@@ -24,9 +24,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.batch.journal import RunJournal
-from pipeline.batch.row_files import read_rows
-from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
 from pipeline.common.file_lock import lock
 from pipeline.common.reading_records import (
     CandidateRecord,
@@ -38,6 +35,9 @@ from pipeline.common.reading_records import (
 )
 from pipeline.common.row import Row
 from pipeline.common.spreadsheet import harmless
+from pipeline.runs.journal import RunJournal
+from pipeline.runs.row_files import read_rows
+from pipeline.runs.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
 RUN = {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3}
@@ -307,7 +307,7 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.batch.journal import RunJournal
+from pipeline.runs.journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 if os.fork() == 0:
     os.close(1)
@@ -575,7 +575,7 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
             marker.unlink()
         return lock(handle, wait=wait)
 
-    monkeypatch.setattr("pipeline.batch.journal.lock", locked_late)
+    monkeypatch.setattr("pipeline.runs.journal.lock", locked_late)
     with RunJournal.open(table, RUN):
         assert len(calls) == 2
         assert marker.exists()
@@ -635,7 +635,7 @@ from pathlib import Path
 from pipeline.common.reading_records import ReadingRecord
 from glyphs.errors import FileError
 from pipeline.common.file_lock import lock
-from pipeline.batch.journal import RunJournal
+from pipeline.runs.journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is done in part, then refused
 for i in range(1000):
