@@ -139,7 +139,7 @@ def scan(
         from pipeline.bench.bench import Bench
         from pipeline.bench.settings import read_bench
         from pipeline.common.atomic import check_writable
-        from pipeline.formats.touch_file import is_scan
+        from pipeline.formats.kinds import is_scan
 
         if (out is None) == (dry_run is None):
             raise CommandError("bench scan: give --out, or --dry-run", status=USAGE)
@@ -220,7 +220,7 @@ def emulate(
         settings = read_bench(bench)
         if part is not None:
             surface = read_height_map(part)
-            soil = read_soil(part) if part.suffix.lower() == ".npz" else None
+            soil = read_soil(part)
         else:
             surface, soil = (
                 HeightMap(np.zeros((8, 8), np.float32), settings.comb.character_height_mm / 40.0),

@@ -32,7 +32,7 @@ def import_traces(
         from glyphs.errors import FileError
         from pipeline.common.atomic import check_writable
         from pipeline.formats.import_traces import import_traces as imported
-        from pipeline.formats.touch_file import is_scan
+        from pipeline.formats.kinds import is_scan
         from pipeline.formats.traces_file import read_traces_file
         from pipeline.formats.whisker_file import read_whisker_file
         from whisker_array.scan.recorded import VOLT

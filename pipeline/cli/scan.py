@@ -73,9 +73,10 @@ def scan(
     """
     with failures_reported():
         from pipeline.common.atomic import check_writable
+        from pipeline.formats.kinds import is_scan
         from pipeline.formats.npz import read_soil
         from pipeline.formats.piece_file import read_surface
-        from pipeline.formats.touch_file import is_scan, read_height_map
+        from pipeline.formats.touch_file import read_height_map
         from pipeline.formats.whisker_file import read_whisker_file
         from pipeline.reading.identified import promise_lines
         from pipeline.reading.simulated_scan import feel, find_height_mm
@@ -103,7 +104,7 @@ def scan(
         check_writable(out)
         piece = height_map.suffix.lower() == ".toml"
         surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
-        soil = read_soil(height_map, maps) if height_map.suffix.lower() == ".npz" else None
+        soil = read_soil(height_map, maps)
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)
         built = read_whisker_file(whisker) if whisker is not None else None

@@ -10,35 +10,36 @@ refused without taking the memory.
 
 from __future__ import annotations
 
+import contextlib
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.atomic import replacing
 from pipeline.common.settings import MapSettings
-from pipeline.formats.grids import MAX_HEIGHT_MM, check_size
-from pipeline.formats.raw_map import RawMap
+from pipeline.errors import DataError, reading
+from pipeline.formats.grid import MAX_HEIGHT_MM
+from pipeline.formats.raw_map import RawMap, check_size
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 MAX_FILE_BYTES = 1_000_000_000
 _HEADER_BYTES = 10_000
-_NEEDED = ("z_mm", "pitch_mm")
+_MOST_MEMBERS = 10_000
 _ROWS = ("top-first", "bottom-first")
 DEFAULT_HARDNESS_MPA = 10.0
 """Of caked grime, where a file gives a thickness and no hardness."""
 
 
-@dataclass(frozen=True)
-class _SoilMember:
-    """What a member may hold, and what stands for it where it is missing."""
+class _SoilMember(NamedTuple):
+    """What stands for a member where it is missing, and what it may hold."""
 
     missing: float
     least: float
@@ -63,42 +64,111 @@ _SOIL = {
 
 
 @dataclass(frozen=True)
-class _Member:
-    """What the header of one array says."""
+class _Header:
+    """The header of one array."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[np.generic]
 
+    @classmethod
+    def of(cls, stream: IO[bytes], name: str, *, kinds: str = "fiu") -> _Header:
+        version = np.lib.format.read_magic(stream)
+        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in readers:
+            raise DataError(f"{name} is stored in npy version {version}", "save it with numpy.savez")
+        shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
+        if dtype.hasobject or dtype.kind not in kinds:
+            hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
+            raise DataError(f"{name} is of type {dtype}", hint)
+        return cls(shape, dtype)
+
     @property
     def size(self) -> int:
-        count = 1
-        for n in self.shape:
-            count *= n
-        return count
+        return math.prod(self.shape)
+
+    def check_heights(self, most: int) -> None:
+        if len(self.shape) != 2 or min(self.shape) < 2:
+            raise DataError(f"its heights have shape {self.shape}", "give rows x columns, at least 2 x 2")
+        check_size(self.shape[0], self.shape[1], most)
 
 
-def read_npz(path: Path) -> RawMap:
+class _Archive:
+    """The members of an open `.npz`."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+        self.names = {name.removesuffix(".npy") for name in archive.namelist()}
+        if (n := len(archive.namelist())) > _MOST_MEMBERS:
+            raise DataError(f"holds {n:,} members", "save z_mm and pitch_mm alone")
+
+    def header(self, name: str, *, kinds: str = "fiu") -> _Header:
+        """The header of a member that the archive holds as much of as it declares."""
+        with self._archive.open(f"{name}.npy") as stream:
+            header = _Header.of(stream, name, kinds=kinds)
+        held = self._archive.getinfo(f"{name}.npy").file_size
+        if header.size <= MAX_PIXELS and held < header.size * header.dtype.itemsize:
+            raise DataError(f"{name} is shorter than it declares", "copy or save it again")
+        return header
+
+    def load(self, name: str) -> NDArray[np.float64]:
+        with self._archive.open(f"{name}.npy") as stream:
+            return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+
+    def rows(self) -> str | None:
+        """Which row is first, as the file states it."""
+        if "rows" not in self.names:
+            return None
+        header = self.header("rows", kinds="U")
+        if header.size == 1 and header.dtype.itemsize <= _HEADER_BYTES:
+            stated = str(self.load("rows").item())
+            if stated in _ROWS:
+                return stated
+        raise DataError("states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out")
+
+    def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """A member that tells of the dirt, on a grid of this shape; what stands for it where it is missing."""
+        rule = _SOIL[name]
+        if name not in self.names:
+            return np.broadcast_to(np.float32(rule.missing), shape)
+        header = self.header(name)
+        if header.shape != shape and header.size != 1:
+            raise DataError(
+                f"{name} has shape {header.shape}, z_mm {shape}", "give both on one grid, or one number"
+            )
+        values = self.load(name)
+        if not np.isfinite(values).all():
+            raise DataError(f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint)
+        # in the member's own precision: float32 would turn 1e300 into an infinity
+        low, high = float(values.min()), float(values.max())
+        if low < rule.least or high > rule.most:
+            raise DataError(f"{name} runs from {low:.3g} to {high:.3g}", rule.hint)
+        return np.broadcast_to((values if values.size > 1 else values.reshape(())).astype(np.float32), shape)
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[_Archive]:
+    with zipfile.ZipFile(path) as archive:
+        yield _Archive(archive)
+
+
+def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of an `.npz` file.
 
     Raises:
-        FileError: anything that keeps the file from being one.
+        DataError: anything that keeps the file from being one.
     """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
-        for name in _NEEDED:
-            if f"{name}.npy" not in archive.namelist():
-                held = ", ".join(sorted(n.removesuffix(".npy") for n in archive.namelist())) or "nothing"
-                raise FileError(
-                    path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
-                )
-        heights, distance = (_look(path, archive, name) for name in _NEEDED)
-        _check_heights(path, heights)
+    with _opened(path) as archive:
+        for name in ("z_mm", "pitch_mm"):
+            if name not in archive.names:
+                held = ", ".join(sorted(archive.names)) or "nothing"
+                raise DataError(f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it")
+        archive.header("z_mm").check_heights(most)
+        distance = archive.header("pitch_mm")
         if distance.size != 1:
-            raise FileError(path, f"pitch_mm has shape {distance.shape}", "give one number, mm")
-        pitch = float(_load(archive, "pitch_mm").reshape(()))
-        rows = _rows(path, archive)
+            raise DataError(f"pitch_mm has shape {distance.shape}", "give one number, mm")
+        pitch, rows = float(archive.load("pitch_mm").reshape(())), archive.rows()
         return RawMap(
-            _load(archive, "z_mm"),
+            archive.load("z_mm"),
             pitch,
             pitch,
             bottom_first=rows == "bottom-first",
@@ -106,41 +176,26 @@ def read_npz(path: Path) -> RawMap:
         )
 
 
-def _rows(path: Path, archive: zipfile.ZipFile) -> str | None:
-    """Which row is first, as the file states it."""
-    if "rows.npy" not in archive.namelist():
-        return None
-    with archive.open("rows.npy") as stream:
-        member = _header(path, "rows", stream, kinds="U")
-        if member.size == 1 and member.dtype.itemsize <= _HEADER_BYTES:
-            stream.seek(0)
-            stated = str(np.lib.format.read_array(stream, allow_pickle=False).item())
-            if stated in _ROWS:
-                return stated
-    raise FileError(
-        path, "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out"
-    )
-
-
-def read_npy(path: Path) -> RawMap:
+def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of an `.npy` file: a matrix, or rows x, y, z.
 
     Raises:
-        FileError: anything that keeps the file from being one.
+        DataError: anything that keeps the file from being one.
     """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    with damage_reported(path, kind=".npy"), path.open("rb") as stream:
-        member = _header(path, path.name, stream)
-        if len(member.shape) == 2 and member.shape[1] == 3:
-            from pipeline.formats.meshes import map_of_points
-
-            if member.size > 3 * MAX_PIXELS:
-                check_size(path, *member.shape)
-            stream.seek(0)
-            return map_of_points(path, np.lib.format.read_array(stream, allow_pickle=False))
-        _check_heights(path, member)
+    with path.open("rb") as stream:
+        header = _Header.of(stream, path.name)
+        points = len(header.shape) == 2 and header.shape[1] == 3
+        if points:
+            check_size(header.shape[0], 3, 3 * most)
+        else:
+            header.check_heights(most)
         stream.seek(0)
-        return RawMap(np.lib.format.read_array(stream, allow_pickle=False))
+        values = np.lib.format.read_array(stream, allow_pickle=False)
+    if not points:
+        return RawMap(values)
+    from pipeline.formats.points import map_of_points
+
+    return map_of_points(values, most=most)
 
 
 def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
@@ -149,89 +204,31 @@ def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
     A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
 
     Args:
-        path: the file.
+        path: the file; one of another suffix tells nothing.
         settings: order of rows that is given.
 
     Raises:
         FileError: a member of another shape, not finite or out of range; or a file that cannot be read.
     """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
-        held = [name for name in _SOIL if f"{name}.npy" in archive.namelist()]
+    if path.suffix.lower() != ".npz":
+        return None
+    with reading(path, kind=".npz", most_bytes=MAX_FILE_BYTES), _opened(path) as archive:
+        held = [name for name in _SOIL if name in archive.names]
         if not held:
             return None
-        if "z_mm.npy" not in archive.namelist():
-            raise FileError(path, f"has {held[0]} and no z_mm", "save the height map with it")
-        heights = _look(path, archive, "z_mm")
-        _check_heights(path, heights)
-        for name in held:
-            member = _look(path, archive, name)
-            if member.shape != heights.shape and member.size != 1:
-                raise FileError(
-                    path,
-                    f"{name} has shape {member.shape}, z_mm {heights.shape}",
-                    "give both on one grid, or one number",
-                )
-        values = {name: _load_soil(path, archive, name) for name in held}
-        shape = (heights.shape[0], heights.shape[1])
-        friction, soft, hardness = (
-            np.broadcast_to(values.get(name, np.float32(member.missing)), shape)
-            for name, member in _SOIL.items()
-        )
+        if "z_mm" not in archive.names:
+            raise DataError(f"has {held[0]} and no z_mm", "save the height map with it")
+        heights = archive.header("z_mm")
+        heights.check_heights(MAX_PIXELS)
+        friction, soft, hardness = (archive.soil(name, heights.shape) for name in _SOIL)
         found = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
-        rows = (settings.rows if settings is not None else None) or _rows(path, archive)
+        rows = (settings.rows if settings is not None else None) or archive.rows()
         return found.mirrored if rows == "bottom-first" else found
-
-
-def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.float32]:
-    values, rule = _load(archive, name), _SOIL[name]
-    if not np.isfinite(values).all():
-        raise FileError(path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint)
-    # in the member's own precision: float32 would turn 1e300 into an infinity
-    low, high = float(values.min()), float(values.max())
-    if low < rule.least or high > rule.most:
-        raise FileError(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.hint)
-    return np.asarray(values if values.size > 1 else values.reshape(()), dtype=np.float32)
 
 
 def soil_members(soil: Soil) -> dict[str, object]:
     """The arrays that `read_soil` looks for, to be written with `write_npz(more=)`."""
     return {"friction": soil.friction, "soft_mm": soil.thickness_mm, "hardness_mpa": soil.hardness_mpa}
-
-
-def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
-    """Read the header of one member, and check that the archive holds as much as it declares."""
-    info = archive.getinfo(f"{name}.npy")
-    with archive.open(info) as stream:
-        member = _header(path, name, stream)
-    if member.size <= MAX_PIXELS and info.file_size < member.size * member.dtype.itemsize:
-        raise FileError(path, f"{name} is shorter than it declares", "copy or save it again")
-    return member
-
-
-def _header(path: Path, name: str, stream: IO[bytes], *, kinds: str = "fiu") -> _Member:
-    version = np.lib.format.read_magic(stream)
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if version not in readers:
-        raise FileError(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
-    shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
-    if dtype.hasobject or dtype.kind not in kinds:
-        hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
-        raise FileError(path, f"{name} is of type {dtype}", hint)
-    return _Member(shape, dtype)
-
-
-def _check_heights(path: Path, heights: _Member) -> None:
-    if len(heights.shape) != 2 or min(heights.shape) < 2:
-        raise FileError(
-            path, f"its heights have shape {heights.shape}", "give rows x columns, at least 2 x 2"
-        )
-    check_size(path, heights.shape[0], heights.shape[1])
-
-
-def _load(archive: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
-    with archive.open(f"{name}.npy") as stream:
-        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
 
 def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:

@@ -5,8 +5,10 @@ text --layout of the first lines--> head | body --numpy--> NumberTable
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
+from array import array
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,22 +17,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import FileError, require_file
 from glyphs.surface.maps import MAX_PIXELS
+from pipeline.errors import DataError
 
-MAX_FILE_BYTES = 500_000_000
 _SNIFF_BYTES = 200_000
 _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
-# what stands for a missing value: two words, one word, the NaN of Microsoft's C, signs
+# what stands for a missing value: two words, the NaN of Microsoft's C, and what else a cell may hold
 _PHRASE = re.compile(
     r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b|(?<=[\s;,])#[a-z][\w/!?]*"
 )
 _C_NAN = re.compile(r"[-+]?\d\.#[A-Za-z]+\d*")
-_WORD = re.compile(r"(?<![\w.])[-+]?[^\W\d_]\w*(?![\w.])")
-_SIGNS = re.compile(r"(?:(?<=[\s;,])|^)(?:-+|\*+|\?+|_+)(?=[\s;,]|$)", re.MULTILINE)
 _IS_MISSING = re.compile(
     r"(?i)\s*|nan|[-+]?inf\w*|-+|\*+|\?+|_+|bad|null|none|na|nodata|invalid|missing|masked|void|undefined"
 )
@@ -53,10 +52,11 @@ class Layout:
     first_line: int
 
     def cells(self, line: str) -> list[str]:
-        """The columns of a line; an empty one after the last delimiter is none."""
+        """The columns of a line; an empty one after the last delimiter is none, unless the table has so many."""
         line = _C_NAN.sub("nan", _PHRASE.sub("nan", line.strip("\r\n ")))
         cells = line.split(self.delimiter)
-        return cells[:-1] if self.delimiter and not cells[-1].strip() else cells
+        ends = self.delimiter is not None and not cells[-1].strip() and len(cells) != self.columns
+        return cells[:-1] if ends else cells
 
 
 @dataclass(frozen=True)
@@ -96,23 +96,20 @@ def read_number_table(path: Path) -> NumberTable:
     """The numbers of a text file.
 
     Raises:
-        FileError: no text, no table of numbers, or rows of different lengths.
+        DataError: no text, no table of numbers, or rows of different lengths.
     """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    data = path.read_bytes()
-    text = _decoded(data)
-    del data
+    text = _decoded(path.read_bytes())
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
-        raise FileError(
-            path, "holds no table of numbers", "export columns x y z, or a matrix of heights, one row a line"
+        raise DataError(
+            "holds no table of numbers", "export columns x y z, or a matrix of heights, one row a line"
         )
     head = tuple(sample[: found.first_line])
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:
-        raise FileError(path, "holds more numbers than the limit", "crop or thin the map")
-    return NumberTable(head, _names(head, found), _numbers(path, body, found))
+        raise DataError("holds more numbers than the limit", "crop or thin the map")
+    return NumberTable(head, _names(head, found), _numbers(body, found))
 
 
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -167,43 +164,37 @@ def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
     return tuple(names) if len(names) == layout.columns else ()
 
 
-def _numbers(path: Path, body: str, layout: Layout) -> NDArray[np.float64]:
+def _numbers(body: str, layout: Layout) -> NDArray[np.float64]:
     if layout.comma:
         body = body.replace(",", ".")
     if "#" not in body:
-        try:
-            return _loaded(body, layout)
-        except ValueError:
-            pass
-    # slower: words and gaps
-    for missing in (_PHRASE, _C_NAN, _WORD, _SIGNS):
-        body = missing.sub("nan", body)
-    if layout.delimiter:
-        gap = re.escape(layout.delimiter)
-        body = re.sub(rf"(?:(?<={gap})|^)[ ]*(?={gap})", "nan", body, flags=re.MULTILINE)
-        body = re.sub(rf"(?<={gap})[ ]*$", "nan", body, flags=re.MULTILINE)
+        with contextlib.suppress(ValueError):
+            return np.loadtxt(io.StringIO(body), delimiter=layout.delimiter, ndmin=2)
+    return _numbers_and_words(body, layout)
+
+
+def _numbers_and_words(body: str, layout: Layout) -> NDArray[np.float64]:
+    """The first block of numbers, up to the head of another channel; slower, for words and gaps are taken as NaN."""
+    numbers, width = array("d"), layout.columns
+    for n, line in enumerate(body.split("\n"), start=layout.first_line + 1):
+        cells = layout.cells(line)
+        if not line.strip():
+            continue
+        values = [_number(cell) for cell in cells]
+        if numbers and (line.startswith("#") or (len(values) != width and np.isnan(values).any())):
+            break
+        if len(values) != width:
+            raise DataError(
+                "has rows of different lengths or text between its numbers "
+                f"(line {n} has {len(values)} columns, others {width})",
+                "export it again",
+            )
+        numbers.extend(values)
+    return np.array(numbers).reshape(-1, width)
+
+
+def _number(cell: str) -> float:
     try:
-        rows = _loaded(_without_later_heads(body, layout), layout)
-    except ValueError as error:
-        reason = str(error).splitlines()[0].partition(";")[0]
-        raise FileError(
-            path, f"has rows of different lengths or text between its numbers ({reason})", "export it again"
-        ) from error
-    # a delimiter at the end of each line makes an empty column
-    return rows[:, :-1] if rows.shape[1] > layout.columns and np.isnan(rows[:, -1]).all() else rows
-
-
-def _loaded(body: str, layout: Layout) -> NDArray[np.float64]:
-    return np.loadtxt(io.StringIO(body), delimiter=layout.delimiter, comments="#", ndmin=2)
-
-
-def _without_later_heads(body: str, layout: Layout) -> str:
-    """The first block of numbers, without the heads and blocks of other channels that may follow."""
-    lines = body.split("\n")
-    cells = len(lines[0].strip(" ").split(layout.delimiter))
-    for n, line in enumerate(lines):
-        found = line.strip(" ").split(layout.delimiter)
-        later = line.startswith("#") or (len(found) != cells and "nan" in found)
-        if n and line.strip() and later:
-            return "\n".join(lines[:n])
-    return body
+        return float(cell)
+    except ValueError:
+        return float("nan")

@@ -16,10 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
-from pipeline.formats.listed import ListedPart, problem_of, split_name
-from pipeline.formats.part_list import PartList
-from pipeline.formats.passed_over import PassedOver
-from pipeline.formats.touch_file import (
+from pipeline.formats.kinds import (
     CORE_SUFFIXES,
     FORMATS_SUFFIXES,
     HEIGHT_IMAGE_SUFFIXES,
@@ -27,6 +24,9 @@ from pipeline.formats.touch_file import (
     SCAN_SUFFIXES,
     UNREAD_PICTURE_SUFFIXES,
 )
+from pipeline.formats.listed import ListedPart, problem_of, split_name
+from pipeline.formats.part_list import PartList
+from pipeline.formats.passed_over import PassedOver
 
 _KINDS = {
     **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),

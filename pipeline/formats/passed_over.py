@@ -6,9 +6,8 @@ import os
 from collections import Counter
 
 from glyphs.plain_text import visible
+from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 from pipeline.formats.listed import split_name
-from pipeline.formats.photo_kinds import READ_NAMES
-from pipeline.formats.touch_file import PHOTO_SUFFIXES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 
 _MOST_NAMES = 20
 _HINTS = (

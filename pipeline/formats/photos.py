@@ -11,16 +11,18 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from glyphs.camera.photo import Photo
-from glyphs.errors import FileError, damage_reported, require_file
+from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.atomic import replacing
-from pipeline.formats.photo_kinds import HEAD_BYTES, READ, refusal
+from pipeline.errors import DataError, reading
+from pipeline.formats.kinds import HEAD_BYTES, READ, refusal
 from pipeline.formats.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright
+from pipeline.formats.raw_map import RawMap
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -71,10 +73,10 @@ def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
     """
     path = Path(path)
     with _opened(path, most=most) as image:
-        return _header_of(path, image, most=most)
+        return _header_of(image, most=most)
 
 
-def read_photo(path: Path) -> Photo:
+def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     """The photograph in a file as red, green and blue of 8 or 16 bit, upright as its EXIF says.
 
     Pictures of 16 bit are stretched between percentiles: neither a camera of 12 bit nor a single glint leaves the
@@ -87,12 +89,12 @@ def read_photo(path: Path) -> Photo:
         FileError: no file, none of these kinds, damaged, cut short, or more work to decode than a photograph takes.
     """
     path = Path(path)
-    with _opened(path) as image:
-        _header_of(path, image)
+    with _opened(path, most=most) as image:
+        _header_of(image, most=most)
         page, pages = _page(path, image) if image.format == "TIFF" else (0, getattr(image, "n_frames", 1))
-        header = _header_of(path, image)
+        header = _header_of(image)
         if min(header.rows, header.cols) < 8:
-            raise FileError(path, f"has {_size(header)}, which shows no characters", "take it larger")
+            raise DataError(f"has {_size(header)}, which shows no characters", "take it larger")
         pixels = _decoded(path, image, page)
     pixels, ground = laid_on_ground(pixels)
     notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
@@ -103,48 +105,39 @@ def read_photo(path: Path) -> Photo:
 @contextlib.contextmanager
 def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
     """The picture, not yet decoded; errors of its decoder name the file."""
-    require_file(path, most_bytes=MAX_PHOTO_BYTES)
-    with damage_reported(path, kind="picture"), warnings.catch_warnings():
+    with reading(path, kind="picture", most_bytes=MAX_PHOTO_BYTES), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
         from PIL import Image, UnidentifiedImageError
 
         try:
             image = Image.open(path, formats=[kind.name for kind in READ])
         except UnidentifiedImageError:
-            raise _not_read(path) from None
+            with path.open("rb") as stream:
+                raise DataError(*refusal(stream.read(HEAD_BYTES))) from None
         except Image.DecompressionBombError:
-            raise FileError(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
+            raise DataError(f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
             yield image
 
 
-def _not_read(path: Path) -> FileError:
-    """The refusal of a file that is no picture, or one of another kind."""
-    with path.open("rb") as stream:
-        return FileError(path, *refusal(stream.read(HEAD_BYTES)))
-
-
-def _header_of(path: Path, image: ImageFile, *, most: int = MAX_PIXELS) -> PhotoHeader:
+def _header_of(image: ImageFile, *, most: int = MAX_PIXELS) -> PhotoHeader:
     """The header of the page that the picture stands at, within the limits."""
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     header = PhotoHeader(kind, image.height, image.width, _pitch_mm(image))
     pixels = header.rows * header.cols
     if pixels > most:
-        raise FileError(path, f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it")
-    if (
-        kind == "JPEG"
-        and (scans := _scans(path.read_bytes())) > _FREE_SCANS
-        and scans * pixels > _MOST_SCANNED
+        raise DataError(f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it")
+    if kind == "JPEG" and (scans := _scans(Path(str(image.filename)))) * pixels > max(
+        _MOST_SCANNED, _FREE_SCANS * pixels
     ):
-        raise FileError(
-            path, f"is a JPEG of {scans:,} passes over {_size(header)}", "save it as a usual JPEG or as PNG"
-        )
+        what = f"is a JPEG of {scans:,} passes over {_size(header)}"
+        raise DataError(what, "save it as a usual JPEG or as PNG")
     return header
 
 
-def _scans(data: bytes) -> int:
+def _scans(path: Path) -> int:
     """Passes of a JPEG over its pixels: start-of-scan markers before the end of the picture."""
-    at, scans = 2, 0
+    data, at, scans = path.read_bytes(), 2, 0
     while (found := _NEXT_MARKER.search(data, at)) is not None:
         marker, at = data[found.start() + 1], found.end()
         if marker == 0xD9:
@@ -191,7 +184,7 @@ def _page(path: Path, image: ImageFile) -> tuple[int, int]:
     if len(whole) > 1:
         for number in whole:
             image.seek(number)
-            _header_of(path, image)
+            _header_of(image)
             if not is_blank(_decoded(path, image, number)):
                 best = number
                 break
@@ -207,29 +200,30 @@ def _page_note(kind: str | None, page: int, pages: int) -> str:
 
 def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
-    if _is_deep(path, image):
-        made = _decoded_deep(path, image, page)
-    else:
-        if image.mode in ("I", "F"):
-            raise FileError(
-                path,
-                f"is a {image.format} of numbers of 32 bit, not a photograph",
-                "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
-            )
-        try:
-            if image.format == "PNG":
-                # loading passes over damaged checksums
-                _verify(path)
-            image.load()
-            if image.mode not in ("RGB", "RGBA"):
-                image = image.convert("RGBA" if image.has_transparency_data else "RGB")  # type: ignore[assignment]
-        except (OSError, SyntaxError, ValueError) as error:
-            what = f"is a {image.format} that is damaged or ends too soon"
-            raise FileError(path, what, "copy it again, or save it as PNG of 8 bit") from error
-        made = np.asarray(image)
+    deep = _is_deep(path, image)
+    if image.mode in ("I", "F") and not deep:
+        raise DataError(
+            f"is a {image.format} of numbers of 32 bit, not a photograph",
+            "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
+        )
+    try:
+        if image.format == "PNG":
+            # loading passes over damaged checksums
+            _verify(path)
+        made = _decoded_deep(path, page) if deep else _decoded_flat(image)
+    except (OSError, SyntaxError, ValueError) as error:
+        what = f"is a {image.format} that is damaged, unusual or ends too soon"
+        raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
     # of a TIFF both libraries have turned it
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
     return upright(made, turned)
+
+
+def _decoded_flat(image: ImageFile) -> Decoded:
+    image.load()
+    if image.mode in ("RGB", "RGBA"):
+        return np.asarray(image)
+    return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
 
 
 def _verify(path: Path) -> None:
@@ -249,27 +243,49 @@ def _is_deep(path: Path, image: ImageFile) -> bool:
     return False
 
 
-def _decoded_deep(path: Path, image: ImageFile, page: int) -> Decoded:
-    from glyphs.opencv import cv2
-
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the error below says it
-    try:
-        if image.format == "PNG":
-            _verify(path)
-        data = np.fromfile(path, dtype=np.uint8)
-        done, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
-    except (cv2.error, OSError, SyntaxError, ValueError):
-        done, found = False, ()
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if not done or len(found) != 1 or found[0].dtype not in (np.uint8, np.uint16):
-        what = f"is a damaged or unusual {image.format}"
-        raise FileError(path, what, "copy it again or save it as PNG of 8 bit")
-    made = np.atleast_3d(np.asarray(found[0]))
+def _decoded_deep(path: Path, page: int) -> Decoded:
+    found = _by_opencv(path, page)
+    if found is None or found.dtype not in (np.uint8, np.uint16):
+        raise ValueError("OpenCV does not decode it")
+    made = np.atleast_3d(found)
     if made.shape[2] < 3:
         return np.concatenate([*[made[..., :1]] * 3, made[..., 1:]], axis=2)
     return np.concatenate([made[..., 2::-1], made[..., 3:]], axis=2)
+
+
+def _by_opencv(path: Path, page: int = 0) -> Any:
+    """A page of a picture as it is stored, (rows, cols) or (rows, cols, channels); None where it is damaged."""
+    from glyphs.opencv import cv2
+
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our own error says it
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+        done, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
+    except cv2.error:
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    return np.asarray(found[0]) if done and len(found) == 1 else None
+
+
+def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """The heights in the pixels of a PNG or TIFF of 16 or 32 bits, where the user says that they are.
+
+    The pitch is the pixel's size where the file says one.
+
+    Raises:
+        FileError: a colour picture, or one of 8 bits.
+    """
+    header = read_header(path, most=most)
+    z = _by_opencv(path)
+    if z is None:
+        raise DataError(f"is a damaged or unusual {header.kind}", "save it as TIFF of 32 bit floats")
+    if z.ndim != 2:
+        raise DataError("is a colour picture, no heights", "read it without --height-image")
+    if z.dtype == np.uint8:
+        raise DataError("has 8 bits, too few for heights", "export it with 16 bits, or as float TIFF")
+    return RawMap(z, header.pitch_mm, header.pitch_mm, xy_mm=1.0, rows_stated=True)
 
 
 def write_photo(path: Path, photo: Photo) -> None:

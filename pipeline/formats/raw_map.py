@@ -1,4 +1,4 @@
-"""Heights as a file holds them: returned by every reader, made a map by `pipeline.formats.grids`."""
+"""Heights as a file holds them: returned by every reader, made a map by `pipeline.formats.grid`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
+from pipeline.errors import DataError
+
+# heights that programs write for missing points; besides these all numbers of nines, such as -99.99 and -9999
+_MISSING = (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0)
+# distance of such a height from all others, in ranges of the others; and of any other height that stands for missing
+_APART, _FAR_APART = 2.0, 100.0
+# share of the points that may be missing: of the well-known heights, and of others
+_MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
+_SUBSAMPLE = 200_000
 
 
 @dataclass(frozen=True)
@@ -37,3 +47,45 @@ class RawMap:
     def is_bottom_first(self, settings: MapSettings) -> bool:
         """Whether the first row is the lowest one, by the settings where they say so."""
         return self.bottom_first if settings.rows is None else settings.rows == "bottom-first"
+
+
+def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
+    """Refuse a map of more samples than the limit, before it is loaded.
+
+    Raises:
+        DataError: it has more.
+    """
+    if rows * cols > most:
+        raise DataError(
+            f"has {rows:,} x {cols:,} samples, over the limit of {most:,}", "crop or thin the map"
+        )
+
+
+def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The heights with NaN in place of infinities and of a number that stands for missing points; changed in place."""
+    z[~np.isfinite(z)] = np.nan
+    z[np.abs(z) > 1e30] = np.nan
+    for _ in range(2):  # one below all others and one above
+        known = z[np.isfinite(z)]
+        if known.size < 2:
+            break
+        for end in (float(known.min()), float(known.max())):
+            if _stands_for_missing(end, known):
+                z[z == end] = np.nan
+    return z
+
+
+def _stands_for_missing(value: float, known: NDArray[np.float64]) -> bool:
+    """Whether the lowest or highest height is no height: far from all others, and written again and again."""
+    others = known[known != value]
+    if not others.size:
+        return False
+    share = 1.0 - others.size / known.size
+    well_known = value in _MISSING or set(f"{abs(value):.6g}".replace(".", "").split("e")[0]) == {"9"}
+    few = others[:: max(1, others.size // _SUBSAMPLE)]
+    spread = float(np.ptp(np.percentile(few, (0.5, 99.5))))
+    gap = float(np.abs(others - value).min())
+    if well_known:
+        return share <= _MOST_MISSING and gap > _APART * spread
+    often = 0.0 < share <= _MOST_OTHERS and share * known.size > 1.5
+    return often and spread > 0.0 and gap > _FAR_APART * spread

@@ -1,7 +1,7 @@
 """Heights in text: columns x y z, or a matrix of heights with what its heading says of it.
 
-Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP and
-plain `key = value unit` lines. The first row of a matrix is the top one,
+Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
+Surfer and plain `key = value unit` lines. The first row of a matrix is the top one,
 unless a column of y says otherwise; grids of ESRI, Gwyddion and Wyko are always written so.
 """
 
@@ -14,42 +14,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import FileError, damage_reported
-from pipeline.formats.meshes import map_of_points
+from glyphs.surface.maps import MAX_PIXELS
+from pipeline.errors import DataError
 from pipeline.formats.number_table import NumberTable, read_number_table
+from pipeline.formats.points import map_of_points
 from pipeline.formats.raw_map import RawMap
+from pipeline.formats.units import MM
 
 # columns of a list of points, at most: x y z, intensity, colour, normal; rows for each column from which it is one
 _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
 # characters of a heading that are looked at
 _MOST_HEAD = 10_000
-_MM = {
-    "nm": 1e-6,
-    "um": 1e-3,
-    "µm": 1e-3,
-    "μm": 1e-3,
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1e3,
-    "in": 25.4,
-    "inch": 25.4,
-}
-_UNIT = r"(?P<unit>nm|[uµμ]m|mm|cm|m|inch|in)\b"
-_VALUE = r"[\s:=,;]*(?P<value>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)"
+# what stands before a key of a heading, and the keys of each fact as programs and languages spell them
+_LINE = r"(?im)^(?:[^\w\n]|_)*"
 _EACH = "(?:pitch|step|spacing|increment|scale)"
-_PITCH_KEYS = {
-    "x": rf"cell[ _]?size|d ?x|x[ _-]?{_EACH}|scale x|pixel[ _]?size|xy[ _]calibration|pitch|step|spacing",
-    "y": rf"d ?y|y[ _-]?{_EACH}|scale y",
-}
-_SIZE_KEYS = {"x": r"width|breite|largeur|x[ _-]?length", "y": r"height|h[öo]he|hauteur|y[ _-]?length"}
-_Z_UNIT = re.compile(
-    rf"(?im)^(?:[^\w\n]|_)*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[\s:=,;]*{_UNIT}"
+_PITCH_KEYS = (
+    rf"cell[ _]?size|d ?x|x[ _-]?{_EACH}|scale x|pixel[ _]?size|xy[ _]calibration|pitch|step|spacing",
+    rf"d ?y|y[ _-]?{_EACH}|scale y",
 )
-_OTHER_UNIT = re.compile(
-    r"(?im)^(?:[^\w\n]|_)*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[ \t:=,;]*(\S+)"
-)
-_XY_UNIT = re.compile(rf"(?im)^(?:[^\w\n]|_)*(?:x[ _-]?units?|units? x)[\s:=,;]*{_UNIT}")
+_SIZE_KEYS = (r"width|breite|largeur|x[ _-]?length", r"height|h[öo]he|hauteur|y[ _-]?length")
+_Z_UNIT_KEYS = r"value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data"
+_XY_UNIT_KEYS = r"x[ _-]?units?|units? x"
+_UNIT = r"(?:nm|[uµμ]m|mm|cm|m|inch|in)\b"
+_VALUE = r"[\s:=,;]*(?P<value>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)"
 _SHAPE = re.compile(r"(?is)(?:ncols|nx|x-pixels)\W+(\d+).*?(?:nrows|ny|y-pixels)\W+(\d+)")
 _SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
@@ -59,22 +47,17 @@ _AXIS = re.compile(
 )
 
 
-def read_text_map(path: Path) -> RawMap:
+def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of a text file.
 
     Raises:
-        FileError: it holds none.
+        DataError: it holds none.
     """
-    with damage_reported(path, kind="text"):
-        table = read_number_table(path)
-        named = _named_columns(table)
-        if named is not None:
-            columns, z_mm, xy_mm = named
-            raw = map_of_points(path, table.rows[:, columns])
-            return replace(raw, z_mm=z_mm, xy_mm=xy_mm)
-        if _is_points(table):
-            return map_of_points(path, table.rows[:, :3])
-        return _matrix(path, table)
+    table = read_number_table(path)
+    if (named := _named_columns(table)) is not None:
+        columns, z_mm, xy_mm = named
+        return replace(map_of_points(table.rows[:, columns], most=most), z_mm=z_mm, xy_mm=xy_mm)
+    return map_of_points(table.rows[:, :3], most=most) if _is_points(table) else _matrix(table)
 
 
 def _named_columns(table: NumberTable) -> tuple[list[int], float | None, float | None] | None:
@@ -82,9 +65,7 @@ def _named_columns(table: NumberTable) -> tuple[list[int], float | None, float |
     found: dict[str, tuple[int, float | None]] = {}
     for column, name in enumerate(table.names):
         if axis := _AXIS.fullmatch(name.strip("\"'# ")):
-            found.setdefault(
-                "z" if axis["axis"][0] == "h" else axis["axis"], (column, _MM.get(axis["unit"] or ""))
-            )
+            found.setdefault(axis["axis"][0].replace("h", "z"), (column, MM.get(axis["unit"] or "")))
     if not {"x", "y", "z"} <= found.keys():
         return None
     return [found[axis][0] for axis in "xyz"], found["z"][1], found["x"][1]
@@ -99,10 +80,10 @@ def _is_points(table: NumberTable) -> bool:
     return bool(columns < _LEAST_MATRIX_COLUMNS or many)
 
 
-def _matrix(path: Path, table: NumberTable) -> RawMap:
+def _matrix(table: NumberTable) -> RawMap:
     head, z = "\n".join(table.head)[:_MOST_HEAD], table.rows
     if z.shape[1] < 3:
-        raise FileError(path, f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
+        raise DataError(f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
     if _WYKO in head.lower():
         return _wyko(head, z)
     surfer = _SURFER.match(head)
@@ -110,53 +91,50 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
         z = z.reshape(int(shape[2]), int(shape[1]))  # rows may be broken into lines
     if no_data := _NO_DATA.search(head):
         z = np.where(z == float(no_data[1].replace(",", ".")), np.nan, z)
-    unit = _Z_UNIT.search(head)
-    if unit is None and (other := _OTHER_UNIT.search(head)):
-        raise FileError(
-            path, f"holds no heights: its values have the unit {other[1]!r}", "export the heights"
-        )
-    z_mm = _MM[unit["unit"].lower()] if unit else None
+    unit = _unit_in(head, _Z_UNIT_KEYS)
+    if unit and unit.lower() not in MM:
+        raise DataError(f"holds no heights: its values have the unit {unit!r}", "export the heights")
+    z_mm = MM.get(unit.lower())
     if surfer:
         x, to_x, y, to_y = (float(end) for end in surfer.groups()[2:])
-        rows, cols = z.shape
-        return RawMap(
-            z, (to_x - x) / (cols - 1), (to_y - y) / (rows - 1), bottom_first=True, rows_stated=True
-        )
+        pitches = (to_x - x) / (z.shape[1] - 1), (to_y - y) / (z.shape[0] - 1)
+        return RawMap(z, *pitches, bottom_first=True, rows_stated=True)
     if axes := _without_axes(z):
         z, x_step, y_step = axes
         return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
     x_pitch, y_pitch, xy_mm = _stated_pitches(head, *z.shape)
     # an ESRI grid and an export of Gwyddion have their top row first by definition
-    stated = "ncols" in head.lower() or _in_head(head, _SIZE_KEYS["x"]) is not None
+    stated = "ncols" in head.lower() or _in_head(head, _SIZE_KEYS[0]) is not None
     return RawMap(z, x_pitch, y_pitch, z_mm, xy_mm, rows_stated=stated)
 
 
 def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, float | None, float | None]:
     """Distances of columns and rows that a heading states, and millimetres in one of them, if it says the unit."""
-    width, height = (_in_head(head, _SIZE_KEYS[axis]) for axis in "xy")
+    width, height = (_in_head(head, keys) for keys in _SIZE_KEYS)
+    x, y = (_in_head(head, keys) for keys in _PITCH_KEYS)
     if width and height:
         x, y = (width[0] / cols, width[1]), (height[0] / rows, height[1])
-    else:
-        stated = _in_head(head, _PITCH_KEYS["x"])
-        if stated is None:
-            return None, None, None
-        x, y = stated, _in_head(head, _PITCH_KEYS["y"]) or stated
-    unit = _XY_UNIT.search(head)
-    xy_mm = x[1] or (_MM[unit["unit"].lower()] if unit else None)
+    if x is None:
+        return None, None, None
+    y = y or x
+    xy_mm = x[1] or MM.get(_unit_in(head, _XY_UNIT_KEYS).lower())
     return x[0], y[0] * (y[1] / x[1] if x[1] and y[1] else 1.0), xy_mm
+
+
+def _unit_in(head: str, keys: str) -> str:
+    """The unit that a heading states; empty where it states none."""
+    found = re.search(rf"{_LINE}(?:{keys})[ \t:=,;]*([^\W\d_]+\b|\S+)", head)
+    return found[1] if found else ""
 
 
 def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
     """A length that a heading states, and millimetres in one of it, if it says the unit."""
-    before = _UNIT.replace("unit", "before")
-    found = re.search(
-        rf"(?im)^(?:[^\w\n]|_)*(?:{keys})[ \t]*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}[ \t;,\[(]*(?:{_UNIT})?",
-        head,
-    )
-    if found is None:
+    before, after = rf"(?:[\[(]\s*(?P<before>{_UNIT})\s*[\])])?", rf"[ \t;,\[(]*(?P<after>{_UNIT})?"
+    found = re.search(rf"{_LINE}(?:{keys})[ \t]*{before}{_VALUE}{after}", head)
+    value = float(found["value"].replace(",", ".")) if found else 0.0
+    if found is None or value <= 0.0:
         return None
-    value = float(found["value"].replace(",", "."))
-    return (value, _MM.get((found["before"] or found["unit"] or "").lower())) if value > 0.0 else None
+    return value, MM.get((found["before"] or found["after"] or "").lower())
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
@@ -169,15 +147,8 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     flags = re.search(r"(?i)format\s+\d+\s+(\d+)", head)
     nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)
     pitch = stated.get("Pixel_size")
-    return RawMap(
-        z.T,
-        pitch,
-        pitch and pitch * stated.get("Aspect", 1.0),
-        z_mm=1e-6 * nm,
-        xy_mm=1.0,
-        bottom_first=True,
-        rows_stated=True,
-    )
+    pitches = pitch, pitch and pitch * stated.get("Aspect", 1.0)
+    return RawMap(z.T, *pitches, z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True)
 
 
 def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float] | None:

@@ -18,6 +18,7 @@ from rapidfuzz.distance import Levenshtein
 
 from glyphs.errors import FileError, require_file
 from pipeline.common.row import Row
+from pipeline.formats.kinds import is_height_map, is_photo, is_scan
 from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
@@ -26,7 +27,6 @@ from pipeline.formats.table_file import (
     is_data,
     table_lines,
 )
-from pipeline.formats.touch_file import is_height_map, is_photo, is_scan
 
 _MAX_FILE_BYTES = 200_000_000
 

@@ -7,13 +7,13 @@ before the file's and is not asked about again.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 
-from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings
+from pipeline.errors import DataError
 from pipeline.formats.raw_map import RawMap
 
 # mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
@@ -39,6 +39,19 @@ MOST_PITCH_MM = 1.0
 
 _SUBSAMPLE = 40_000
 
+MM = {
+    "nm": 1e-6,
+    "um": 1e-3,
+    "µm": 1e-3,
+    "μm": 1e-3,
+    "mm": 1.0,
+    "cm": 10.0,
+    "m": 1e3,
+    "in": 25.4,
+    "inch": 25.4,
+}
+"""Millimetres in one of a unit of length, as files write it."""
+
 
 class Unit(StrEnum):
     """Unit of length."""
@@ -52,7 +65,7 @@ class Unit(StrEnum):
     @property
     def mm(self) -> float:
         """Millimetres in one."""
-        return {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "m": 1e3, "in": 25.4}[self.value]
+        return MM[self.value]
 
     @property
     def plural(self) -> str:
@@ -61,76 +74,94 @@ class Unit(StrEnum):
         return words[self.value]
 
 
-def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
+def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
     """Factors that make millimetres of heights and of sample distances.
 
     Args:
-        path: the file, for the message.
         raw: its heights, without bad points.
         pitch: the smaller distance of samples, in the file's numbers; millimetres where the settings give it.
         settings: a unit given goes before the file's; heights and distances may have different units, so what it
             would make absurd keeps the file's.
 
     Raises:
-        FileError: the numbers are no part; says in which unit they would be.
+        DataError: the numbers are no part; says in which unit they would be.
     """
     shape = _Shape.of(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
+
+    def factors(unit: Unit) -> dict[str, tuple[float, float]]:
+        """What may have the unit, and the factors that it then gives."""
+        if settings.pitch_mm is not None:
+            return {"heights": (unit.mm, 1.0)}
+        numbers = {"numbers": (unit.mm, unit.mm)}
+        return (
+            numbers if raw.one_unit else numbers | {"heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
+        )
+
     if settings.unit is not None:
-        mm = Unit(settings.unit).mm
-        tries = [(mm, mm), (mm, xy_mm), (z_mm, mm)] if settings.pitch_mm is None else [(mm, 1.0)]
-        tries = tries[:1] if raw.one_unit else tries
-        fitting = [factors for factors in tries if not shape.absurdity(*factors)]
-        return min(fitting, key=lambda factors: shape.unusual(factors[0]), default=tries[0])
+        tries = list(factors(Unit(settings.unit)).values())
+        fitting = [one for one in tries if not shape.absurdity(*one)]
+        return min(fitting, key=lambda one: shape.unusual(one[0]), default=tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
-    asked: list[tuple[bool, float, str, Unit]] = []
-    for unit in Unit:
-        if unit is Unit.NM and raw.z_mm is not None:
-            continue  # no format states its numbers wrongly by so much
-        factors = {"numbers": (unit.mm, unit.mm), "heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
-        unknown = factors if settings.pitch_mm is None else ("heights",)
-        for what in ("numbers",) if raw.one_unit else unknown:
-            z, xy = factors[what]
-            if not shape.absurdity(z, xy):
-                asked.append((unit is Unit.INCH, shape.unusual(z), what, unit))
+    asked = [
+        (unit is Unit.INCH, shape.unusual(z), what, unit)
+        for unit in Unit
+        # no format states its numbers wrongly by as much as a nanometre
+        if unit is not Unit.NM or raw.z_mm is None
+        for what, (z, xy) in factors(unit).items()
+        if not shape.absurdity(z, xy)
+    ]
     if asked:
         *_, what, unit = min(asked, key=lambda one: one[:2])
-        raise FileError(path, absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
+        raise DataError(absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
     if not shape.odd_size(xy_mm):
         return z_mm, xy_mm  # flat, noisy or askew
-    raise FileError(
-        path,
+    raise DataError(
         f"{absurd}; in no unit are these the numbers of a part",
         "give the distance of its samples with --pitch-mm, or say with --unit that it is right",
     )
 
 
+@dataclass(frozen=True)
 class _Shape:
-    """Measures of a map in the file's numbers."""
+    """Measures of a map in the file's numbers.
 
-    def __init__(self, raw: RawMap, pitch: float, *, relief: float, depth: float, rise: float) -> None:
-        self.rows, self.cols, self.pitch = *raw.z.shape, pitch
-        self.relief, self.depth, self.rise = relief, depth, rise
-        self.stated, self.one_unit = raw.z_mm is not None, raw.one_unit
+    Attributes:
+        rows, cols: of samples.
+        pitch: smaller distance of samples.
+        stated, one_unit: whether the file states its unit, and has one for heights and distances.
+        relief: range of heights.
+        depth: range of heights less tilt and dome.
+        rise: mean steepness over a fiftieth of the shorter side, a sample.
+    """
+
+    rows: int
+    cols: int
+    pitch: float
+    stated: bool
+    one_unit: bool
+    relief: float = 0.0
+    depth: float = 0.0
+    rise: float = 0.0
 
     @classmethod
     def of(cls, raw: RawMap, pitch: float) -> _Shape:
         """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
         z = raw.z
-        rows, cols = z.shape
+        unmeasured = cls(z.shape[0], z.shape[1], pitch, raw.z_mm is not None, raw.one_unit)
         step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
-        lag = max(1, round(min(rows, cols) / 50))
+        few = np.asarray(z[::step, ::step], dtype=np.float64)
+        known = np.isfinite(few)
+        if known.sum() < 8:
+            return unmeasured
+        lag = max(1, round(min(z.shape) / 50))
         rises = [np.abs(z[lag::step, ::step] - z[:-lag:step, ::step]).ravel(),
                  np.abs(z[::step, lag::step] - z[::step, :-lag:step]).ravel()]  # fmt: skip
         rise = np.concatenate(rises)
         rise = rise[np.isfinite(rise)]
-        few = np.asarray(z[::step, ::step], dtype=np.float64)
         y, x = np.indices(few.shape) / max(few.shape)
-        known = np.isfinite(few)
-        if known.sum() < 8:
-            return cls(raw, pitch, relief=0.0, depth=0.0, rise=0.0)
         heights, x, y = few[known], x[known], y[known]
         heights = heights - np.median(heights)
         form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
@@ -138,8 +169,8 @@ class _Shape:
         relief, depth = (
             float(np.ptp(np.percentile(h, ends))) for h, ends in ((heights, (0.2, 99.8)), (rest, (1, 99)))
         )
-        return cls(
-            raw, pitch, relief=relief, depth=depth, rise=float(rise.mean()) / lag if rise.size else 0.0
+        return replace(
+            unmeasured, relief=relief, depth=depth, rise=float(rise.mean()) / lag if rise.size else 0.0
         )
 
     def least_relief(self, pitch_mm: float) -> float:

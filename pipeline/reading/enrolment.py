@@ -246,7 +246,7 @@ def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, .
         cuts = cut_scan(read_scan(part.scan), text, height_mm=settings.height_mm)
     else:
         assert part.height_map is not None
-        soil = read_soil(part.height_map, settings) if part.height_map.suffix.lower() == ".npz" else None
+        soil = read_soil(part.height_map, settings)
         cuts = cut_height_map(
             read_height_map(part.height_map, settings),
             text,

@@ -257,7 +257,7 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
 
 def _with_suffix(order: PartOrder) -> Path:
     """The height map under the suffix that its sender gave it."""
-    from pipeline.formats.touch_file import is_height_map
+    from pipeline.formats.kinds import is_height_map
 
     path = order.height_map
     assert path is not None

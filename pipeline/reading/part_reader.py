@@ -24,8 +24,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
+from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
-from pipeline.formats.limits import Limits, check_map, check_photo, check_scan
+from pipeline.formats.limits import Limits, check_scan
 from pipeline.formats.parts import Part
 from pipeline.formats.touch_file import read_map_and_rows, read_scan
 
@@ -216,12 +217,11 @@ class PartReader:
         path = part.height_map
         assert path is not None
         with _about(path):
-            if self.limits is not None:
-                check_map(path, most=self.limits.max_map_samples)
             from pipeline.formats.npz import read_soil
 
-            surface, rows_known = read_map_and_rows(path, self.maps)
-            soil, feel = read_soil(path, self.maps) if path.suffix.lower() == ".npz" else None, None
+            most = MAX_PIXELS if self.limits is None else self.limits.max_map_samples
+            surface, rows_known = read_map_and_rows(path, self.maps, most=most)
+            soil, feel = read_soil(path, self.maps), None
             if again is not None:
                 surface = again.surface(surface)
                 feel = again.feel(fidelity=self.reader.settings.fidelity, soil=soil, part_id=part.name)
@@ -325,9 +325,7 @@ def load_photo(part: Part, limits: Limits | None = None) -> Photo:
     if part.photo_problem is not None:
         raise part.photo_problem
     with _about(part.photo):
-        if limits is not None:
-            check_photo(part.photo, most=limits.max_photo_pixels)
-        return read_photo(part.photo)
+        return read_photo(part.photo, most=MAX_PIXELS if limits is None else limits.max_photo_pixels)
 
 
 def load_photos(part: Part, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:

@@ -78,7 +78,7 @@ class FolderParts:
             part=item.part,
             truth=item.truth,
             height_map=surface,
-            soil=read_soil(files.height_map) if files.height_map.suffix.lower() == ".npz" else None,
+            soil=read_soil(files.height_map),
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
             rows_known=rows_known,

@@ -31,7 +31,7 @@ import structlog
 from glyphs.errors import FileError, fault_of
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
-from pipeline.formats.photo_kinds import HEAD_BYTES
+from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
 from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ScanPlanRecord
+from pipeline.formats.kinds import PHOTO_SUFFIXES
 from pipeline.formats.parts import set_of
-from pipeline.formats.touch_file import PHOTO_SUFFIXES
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ class SimulatedStage:
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
             height_map = read_height_map(path)
-            soil = read_soil(path) if path.suffix.lower() == ".npz" else None
+            soil = read_soil(path)
             x_mm, y_mm = _shift(order.plan, height_map)
             yield _Plate(height_map, soil, x_mm, y_mm, _on_plate(order.plan, height_map, x_mm, y_mm))
         except FileError as problem:

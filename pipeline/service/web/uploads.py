@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
-from pipeline.formats.photo_kinds import HEAD_BYTES, READ, kind_of, refusal
-from pipeline.formats.touch_file import is_height_map, is_scan
+from pipeline.formats.kinds import HEAD_BYTES, READ, is_height_map, is_scan, kind_of, refusal
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:

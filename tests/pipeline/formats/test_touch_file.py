@@ -159,11 +159,11 @@ def test_files_of_instruments_are_read(
 @needs_data
 def test_both_readers_of_x3p_agree() -> None:
     pytest.importorskip("SurfaceTopography")
-    from pipeline.formats.grids import height_map
-    from pipeline.formats.instruments import read_with_surface_topography
+    from pipeline.formats.grid import height_map
+    from pipeline.formats.instruments import read_instrument
 
     path = INSTRUMENTS / "x3p-2.x3p"
-    one, other = read_height_map(path), height_map(path, read_with_surface_topography(path), MapSettings())
+    one, other = read_height_map(path), height_map(read_instrument(path), MapSettings())
     np.testing.assert_allclose(one.z_mm, other.z_mm, atol=1e-9)
     assert one.pitch_mm == pytest.approx(other.pitch_mm)
 

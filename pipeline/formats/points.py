@@ -7,6 +7,7 @@ of a closed body is not read. The files state no unit.
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 
@@ -14,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
-from glyphs.errors import FileError, damage_reported, require_file
-from pipeline.formats.grids import check_size, without_bad_points
-from pipeline.formats.pcd import read_pcd
-from pipeline.formats.raw_map import RawMap
+from glyphs.surface.maps import MAX_PIXELS
+from pipeline.errors import DataError
+from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
-MAX_FILE_BYTES = 500_000_000
+_MOST_HEAD_BYTES = 20_000
+_KINDS = {"F": "f", "I": "i", "U": "u"}
+"""Of a PCD file: its longest head, and kinds of numbers as numpy spells them."""
 MOST_SCATTERED = 2_000_000
 """Points off a grid, which are triangulated."""
 MOST_DRAWN = 300_000_000
@@ -35,33 +37,62 @@ Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 
-def read_mesh(path: Path) -> RawMap:
-    """The heights of a mesh or of a list of points.
+def read_mesh(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """The heights of a mesh.
 
     Raises:
-        FileError: the file cannot be used.
+        DataError: the file cannot be used.
     """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    with damage_reported(path, kind=path.suffix[1:].upper()):
-        if path.suffix.lower() == ".pcd":
-            return map_of_points(path, read_pcd(path))
-        import trimesh
+    import trimesh
 
-        with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
-            scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
-        corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
-        for geometry in scene.geometry.values():
-            corners.append(np.asarray(geometry.vertices, dtype=np.float64))
-            triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
-            before += len(corners[-1])
-        return map_of_points(path, np.concatenate(corners), np.concatenate(triangles))
+    with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
+        scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+    corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    for geometry in scene.geometry.values():
+        corners.append(np.asarray(geometry.vertices, dtype=np.float64))
+        triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
+        before += len(corners[-1])
+    return map_of_points(np.concatenate(corners), np.concatenate(triangles), most=most)
 
 
-def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None = None) -> RawMap:
+def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """The heights of the points of a PCD file (Point Cloud Library), ASCII or binary.
+
+    Raises:
+        DataError: no x, y and z, compressed, or cut short.
+    """
+    data = path.read_bytes()
+    mark = data.find(b"\nDATA ", 0, _MOST_HEAD_BYTES) + 1
+    end = data.find(b"\n", mark) + 1
+    if not mark or not end:
+        raise DataError("is damaged or not a PCD file (it has no line DATA)", "copy or export it again")
+    head = {}
+    for line in data[:end].decode("ascii", "replace").splitlines():
+        key, *values = line.split() or [""]
+        head[key] = values
+    names, form = head["FIELDS"], head["DATA"][0]
+    counts = [int(n) for n in head.get("COUNT", ["1"] * len(names))]
+    if not {"x", "y", "z"} <= set(names):
+        raise DataError(f"has the fields {' '.join(names)[:80]}", "export x, y and z")
+    columns = [sum(counts[: names.index(axis)]) for axis in "xyz"]
+    if form == "ascii":
+        return map_of_points(np.loadtxt(io.BytesIO(data[end:]), usecols=columns, ndmin=2), most=most)
+    if form != "binary":
+        hint = "save it as ASCII or binary PCD, as PLY or as columns x y z"
+        raise DataError(f"holds its points as {form}", hint)
+    fields = zip(head["TYPE"], head["SIZE"], counts, strict=True)
+    numbers = [f"<{_KINDS[kind]}{size}" for kind, size, count in fields for _ in range(count)]
+    rows = np.frombuffer(data, ",".join(numbers), count=int(head["POINTS"][0]), offset=end)
+    return map_of_points(np.stack([rows[f"f{column}"] for column in columns], axis=1), most=most)
+
+
+def map_of_points(
+    points: NDArray[np.number], faces: Faces | None = None, *, most: int = MAX_PIXELS
+) -> RawMap:
     """Heights on a grid out of points (n, 3) and triangles (m, 3) of them, if there are any.
 
     Raises:
-        FileError: too few points, or points in one line.
+        DataError: too few points, points in one line, or a map of more samples than the limit.
     """
     at: Points = np.array(points, dtype=np.float64)
     if faces is None:
@@ -72,10 +103,10 @@ def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None 
             without_bad_points(at[:, axis])
     known = np.asarray(np.isfinite(at).all(axis=1))
     if known.sum() < 4:
-        raise FileError(path, f"holds {known.sum()} points", "export the surface")
+        raise DataError(f"holds {known.sum()} points", "export the surface")
     if faces is None:
         faces = np.empty((0, 3), dtype=np.int64)
-    z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(path, at, faces, known)
+    z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(at, faces, known, most)
     return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True, one_unit=len(faces) > 0)
 
 
@@ -103,12 +134,12 @@ def _on_grid(points: Points) -> tuple[Points, float, float] | None:
 
 
 def _triangulated(
-    path: Path, points: Points, faces: Faces, known: NDArray[np.bool_]
+    points: Points, faces: Faces, known: NDArray[np.bool_], most: int
 ) -> tuple[Points, float, float]:
     """Heights on a grid of our own, as the uppermost triangles have them, and its pitch twice."""
     width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
     if not min(width, height) > 0.0:
-        raise FileError(path, "is a profile: its points lie in one plane", "measure a surface")
+        raise DataError("is a profile: its points lie in one plane", "measure a surface")
     if len(faces):
         faces = faces[known[faces].all(axis=1)]
         pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
@@ -117,19 +148,18 @@ def _triangulated(
     else:
         points = points[known]
         if len(points) > MOST_SCATTERED:
-            raise FileError(path, f"holds {len(points):,} points off a grid", "export them on a grid")
+            raise DataError(f"holds {len(points):,} points off a grid", "export them on a grid")
         from scipy.spatial import Delaunay
 
         pitch = math.sqrt(width * height / len(points))
         faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
         faces = faces[_longest_sides(points, faces) < _GAP * pitch]
     rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
-    check_size(path, rows, cols)
+    check_size(rows, cols, most)
     left, top = np.nanmin(points[:, 0]), np.nanmax(points[:, 1])
     places = np.column_stack([(points[:, 0] - left) / pitch, (top - points[:, 1]) / pitch, points[:, 2]])
     if _drawn_samples(places, faces) > MOST_DRAWN:
-        raise FileError(
-            path,
+        raise DataError(
             f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost",
             "export the marked surface alone",
         )

@@ -1,0 +1,102 @@
+"""Kinds of files: by their suffixes, and pictures by their first bytes, too."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import PurePath
+
+MESH_SUFFIXES = (".stl", ".ply", ".obj")
+TEXT_SUFFIXES = (".xyz", ".asc", ".pts")
+TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+"""Text that may hold heights and may hold anything else: read where it is named on its own."""
+CORE_SUFFIXES = (".npz", ".npy", ".x3p", ".sdf", *MESH_SUFFIXES, ".pcd", *TEXT_SUFFIXES)
+FORMATS_SUFFIXES = (
+    *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
+    *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
+    *(".spm", ".sur", ".tmd", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
+)
+"""Formats of the extra `formats` whose suffix means a height map and nothing else; any other suffix is tried, too,
+when the file is named on its own."""
+SCAN_SUFFIXES = (".h5", ".hdf5")
+HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
+HEAD_BYTES = 16
+"""First bytes of a file that tell its kind."""
+
+
+@dataclass(frozen=True)
+class PhotoKind:
+    """A kind of picture that is read.
+
+    Attributes:
+        name: as Pillow has it.
+        suffixes: of files of this kind, the usual one first.
+        media_type: for browsers.
+        magic: its first bytes.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    media_type: str
+    magic: re.Pattern[bytes]
+
+    @property
+    def suffix(self) -> str:
+        """The usual one."""
+        return self.suffixes[0]
+
+
+READ = (
+    PhotoKind("PNG", (".png",), "image/png", re.compile(rb"\x89PNG\r\n\x1a\n")),
+    PhotoKind("JPEG", (".jpg", ".jpeg", ".jpe", ".jfif", ".jif"), "image/jpeg", re.compile(rb"\xff\xd8")),
+    PhotoKind("BMP", (".bmp", ".dib"), "image/bmp", re.compile(rb"BM")),
+    PhotoKind("TIFF", (".tif", ".tiff"), "image/tiff", re.compile(rb"II\*\0|MM\0\*|II\+\0|MM\0\+")),
+    PhotoKind("WEBP", (".webp",), "image/webp", re.compile(rb"RIFF....WEBP", re.DOTALL)),
+    PhotoKind("GIF", (".gif",), "image/gif", re.compile(rb"GIF8[79]a")),
+)
+READ_NAMES = "PNG, JPEG, BMP, TIFF, WebP or GIF"
+PHOTO_SUFFIXES = tuple(suffix for kind in READ for suffix in kind.suffixes)
+_RECOGNISED = (
+    ("HEIC", re.compile(rb"....ftyp(?:hei[cfmsx]|hev[cmsx]|mif1|msf1)", re.DOTALL)),
+    ("AVIF", re.compile(rb"....ftypavi[fs]", re.DOTALL)),
+    ("JPEG 2000", re.compile(rb"\0\0\0\x0cjP  |\xff\x4f\xff\x51")),
+    ("JPEG XL", re.compile(rb"\xff\x0a|\0\0\0\x0cJXL ")),
+    ("Photoshop", re.compile(rb"8BPS")),
+    ("PDF", re.compile(rb"%PDF-")),
+)
+UNREAD_PICTURE_SUFFIXES = (
+    *(".heic", ".heif", ".avif", ".jxl", ".jp2", ".j2k", ".psd"),
+    *(".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"),
+)
+"""Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
+
+
+def is_height_map(path: PurePath) -> bool:
+    """Whether the suffix is that of a height map."""
+    return path.suffix.lower() in CORE_SUFFIXES + FORMATS_SUFFIXES + TABLE_SUFFIXES
+
+
+def is_scan(path: PurePath) -> bool:
+    """Whether the suffix is that of a recorded scan."""
+    return path.suffix.lower() in SCAN_SUFFIXES
+
+
+def is_photo(path: PurePath) -> bool:
+    """Check whether a suffix is that of a supported photograph."""
+    return path.suffix.lower() in PHOTO_SUFFIXES
+
+
+def kind_of(head: bytes) -> PhotoKind | None:
+    """The kind of a picture that is read, by its first `HEAD_BYTES`; None of any other file."""
+    return next((kind for kind in READ if kind.magic.match(head)), None)
+
+
+def refusal(head: bytes) -> tuple[str, str]:
+    """A sentence on a file that is none of these pictures, and a hint."""
+    name = next((name for name, magic in _RECOGNISED if magic.match(head)), None)
+    if name is None:
+        return "is not a picture that can be read", f"copy it again, or save it as {READ_NAMES}"
+    return (
+        f"is a {name} file, which is not read",
+        f"photographs must be {READ_NAMES}; export it as one of these",
+    )
