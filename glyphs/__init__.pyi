@@ -1,6 +1,6 @@
-from .camera.appearance import draw_camera, draw_light, photograph
+from .camera.appearance import draw_light, photograph
 from .camera.photo import Photo
-from .camera.pose import Camera
+from .camera.pose import Camera, draw_camera
 from .camera.shading import Light
 from .errors import FileError, MarksError
 from .fonts.glyph import Font, FontError, Glyph
@@ -15,13 +15,14 @@ from .soiling.workshop.mixture import Dirt
 from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from .stamping.die import IdealGlyph, ideal_relief
 from .stamping.dies import DIES
+from .stamping.errors import StampError
 from .stamping.faces import Die, Face, default_die
 from .stamping.forms import PlateForm
 from .stamping.layouts import LAYOUTS, Layout
 from .stamping.plates import PLATES
 from .stamping.stamp import StampedPart, stamp_line
 from .stamping.textures import Grinding, Milling, Sand, Turning
-from .stamping.variation import PRACTICES, PlateVariation, StampError, StampingVariation
+from .stamping.variation import PRACTICES, PlateVariation, StampingVariation
 from .stamping.wedge import Wedge
 from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 

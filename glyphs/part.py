@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.camera.appearance import draw_camera, draw_light, photograph
+from glyphs.camera.appearance import draw_light, photograph
 from glyphs.camera.photo import Photo
-from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera, draw_camera
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
@@ -25,13 +25,13 @@ from glyphs.fonts.serials import random_text
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import WORKSHOP, SoiledPart, Soiling, soil_part
 from glyphs.soiling.workshop.mixture import Dirt
-from glyphs.stamping.amounts import StampError, chosen
-from glyphs.stamping.die import Die, Face, default_die
 from glyphs.stamping.dies import die_kind
+from glyphs.stamping.errors import StampError, pick
+from glyphs.stamping.faces import Die, Face, default_die
 from glyphs.stamping.layouts import Layout, named_layout
 from glyphs.stamping.plates import named_plate
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
-from glyphs.stamping.variation import PRACTICES, PlateVariation
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import PRACTICES, PlateVariation, StampingVariation
 from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap
 
@@ -241,7 +241,7 @@ def _struck(
     """How blows differ, and the die."""
     if variation is not None and practice is not None:
         raise StampError("give how blows differ, or who stamps", hint="leave out variation or practice")
-    how = variation or chosen("practice", PRACTICES, practice or "press")()
+    how = variation or pick("practice", PRACTICES, practice or "press")()
     if die is None:
         return how, default_die(height_mm, font=font, face=face, bevel_deg=bevel_deg, depth_mm=depth_mm)
     if face is not Face.FLAT:

@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from glyphs.camera.pose import Camera, draw_camera, mapped
+from glyphs.camera.pose import Camera, mapped
 from glyphs.camera.shading import Light, radiance
 from glyphs.soiling.soiled import SoiledPart
-
-__all__ = ["Camera", "Light", "draw_camera", "draw_light", "photograph"]
 
 _MEDIUM_GREY = 0.2
 """Linear; 0.48 as a screen shows it."""

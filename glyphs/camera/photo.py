@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import MAX_PIXELS, MapError
 
@@ -55,8 +56,7 @@ class Photo:
             raise MapError(
                 f"{p.shape[0]} x {p.shape[1]} pixels exceed the limit of {MAX_PIXELS:,}", hint="crop it"
             )
-        if self.pitch_mm is not None and not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
-            raise MapError(f"pitch_mm is {self.pitch_mm}", hint="it must be a positive number of millimetres")
+        require_positive(MapError, self, "pitch_mm")
         for other in self.others:
             if other.shape != p.shape[:2] or other.others:
                 raise MapError(

@@ -1,22 +1,22 @@
 """Where a camera stands over a plate, and what it does to the light.
 
 Nominally its axis meets the middle of the plate, its rows run along x. In truth the part lies a little
-shifted, turned and tilted, which nobody but the simulator knows.
+shifted, turned and tilted, which only the simulator knows.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 
 DEFAULT_PIXEL_MM = 0.06
-_SIGNED = ("shift_mm", "rotation_deg", "perspective_per_mm", "exposure_ev")
 
 
 @dataclass(frozen=True)
@@ -54,20 +54,11 @@ class Camera:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = np.asarray(getattr(self, item.name), dtype=np.float64)
-            if not np.isfinite(value).all():
-                raise MapError(
-                    f"{item.name} of the camera is {getattr(self, item.name)}", hint="it must be finite"
-                )
-            if item.name not in _SIGNED and (value < 0.0).any():
-                raise MapError(f"{item.name} of the camera is {value}", hint="it must be zero or positive")
-        if self.pitch_mm <= 0.0:
-            raise MapError(f"pitch_mm of the camera is {self.pitch_mm}", hint="it must be positive")
-        if max(self.vignetting, self.bloom) > 1.0:
-            raise MapError("vignetting and bloom of the camera are shares, at most 1")
-        if max(abs(p) for p in self.perspective_per_mm) > 0.01:
-            raise MapError("perspective_per_mm beyond 0.01 is not a camera above a plate")
+        require_finite(MapError, self)
+        require_positive(MapError, self, "pitch_mm")
+        require_not_negative(MapError, self, "defocus_mm", "noise", "dark_noise")
+        require_range(MapError, 0.0, 1.0, self, "vignetting", "bloom")
+        require_range(MapError, -0.01, 0.01, self, "perspective_per_mm")
 
     def frame(self, height_map: HeightMap) -> tuple[tuple[int, int], tuple[float, float]]:
         """Rows and columns of a picture of the whole plate, and the (x, y) of its middle, mm, nominally."""

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_range
 from glyphs.soiling.coat import Look
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
@@ -52,19 +53,11 @@ class Light:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        ranges = {
-            "azimuth_deg": (self.azimuth_deg, -1e6, 1e6),
-            "elevation_deg": (self.elevation_deg, 1.0, 90.0),
-            "ambient": (self.ambient, 0.0, 1.0),
-            "size_deg": (self.size_deg, 0.1, 60.0),
-            "gradient": (self.gradient, 0.0, 1.0),
-            **{f"colour {c}": (v, 1e-3, 1e3) for c, v in zip("rgb", self.colour, strict=True)},
-        }
-        for name, (value, least, most) in ranges.items():
-            if not (math.isfinite(value) and least <= value <= most):
-                raise MapError(
-                    f"{name} of the light is {value}", hint=f"it lies between {least:g} and {most:g}"
-                )
+        require_range(MapError, -1e6, 1e6, self, "azimuth_deg")
+        require_range(MapError, 1.0, 90.0, self, "elevation_deg")
+        require_range(MapError, 0.0, 1.0, self, "ambient", "gradient")
+        require_range(MapError, 0.1, 60.0, self, "size_deg")
+        require_range(MapError, 1e-3, 1e3, self, "colour")
 
     @property
     def towards(self) -> tuple[float, float, float]:

@@ -9,6 +9,7 @@ a glyph stamped at `height_mm` is `height_mm` tall whatever the die's stroke.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,12 +19,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_range
 from glyphs.surface.display import one_line
 
 Points = NDArray[np.float64]
 
 MOST_CAP_HEIGHTS = 100.0
 """Largest coordinate and advance: a character is about as wide as tall, whatever its font."""
+_BELOW_ONE = math.nextafter(1.0, 0.0)
 RELIEF_PIXELS = 40
 """Pixels to the cap height of a relief learned by touch."""
 
@@ -101,16 +104,8 @@ class Glyph:
             raise FontError(f"glyph {self.char!r} has strokes and contours", hint="give one of them")
         object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
-        if not 0.0 <= self.advance <= MOST_CAP_HEIGHTS:
-            raise FontError(
-                f"advance of {self.char!r} is {self.advance}",
-                hint=f"it must be 0 to {MOST_CAP_HEIGHTS:.0f} cap heights",
-            )
-        if not 0.0 <= self.stroke < 1.0:
-            raise FontError(
-                f"stroke of {self.char!r} is {self.stroke}",
-                hint="it must be at least 0 and below 1 cap height",
-            )
+        require_range(FontError, 0.0, MOST_CAP_HEIGHTS, self, "advance")
+        require_range(FontError, 0.0, _BELOW_ONE, self, "stroke")
         if self.relief is not None:
             object.__setattr__(self, "relief", _odd_relief(self.char, self.relief))
 
@@ -175,11 +170,7 @@ class Font:
         wrong = [key for key, glyph in self.glyphs.items() if key != glyph.char]
         if wrong:
             raise FontError(f"font {self.name!r} files other characters' glyphs under {wrong}")
-        if not 0.0 <= self.stroke_ratio < 1.0:
-            raise FontError(
-                f"stroke_ratio of {self.name!r} is {self.stroke_ratio}",
-                hint="it must be at least 0 and below 1",
-            )
+        require_range(FontError, 0.0, _BELOW_ONE, self, "stroke_ratio")
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
     @cached_property
@@ -210,11 +201,7 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
     """
     if glyph.contours or stroke == glyph.stroke:
         return glyph
-    if not 0.0 <= stroke < 1.0:
-        raise FontError(
-            f"a stroke of {stroke:.3g} cap heights leaves no letter",
-            hint="use a narrower stroke or larger type",
-        )
+    require_range(FontError, 0.0, _BELOW_ONE, stroke=stroke, hint="use a narrower stroke or larger type")
     scale = (1.0 - stroke) / (1.0 - glyph.stroke)
 
     def refit(values: Points) -> Points:

@@ -14,19 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from glyphs.fonts import gothic
-from glyphs.fonts.glyph import Font, FontError, Glyph, Points, signed_distance, transformed, with_stroke
-
-__all__ = [
-    "BUILTIN_FONTS",
-    "SERIAL_CHARACTERS",
-    "Font",
-    "FontError",
-    "Glyph",
-    "load_font",
-    "signed_distance",
-    "transformed",
-    "with_stroke",
-]
+from glyphs.fonts.glyph import Font, FontError, Glyph, Points, with_stroke
 
 BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "timesrb")
 """Names that `load_font` knows without a file, the usual steel-stamp letter first."""

@@ -18,8 +18,8 @@ from glyphs.soiling.severity import amount_of
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.soiling.workshop.mixture import Dirt, mixed
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
-from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from glyphs.named import load_named
 from glyphs.soiling.coat import Coat
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.errors import StampError
 
 
 class SoilModel(Protocol):

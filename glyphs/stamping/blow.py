@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Glyph
-from glyphs.stamping.die import Die, ink_points_mm, relief_mm, shape_distance_mm, to_plate
+from glyphs.stamping.die import ink_points_mm, shape_distance_mm, to_plate
+from glyphs.stamping.faces import Die, relief_mm
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.display import one_line
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
-from glyphs.stamping.die import Die
+from glyphs.stamping.faces import Die
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, TraceDirection
 

@@ -10,26 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Glyph, Points, signed_distance, transformed, with_stroke
-from glyphs.stamping.faces import Die, Face, check_height, default_depth_mm, default_die, relief_mm
-from glyphs.stamping.variation import StampError
+from glyphs.ranges import require_not_negative, require_positive
+from glyphs.stamping.errors import StampError
+from glyphs.stamping.faces import Die, Face, relief_mm
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
-
-__all__ = [
-    "Die",
-    "Face",
-    "IdealGlyph",
-    "StampError",
-    "default_depth_mm",
-    "default_die",
-    "die_glyph",
-    "ideal_relief",
-    "ink_points_mm",
-    "relief_mm",
-    "shape_distance_mm",
-    "shape_relief_mm",
-    "to_plate",
-]
 
 _CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a time, Hershey's by up to 30
 
@@ -61,7 +46,7 @@ def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
         StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke as wide as the glyph
             is high.
     """
-    check_height(height_mm)
+    require_positive(StampError, height_mm=height_mm)
     stroke = die.stroke_mm / height_mm
     if glyph.contours:
         if die.face is Face.DOTTED:
@@ -138,12 +123,8 @@ def ideal_relief(
         StampError: as `die_glyph`, or a number out of range.
         MapError: pitch not positive, or too fine for the size.
     """
-    if not math.isfinite(margin_mm) or margin_mm < 0.0:
-        raise StampError(f"margin_mm is {margin_mm}", hint="it must be zero or positive")
-    if not math.isfinite(x_scale) or x_scale <= 0.0:
-        raise StampError(f"x_scale is {x_scale}", hint="it must be positive")
-    if not math.isfinite(pitch_mm) or pitch_mm <= 0.0:
-        raise StampError(f"pitch_mm is {pitch_mm}", hint="it must be positive")
+    require_not_negative(StampError, margin_mm=margin_mm)
+    require_positive(StampError, x_scale=x_scale, pitch_mm=pitch_mm)
     shape = transformed(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
     box = shape.ink_box
     middle = ((box[0] + box[2]) / 2 * height_mm, 0.5 * height_mm)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.amounts import StampError, check_amounts, chosen
+from glyphs.ranges import require_not_negative
+from glyphs.stamping.errors import StampError, pick
 from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.display import one_line
@@ -36,7 +37,7 @@ class DieKind:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        check_amounts(self)
+        require_not_negative(StampError, self)
         if self.tip >= 1.0 or (self.tip > 0.0 and self.face is not Face.FLAT):
             raise StampError(
                 f"tip is {self.tip} of a {self.face} die", hint="it is a share below 1 of a flat one"
@@ -87,4 +88,4 @@ def die_kind(name: str) -> DieKind:
     Raises:
         StampError: no such die.
     """
-    return chosen("die", DIES, name)
+    return pick("die", DIES, name)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Font
+from glyphs.ranges import require_not_negative, require_positive, require_range
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
-from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
@@ -51,7 +52,7 @@ class Die:
 
     Attributes:
         face: shape of the floor.
-        bevel_deg: slope of the walls from the land, degrees, 5 < bevel < 85 (30 to 60 is usual).
+        bevel_deg: slope of the walls from the land, degrees, 5 to 85 (30 to 60 is usual).
         depth_mm: depth of the floor below the land, > 0.
         stroke_mm: width of the groove at the land, > 0; for DOTTED the diameter of a dot. Outlined fonts have
             their own widths; there it only tells how far a ROUND floor may reach.
@@ -79,20 +80,9 @@ class Die:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "face", Face(self.face))
-        for name in ("bevel_deg", "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm"):
-            value = float(getattr(self, name))
-            if not math.isfinite(value) or value <= 0.0:
-                raise StampError(f"{name} is {value}", hint="it must be positive")
-            object.__setattr__(self, name, value)
-        for name in ("root_radius_mm", "edge_radius_mm", "burr_height_mm"):
-            value = float(getattr(self, name))
-            if not math.isfinite(value) or value < 0.0:
-                raise StampError(f"{name} is {value}", hint="it must be zero or positive")
-            object.__setattr__(self, name, value)
-        if not 5.0 < self.bevel_deg < 85.0:
-            raise StampError(
-                f"bevel_deg is {self.bevel_deg}", hint="it must lie between 5 and 85 (30 to 60 is usual)"
-            )
+        require_positive(StampError, self, "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm")
+        require_not_negative(StampError, self, "root_radius_mm", "edge_radius_mm", "burr_height_mm")
+        require_range(StampError, 5.0, 85.0, self, "bevel_deg")
 
 
 def default_depth_mm(height_mm: float) -> float:
@@ -101,7 +91,7 @@ def default_depth_mm(height_mm: float) -> float:
     Raises:
         StampError: the height is not positive.
     """
-    check_height(height_mm)
+    require_positive(StampError, height_mm=height_mm)
     heights, depths = np.array(DEPTH_TABLE_MM).T
     nearest = float(np.clip(height_mm, heights[0], heights[-1]))
     return float(np.interp(nearest, heights, depths)) * height_mm / nearest
@@ -124,9 +114,9 @@ def default_die(
     Raises:
         StampError: height, bevel or depth out of range, or no such face.
     """
+    require_positive(StampError, height_mm=height_mm)
     face = Face(face)
     depth = default_depth_mm(height_mm) if depth_mm is None else float(depth_mm)
-    check_height(height_mm)
     ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
     nominal = ratio * height_mm
     die = Die(
@@ -199,9 +189,3 @@ def relief_mm(
         fade = np.minimum(depth / np.float32(die.depth_mm), 1.0)
         out = out + np.float32(die.burr_height_mm / 2) * fade * (1 - np.cos(np.float32(2 * math.pi) * u))
     return np.asarray(out, dtype=np.float32)
-
-
-def check_height(height_mm: float) -> None:
-    """Refuse a character height that is not a positive number, with a StampError."""
-    if not math.isfinite(height_mm) or height_mm <= 0.0:
-        raise StampError(f"height_mm is {height_mm}", hint="it must be positive")

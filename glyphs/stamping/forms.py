@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.stamping.amounts import StampError
+from glyphs.stamping.errors import StampError
 from glyphs.surface.display import one_line
 
 MAX_SAG_MM = 3.0

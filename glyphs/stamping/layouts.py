@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.amounts import StampError, chosen
+from glyphs.ranges import require_finite, require_not_negative
+from glyphs.stamping.errors import StampError, pick
 from glyphs.surface.display import one_line
 
 MOST_TURNED_DEG = 5.0
@@ -42,14 +43,12 @@ class Layout:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.turned_deg):
-            raise StampError(f"turned_deg is {self.turned_deg}", hint="it must be finite")
+        require_finite(StampError, self, "turned_deg")
+        require_not_negative(StampError, self, "gap")
         if math.isnan(self.radius_mm) or self.radius_mm == 0.0:
             raise StampError(
                 f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, infinite for none"
             )
-        if not math.isfinite(self.gap) or self.gap < 0.0:
-            raise StampError(f"gap is {self.gap}", hint="it must be zero or positive")
 
     def place(self, along_mm: float, up_mm: float, *, length_mm: float) -> tuple[float, float, float]:
         """(x, y, turn) of a point of a line `length_mm` long: x right and y up, mm, turn clockwise, degrees.
@@ -113,4 +112,4 @@ def named_layout(
     Raises:
         StampError: no such layout.
     """
-    return chosen("layout", LAYOUTS, name)(rng, height_mm, length_mm, font, text)
+    return pick("layout", LAYOUTS, name)(rng, height_mm, length_mm, font, text)

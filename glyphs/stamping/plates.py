@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from glyphs.stamping.amounts import chosen
+from glyphs.stamping.errors import pick
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
 from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
 from glyphs.stamping.variation import PlateVariation
@@ -38,7 +38,7 @@ def named_plate(name: str, *, height_mm: float, length_mm: float) -> PlateVariat
     Raises:
         StampError: no such plate.
     """
-    return chosen("plate", PLATES, name)(height_mm, length_mm)
+    return pick("plate", PLATES, name)(height_mm, length_mm)
 
 
 def _radius(height_mm: float, length_mm: float) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font, signed_distance
 from glyphs.fonts.outlines import SERIAL_CHARACTERS
-from glyphs.stamping.die import Face, default_die, die_glyph, ideal_relief
+from glyphs.stamping.die import die_glyph, ideal_relief
+from glyphs.stamping.faces import Face, default_die
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
+from glyphs.ranges import require_finite, require_not_negative, require_positive
 from glyphs.stamping.blow import Box, draw_blow, draw_stances, middle_mm, plate_box, strike
-from glyphs.stamping.die import Die, die_glyph, to_plate
+from glyphs.stamping.die import die_glyph, to_plate
+from glyphs.stamping.errors import StampError
+from glyphs.stamping.faces import Die
 from glyphs.stamping.forms import PlateForm, along_skin_mm, seen_mm
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.variation import PlateVariation, StampError, StampingVariation
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
-
-__all__ = ["PlateVariation", "StampError", "StampedPart", "StampingVariation", "stamp_line"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,13 +156,9 @@ def stamp_line(
 def _check(text: str, *, height_mm: float, pitch_mm: float, margin_mm: float, spacing: float) -> None:
     if not text:
         raise StampError("there is no text to stamp", hint="give at least one character")
-    for name, value, least in (("height_mm", height_mm, 0.0), ("pitch_mm", pitch_mm, 0.0)):
-        if not math.isfinite(value) or value <= least:
-            raise StampError(f"{name} is {value}", hint="it must be positive")
-    if not math.isfinite(margin_mm) or margin_mm < 0.0:
-        raise StampError(f"margin_mm is {margin_mm}", hint="it must be zero or positive")
-    if not math.isfinite(spacing):
-        raise StampError(f"spacing is {spacing}", hint="it must be a finite number of cap heights")
+    require_positive(StampError, height_mm=height_mm, pitch_mm=pitch_mm)
+    require_not_negative(StampError, margin_mm=margin_mm)
+    require_finite(StampError, spacing=spacing)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.stamping.amounts import check_amounts, check_shares
+from glyphs.ranges import require_not_negative, require_positive, require_range
+from glyphs.stamping.errors import StampError
 from glyphs.surface.noise import Field, smooth_noise
 
 Axis = NDArray[np.float64]
@@ -48,8 +49,9 @@ class Milling:
     chatter_mm: float = 1.6
 
     def __post_init__(self) -> None:
-        check_amounts(self, positive=("feed_mm", "radius_mm", "chatter_mm"))
-        check_shares(self, "chatter")
+        require_positive(StampError, self, "feed_mm", "radius_mm", "chatter_mm")
+        require_not_negative(StampError, self, "depth_um")
+        require_range(StampError, 0.0, 1.0, self, "chatter")
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -83,8 +85,9 @@ class Turning:
     unevenness: float = 0.3
 
     def __post_init__(self) -> None:
-        check_amounts(self, positive=("feed_mm",))
-        check_shares(self, "unevenness")
+        require_positive(StampError, self, "feed_mm")
+        require_not_negative(StampError, self, "depth_um", "ring_radius_mm")
+        require_range(StampError, 0.0, 1.0, self, "unevenness")
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -117,7 +120,8 @@ class Grinding:
     along_x: bool = True
 
     def __post_init__(self) -> None:
-        check_amounts(self, positive=("line_mm", "length_mm"))
+        require_positive(StampError, self, "line_mm", "length_mm")
+        require_not_negative(StampError, self, "ra_um")
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -150,7 +154,8 @@ class Sand:
     grain_mm: float = 0.25
 
     def __post_init__(self) -> None:
-        check_amounts(self, positive=("grain_mm",))
+        require_positive(StampError, self, "grain_mm")
+        require_not_negative(StampError, self, "ra_um")
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from glyphs.stamping.amounts import StampError, check_amounts, check_shares
+from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.textures import Texture
 from glyphs.surface.display import one_line
-
-__all__ = ["PRACTICES", "PlateVariation", "StampError", "StampingVariation"]
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,12 @@ class PlateVariation:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        check_amounts(
-            self,
-            positive=("waviness_wavelength_mm", "lay_wavelength_mm", "roughness_length_mm"),
-            signed=("lay_direction_deg",),
-        )
-        check_shares(self, "ironing")
+        require_finite(StampError, self, "lay_direction_deg")
+        lengths = "waviness_wavelength_mm", "lay_wavelength_mm", "roughness_length_mm"
+        require_positive(StampError, self, *lengths)
+        amounts = "tilt_deg", "waviness_um", "lay_um", "lay_jitter", "roughness_ra_um"
+        require_not_negative(StampError, self, *amounts)
+        require_range(StampError, 0.0, 1.0, self, "ironing")
 
     @classmethod
     def none(cls) -> PlateVariation:
@@ -110,11 +109,15 @@ class StampingVariation:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        check_amounts(self)
-        check_shares(self, "pile_up_lean", "flank_loss")
-        check_shares(
-            self, "worn_probability", "double_strike_probability", "jump_probability", what="a probability"
+        require_not_negative(StampError, self)
+        shares = (
+            "pile_up_lean",
+            "flank_loss",
+            "worn_probability",
+            "double_strike_probability",
+            "jump_probability",
         )
+        require_range(StampError, 0.0, 1.0, self, *shares)
 
     @classmethod
     def none(cls) -> StampingVariation:

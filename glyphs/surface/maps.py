@@ -15,6 +15,7 @@ Pixel (row r, column c) has its centre at x = c * pitch, y = r * pitch.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_range
 from glyphs.surface.display import one_line, picture_html
 
 MAX_PIXELS = 64_000_000
@@ -64,13 +66,6 @@ LEAST_PITCH_MM = 1e-7
 """A tenth of a nanometre: no instrument's samples lie closer."""
 
 
-def _check_pitch(pitch_mm: float) -> float:
-    pitch = float(pitch_mm)
-    if not np.isfinite(pitch) or pitch < LEAST_PITCH_MM:
-        raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be a positive number of millimetres")
-    return pitch
-
-
 @dataclass(frozen=True, eq=False)
 class HeightMap:
     """Heights of a surface on a square grid.
@@ -109,8 +104,11 @@ class HeightMap:
             raise MapError("heights contain infinities", hint="mark bad points as NaN")
         if not np.isfinite(z).any():
             raise MapError("no finite height in the map", hint="every point is a dropout")
+        require_range(
+            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be a positive number"
+        )
         object.__setattr__(self, "z_mm", z)
-        object.__setattr__(self, "pitch_mm", _check_pitch(self.pitch_mm))
+        object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -173,7 +171,10 @@ class EdgeMap:
         object.__setattr__(self, "enhancement", e)
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "directions", directions)
-        object.__setattr__(self, "pitch_mm", _check_pitch(self.pitch_mm))
+        require_range(
+            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be a positive number"
+        )
+        object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
         object.__setattr__(self, "origin_mm", (float(self.origin_mm[0]), float(self.origin_mm[1])))
 
     @property

@@ -18,6 +18,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive, require_range
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 
@@ -61,10 +62,9 @@ class Piece:
     def __post_init__(self) -> None:
         if not self.angle_deg or not all(0.0 < a < 90.0 for a in self.angle_deg):
             raise MapError(f"angle_deg is {list(self.angle_deg)}", hint="walls fall at 0 to 90 degrees")
-        for name in ("depth_mm", "floor_mm", "width_mm", "radius_mm", "land_mm"):
-            value = float(getattr(self, name))
-            if not (math.isfinite(value) and 0.0 < value <= 1000.0):
-                raise MapError(f"{name} is {value}", hint="it must lie between 0 and 1000 mm")
+        lengths = "depth_mm", "floor_mm", "width_mm", "radius_mm", "land_mm"
+        require_positive(MapError, self, *lengths)
+        require_range(MapError, 0.0, 1000.0, self, *lengths)
         if self.kind is PieceKind.BALL and self.depth_mm > self.radius_mm:
             raise MapError(
                 f"a cap {self.depth_mm} mm high of a ball of {self.radius_mm} mm", hint="half at most"
@@ -92,8 +92,7 @@ class Piece:
         Raises:
             MapError: a pitch that is not positive, or a map too large.
         """
-        if not (pitch_mm > 0.0 and math.isfinite(pitch_mm)):
-            raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be positive")
+        require_positive(MapError, pitch_mm=pitch_mm)
         x_mm, y_mm = (
             np.arange(int(side / pitch_mm) + 1, dtype=np.float64) * pitch_mm for side in self.size_mm
         )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from glyphs.part import Part, stamp
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from pipeline.common.atomic import replacing
 from pipeline.common.same_text import same_text
 from pipeline.formats.lead_in import calibrate_scan

@@ -54,7 +54,7 @@ def show(*font: str, out: Path | None = None, face: FaceName = "flat", height_mm
     """
     with failures_reported():
         from glyphs.fonts.outlines import BUILTIN_FONTS
-        from glyphs.stamping.die import Face
+        from glyphs.stamping.faces import Face
         from glyphs.stamping.sheet import sheet_figure
         from pipeline.plots.pictures import check_picture, save_figure
 

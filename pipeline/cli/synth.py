@@ -119,7 +119,7 @@ def synth(
 
         from glyphs.soiling.soiled import Soiling
         from glyphs.soiling.workshop.mixture import Dirt
-        from glyphs.stamping.die import Face
+        from glyphs.stamping.faces import Face
         from pipeline.formats.synth import SynthSpec, write_parts
         from pipeline.workers.executors import ordered_map
         from pipeline.workers.options import ExecutorOptions

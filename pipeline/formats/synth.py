@@ -23,9 +23,9 @@ from glyphs.fonts.serials import allowed_characters, random_text
 from glyphs.part import Part, stamp
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
-from glyphs.stamping.amounts import chosen
-from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.dies import DIES
+from glyphs.stamping.errors import pick
+from glyphs.stamping.faces import Face, default_die
 from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
@@ -112,7 +112,7 @@ class SynthSpec:
             ("layout", LAYOUTS, self.layout),
         ):
             if name is not None:
-                chosen(kind, choices, name)
+                pick(kind, choices, name)
         if self.die is not None and self.face is not Face.FLAT:
             raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
         default_die(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from recognition.belief.line_belief import believed
 from recognition.belief.line_search import OTHER_SCALE, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import ReadLine, about_region

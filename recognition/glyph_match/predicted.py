@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from glyphs.camera.shading import Light, radiance
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph
 from glyphs.soiling.coat import Look
-from glyphs.stamping.die import Die, Face, default_depth_mm, default_die, die_glyph, shape_relief_mm
+from glyphs.stamping.die import die_glyph, shape_relief_mm
+from glyphs.stamping.faces import Die, Face, default_depth_mm, default_die
 from glyphs.surface.maps import HeightMap
 from recognition.views.text_line import TextLine
 from recognition.views.view import (

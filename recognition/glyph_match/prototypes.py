@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,

@@ -12,7 +12,8 @@ from itertools import product
 import numpy as np
 
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, signed_distance
-from glyphs.stamping.die import default_die, die_glyph, relief_mm
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.faces import default_die, relief_mm
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 from recognition.learning.laid_over import Patch, likeness
 

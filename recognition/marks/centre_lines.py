@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph, Points, signed_distance
-from glyphs.stamping.die import Face, default_die, die_glyph
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.faces import Face, default_die
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 
 STEP_HEIGHTS = 0.025

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from recognition.glyph_match.chain import Placed
 from recognition.glyph_match.correlation import (
     GlyphImages,

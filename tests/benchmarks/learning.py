@@ -19,9 +19,10 @@ from rapidfuzz.distance import Levenshtein
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
+from glyphs.stamping.stamp import stamp_line
+from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz

@@ -21,7 +21,7 @@ import numpy as np
 from glyphs.camera.photo import Photo
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.soils import SOILS
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design

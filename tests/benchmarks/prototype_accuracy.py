@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from recognition import Reader

@@ -17,7 +17,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.soils import SOILS
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.listed import ListedPart

@@ -14,7 +14,7 @@ import recognition
 import whisker_array
 from glyphs import Camera, FontError, Light, Soiling, StampingVariation, soil_part, stamp
 from glyphs.fonts.serials import FormatError
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.errors import StampError
 
 
 def test_the_same_seed_gives_the_same_part_clean_and_dirty() -> None:

@@ -19,8 +19,9 @@ import pytest
 from numpy.typing import NDArray
 
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
+from glyphs.stamping.faces import default_die
+from glyphs.stamping.stamp import stamp_line
+from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import HeightMap
 from whisker_array.simulation.contact import land_lag_mm, trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise

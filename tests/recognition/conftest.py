@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.faces import default_die
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap
 from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
 from recognition.reader import Reader

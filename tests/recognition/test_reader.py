@@ -11,7 +11,8 @@ import pytest
 from glyphs.fonts.glyph import FontError
 from glyphs.fonts.serials import FormatError
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampedPart
+from glyphs.stamping.stamp import StampedPart
+from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.decision.depth_rules import depth_rule
 from recognition.decision.flags import ReadingFlag

@@ -12,7 +12,7 @@ from glyphs.camera.photo import Photo
 from glyphs.fonts.outlines import load_font
 from glyphs.part import Part
 from glyphs.soiling.soiled import Soiling
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
 
 GS1 = "(01)09501101530003(21)"

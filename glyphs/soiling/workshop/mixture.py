@@ -17,7 +17,7 @@ from glyphs.soiling.workshop.damage import add_burr, add_pits, add_scratches
 from glyphs.soiling.workshop.debris import add_swarf
 from glyphs.soiling.workshop.films import add_oil, add_paint
 from glyphs.soiling.workshop.grime import add_grime
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.errors import StampError
 from glyphs.surface.display import one_line
 
 Layer = Callable[..., Coat]

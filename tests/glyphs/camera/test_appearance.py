@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from glyphs import stamp
-from glyphs.camera.appearance import Camera, Light, draw_camera, draw_light, photograph
-from glyphs.camera.pose import mapped
-from glyphs.camera.shading import lit_share, openness, radiance
+from glyphs.camera.appearance import draw_light, photograph
+from glyphs.camera.pose import Camera, draw_camera, mapped
+from glyphs.camera.shading import Light, lit_share, openness, radiance
 from glyphs.soiling.coat import Look
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import SoiledPart, Soiling, soil_part
 from glyphs.soiling.workshop.mixture import Dirt
-from glyphs.stamping.stamp import StampedPart, StampingVariation
+from glyphs.stamping.stamp import StampedPart
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap, MapError
 
 LAMP = Light(azimuth_deg=0.0, elevation_deg=40.0, ambient=0.0, shadows=False)

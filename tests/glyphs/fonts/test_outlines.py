@@ -11,17 +11,8 @@ from matplotlib.path import Path as PlotPath
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from glyphs.fonts.outlines import (
-    BUILTIN_FONTS,
-    SERIAL_CHARACTERS,
-    Font,
-    FontError,
-    Glyph,
-    load_font,
-    signed_distance,
-    transformed,
-    with_stroke,
-)
+from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance, transformed, with_stroke
+from glyphs.fonts.outlines import BUILTIN_FONTS, SERIAL_CHARACTERS, load_font
 from glyphs.fonts.serials import SIGNS
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"

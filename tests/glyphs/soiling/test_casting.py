@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import binary_dilation, find_objects, gaussian_filter, label
 
 from glyphs import stamp
-from glyphs.soiling.casting import casting
+from glyphs.soiling.casting.pour import casting
 from glyphs.soiling.casting.sand import GRAIN_MM, SAND_HARDNESS_MPA
 from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat, bare_coat
 from glyphs.surface.noise import Field

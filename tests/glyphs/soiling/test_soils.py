@@ -13,8 +13,8 @@ from glyphs import stamp
 from glyphs.soiling.coat import Coat, bare_coat
 from glyphs.soiling.soiled import Soiling, soil_part
 from glyphs.soiling.soils import SOILS, soil_model
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
-from glyphs.stamping.variation import StampError
 
 ARRAYS = tuple(f.name for f in fields(Coat) if f.name not in ("pitch_mm", "height_mm"))
 every_soil = pytest.mark.parametrize("soil", SOILS)

@@ -8,10 +8,9 @@ import numpy as np
 
 from glyphs import stamp
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.weld import weld
 from glyphs.soiling.weld.grinder import FURROW_MM, crown, ground
 from glyphs.soiling.weld.molten import Seam, spattered, struck
-from glyphs.soiling.weld.plate import SCALE_MM, _scaled
+from glyphs.soiling.weld.plate import SCALE_MM, _scaled, weld
 
 
 def _coat(raised: bool = False) -> Coat:

@@ -16,8 +16,8 @@ from glyphs.soiling.workshop.debris import HIGHEST_MM
 from glyphs.soiling.workshop.films import OIL_FRICTION, PAINT_MPA
 from glyphs.soiling.workshop.grime import HARDEST_MPA, SOFTEST_MPA
 from glyphs.soiling.workshop.mixture import Dirt
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
-from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import share, smooth_noise
 

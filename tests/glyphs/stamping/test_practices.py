@@ -12,9 +12,9 @@ import pytest
 from glyphs.fonts.outlines import load_font
 from glyphs.part import Part, stamp
 from glyphs.soiling.coat import bare_coat
-from glyphs.stamping.amounts import StampError
 from glyphs.stamping.blow import draw_stances
 from glyphs.stamping.dies import DIES, DieKind
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Face, default_depth_mm
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
 from glyphs.stamping.layouts import LAYOUTS, Layout

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from glyphs.stamping.sheet import sheet_figure
 
 

@@ -7,11 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glyphs.fonts.outlines import SERIAL_CHARACTERS, FontError, load_font
-from glyphs.stamping.die import Face, default_die, die_glyph, shape_relief_mm, to_plate
+from glyphs.fonts.glyph import FontError
+from glyphs.fonts.outlines import SERIAL_CHARACTERS, load_font
+from glyphs.stamping.die import die_glyph, shape_relief_mm, to_plate
+from glyphs.stamping.errors import StampError
+from glyphs.stamping.faces import Face, default_die
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, stamp_line
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import MapError
 
 GOTHIC = load_font("gothic")
@@ -58,7 +61,7 @@ def test_without_variation_every_character_is_the_ideal_one(angle, face):
 
 
 def _fitted(char, die):
-    from glyphs.fonts.outlines import with_stroke
+    from glyphs.fonts.glyph import with_stroke
 
     return with_stroke(GOTHIC.glyph(char), die.stroke_mm / 5.0)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glyphs import stamp
-from glyphs.stamping.stamp import StampingVariation
+from glyphs.stamping.variation import StampingVariation
 from pipeline.cli.exit_status import USAGE
 from pipeline.cli.main import main
 from pipeline.formats.npz import write_npz

@@ -13,8 +13,8 @@ import pytest
 from glyphs.camera.appearance import draw_light
 from glyphs.errors import FileError, MarksError
 from glyphs.soiling.soiled import Soiling
-from glyphs.stamping.die import Face
 from glyphs.stamping.dies import DIES
+from glyphs.stamping.faces import Face
 from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES

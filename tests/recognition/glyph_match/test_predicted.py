@@ -10,7 +10,8 @@ import pytest
 from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_depth_mm, default_die, ideal_relief
+from glyphs.stamping.die import ideal_relief
+from glyphs.stamping.faces import default_depth_mm, default_die
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     PIXELS,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from glyphs import Part, stamp
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from recognition.experts.recogniser import FEATURE_COLUMNS, Features, features_of
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.layouts import Layout
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.lines.ink import on_ink
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine

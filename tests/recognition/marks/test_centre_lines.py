@@ -10,8 +10,9 @@ import pytest
 
 from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-from glyphs.stamping.die import Face, default_die, die_glyph
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.errors import StampError
+from glyphs.stamping.faces import Face, default_die
 from recognition.marks.centre_lines import CentreLine, centre_line
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
-from glyphs.stamping.die import Face, default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.faces import Face, default_die
+from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
 from recognition.glyph_match.correlation import GlyphImages
 from recognition.glyph_match.predicted import PIXELS

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition.glyph_match.predicted import TemplateCache

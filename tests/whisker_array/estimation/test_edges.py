@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glyphs import stamp
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.stamp import StampingVariation
+from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
 from whisker_array.estimation.edges import calibrated_moments, edge_map

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
 from glyphs.surface.maps import TraceDirection
 from tests.factories import extruded

@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from glyphs import stamp
-from glyphs.stamping.stamp import PlateVariation, StampingVariation
+from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges

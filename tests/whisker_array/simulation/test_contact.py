@@ -14,7 +14,7 @@ from scipy import optimize
 
 from glyphs import stamp
 from glyphs.soiling.soil import Soil
-from glyphs.stamping.die import Face
+from glyphs.stamping.faces import Face
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.scan import trace_scan
 from whisker_array.simulation.contact import Laid, land_lag_mm, trace_contact

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from glyphs.fonts.glyph import FontError
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.errors import StampError
 from pipeline.benchmark.exam.condition import Condition, Given
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
