@@ -49,7 +49,7 @@ def require_positive(
 ) -> None:
     """Check that numbers are finite and above 0; see `require_range`."""
     require_range(
-        error, _LEAST_POSITIVE, _MOST, values, *names, hint="it must be a positive number", **numbers
+        error, _LEAST_POSITIVE, _MOST, values, *names, hint="it must be positive and finite", **numbers
     )
 
 

@@ -23,17 +23,15 @@ from .whisker.passes import Pass, SweepPlan
 from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube, WhiskerError
 from .whisker.shapes import Chain, LShaped, Straight, TipModel
 from .whisker.touch import Touch, default_touch, profiling_touch
-from .whisker.validity import Validity, check_validity, validity_messages
 
 __all__ = [
     "MUSIC_WIRE", "Calibration", "Chain", "Design", "DesignError", "ElasticaError", "Fidelity",
     "Fitting", "LShaped", "LandFriction", "LargeDeflection", "Limits", "Material", "Pass", "RasterPlan",
     "Rectangle", "Relief", "Request", "Round", "SampleFlag", "Scan", "Segment", "SensorChain",
     "SensorError", "SimulatedSession", "StageError", "StageSession", "Straight", "Sweep", "SweepPlan",
-    "Taper", "TipModel", "Touch", "Tube", "Tuned", "Validity", "WhiskerArray", "WhiskerError",
-    "calibrate_lead_in", "check_validity", "default_plan", "default_preload_mm", "default_touch",
+    "Taper", "TipModel", "Touch", "Tube", "Tuned", "WhiskerArray", "WhiskerError",
+    "calibrate_lead_in", "default_plan", "default_preload_mm", "default_touch",
     "default_whisker", "design_whisker", "draw_sensor_chain", "edge_map", "enhancement_factor",
     "estimate_relief", "land_friction", "large_deflection", "load_scan", "moment_ratio",
     "profiling_touch", "relief_from_edges", "save_calibration", "save_scan", "trace_scan", "tune",
-    "validity_messages",
 ]  # fmt: skip

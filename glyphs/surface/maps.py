@@ -105,7 +105,7 @@ class HeightMap:
         if not np.isfinite(z).any():
             raise MapError("no finite height in the map", hint="every point is a dropout")
         require_range(
-            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be a positive number"
+            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be positive and finite"
         )
         object.__setattr__(self, "z_mm", z)
         object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
@@ -172,7 +172,7 @@ class EdgeMap:
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "directions", directions)
         require_range(
-            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be a positive number"
+            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be positive and finite"
         )
         object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
         object.__setattr__(self, "origin_mm", (float(self.origin_mm[0]), float(self.origin_mm[1])))

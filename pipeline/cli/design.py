@@ -155,7 +155,7 @@ def design(
             made = design_whisker(request, limits=limits, section=section)
             if trade_offs:
                 trades = (slide_trade_off(made), speed_trade_off(made))
-        from whisker_array.design.report import report
+        from pipeline.cli.design_report import report
 
         print("\n".join(report(made, trades=trades, tuned=tuned)))
         if out is not None:

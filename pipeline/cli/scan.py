@@ -72,6 +72,7 @@ def scan(
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
     with failures_reported():
+        from pipeline.cli.beam_warning import linear_beam_warning
         from pipeline.common.atomic import check_writable
         from pipeline.formats.kinds import is_scan
         from pipeline.formats.npz import read_soil
@@ -87,7 +88,6 @@ def scan(
         from whisker_array.whisker.defaults import default_whisker
         from whisker_array.whisker.shapes import LShaped
         from whisker_array.whisker.touch import default_touch
-        from whisker_array.whisker.validity import linear_beam_messages
 
         if not is_scan(out):
             raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
@@ -137,12 +137,8 @@ def scan(
         print(plan.describe())
         shape = built.whisker if built is not None else default_whisker(height)
         touch = built.touch if built is not None else default_touch(height)
-        for warning in linear_beam_messages(
-            shape,
-            preload_mm=touch.preload_mm,
-            mark_height_mm=0.0,
-            mu=touch.friction if friction is None else friction,
-        ):
+        mu = touch.friction if friction is None else friction
+        if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
             print(f"warning: {warning}", file=sys.stderr)
         felt = feel(
             surface,

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon
 from numpy.typing import NDArray
 
+from pipeline.common.section_words import describe_section
 from whisker_array.design.design import Design
-from whisker_array.design.report import section_words
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import Tuned, factors, middle_friction
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
@@ -157,7 +157,7 @@ def _whisker_panel(axes: Axes, design: Design) -> None:
     axes.set_xlabel("mm", fontsize=7)
     _title(
         axes,
-        f"{section_words(w)}, pressed on by {design.preload_mm:.3f} mm; to scale, bent as the exact beam",
+        f"{describe_section(w)}, pressed on by {design.preload_mm:.3f} mm; to scale, bent as the exact beam",
     )
 
 

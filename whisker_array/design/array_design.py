@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
+from glyphs.ranges import require_positive, require_range
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
@@ -58,12 +59,8 @@ class ArrayRequest:
     speed_error: float = FINE_ERROR
 
     def __post_init__(self) -> None:
-        for name in ("character_height_mm", "length_mm", "speed_error"):
-            value = getattr(self, name)
-            if value is not None and not (value > 0.0 and math.isfinite(value)):
-                raise DesignError(f"{name} is {value}", hint="it must be a positive number")
-        if not 0.0 < self.accuracy < 1.0:
-            raise DesignError(f"accuracy is {self.accuracy}", hint="a share of the characters, below 1")
+        require_positive(DesignError, self, "character_height_mm", "length_mm", "speed_error", "accuracy")
+        require_range(DesignError, 0.0, math.nextafter(1.0, 0.0), self, "accuracy")
 
     @property
     def region_mm(self) -> tuple[float, float, float, float]:
@@ -99,14 +96,15 @@ class ArrayChoice:
     def describe(self) -> str:
         """One line for a person."""
         return (
-            f"{self.plan.array.describe()}, ribbon {_wide_mm(self.whisker):.2f} mm wide, "
+            f"{self.plan.array.describe()}, ribbon {ribbon_mm(self.whisker):.2f} mm wide, "
             f"inclined by {math.degrees(self.whisker.beta_rad):.0f}°: {self.lines} lines a height, "
             f"{ways_words(self.measured.directions)}, {self.plan.speed_mm_s:.0f} mm/s, "
             f"{self.plan.n_passes} passes, {self.stage_s:.1f} s"
         )
 
 
-def _wide_mm(whisker: LShaped) -> float:
+def ribbon_mm(whisker: LShaped) -> float:
+    """Width of a whisker's ribbon, mm."""
     return 2.0 * whisker.segments()[0].section_at(0.0).c_lateral_mm
 
 
@@ -225,35 +223,3 @@ def design_arrays(
         array = replace(quickest.plan.array, body=bodies[id(quickest.whisker)])
         chosen.append(replace(quickest, plan=replace(quickest.plan, array=array)))
     return tuple(chosen)
-
-
-def array_words(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> list[str]:
-    """The choices as a table and a sentence, for people; no line wider than 80."""
-    x0, y0, x1, y1 = request.region_mm
-    out = [
-        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,",
-        f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):",
-        "",
-        "whiskers  rows  stagger  pitch  ribbon  incl.  lines  ways  passes  mm/s  stage",
-        "                     mm     mm      mm                                        s",
-    ]
-    for c in choices:
-        a = c.plan.array
-        out.append(
-            f"{a.n_whiskers:8d}  {a.rows:4d}  {a.stagger_mm:7.2f}  {a.pitch_mm:5.2f}  {_wide_mm(c.whisker):6.2f}"
-            f"  {math.degrees(c.whisker.beta_rad):4.0f}°  {c.lines:5d}  {len(c.measured.directions):4d}"
-            f"  {c.plan.n_passes:6d}  {c.plan.speed_mm_s:4.0f}  {c.stage_s:5.1f}"
-        )
-    best = min(choices, key=lambda c: c.stage_s)
-    read = best.measured
-    out += [
-        "",
-        f"Quickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
-        f"{ways_words(read.directions)}; of {read.parts} parts so",
-        f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
-        f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.",
-        "Accuracy was measured with the default whisker, slow: python",
-        "tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by "
-        f"{100 * request.speed_error:g} %.",
-    ]
-    return out

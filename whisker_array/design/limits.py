@@ -18,6 +18,7 @@ import math
 from dataclasses import dataclass, replace
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
@@ -105,10 +106,7 @@ class Request:
             raise DesignError(
                 f"friction of {self.mu[0]:g} to {self.mu[1]:g} cannot be: give 0 <= low <= high < 2"
             )
-        for name in ("depth_mm", "character_height_mm", "speed_mm_s"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise DesignError(f"{name} is {value}", hint="it must be a positive number")
+        require_positive(DesignError, self, "depth_mm", "character_height_mm", "speed_mm_s")
         if self.depth_mm > 0.5 * self.character_height_mm:
             raise DesignError(
                 f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high cannot be: "

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.both_ways import both_ways
@@ -90,8 +91,7 @@ class Relief:
         for slope in (self.slope_x, self.slope_y, self.friction_map):
             if slope is not None and slope.shape != self.height_mm.shape:
                 raise MapError(f"maps of {slope.shape} do not fit the heights {self.height_mm.shape}")
-        if not (self.pitch_mm > 0.0 and np.isfinite(self.pitch_mm)):
-            raise MapError(f"pitch_mm is {self.pitch_mm}", hint="it must be positive")
+        require_positive(MapError, self, "pitch_mm")
 
     @property
     def steepness(self) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray
@@ -69,8 +70,7 @@ class PassLog:
         x0, y0, x1, y1 = self.field_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(f"the field {self.field_mm} is empty", hint="give (x0, y0, x1, y1)")
-        if not all(v > 0.0 for v in (self.height_mm, self.budget_s or 1.0)):
-            raise WhiskerError("height_mm and budget_s must be positive")
+        require_positive(WhiskerError, self, "height_mm", "budget_s")
 
     @property
     def stage_s(self) -> float:

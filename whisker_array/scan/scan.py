@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
@@ -74,10 +75,7 @@ class Scan:
             raise MapError(
                 f"a calibration of {self.calibration.gain.size} whiskers for a scan of {self.n_whiskers}"
             )
-        if not (self.line_pitch_mm > 0.0 and np.isfinite(self.line_pitch_mm)):
-            raise MapError(f"line_pitch_mm is {self.line_pitch_mm}", hint="it must be positive")
-        if not (self.sample_rate_hz > 0.0 and np.isfinite(self.sample_rate_hz)):
-            raise MapError(f"sample_rate_hz is {self.sample_rate_hz}", hint="it must be positive")
+        require_positive(MapError, self, "line_pitch_mm", "sample_rate_hz")
 
     @property
     def n_whiskers(self) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, lifted, reading_of
 
@@ -58,13 +59,6 @@ def same_length(gain: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
         )
 
 
-def _not_negative(name: str, value: float) -> float:
-    number = float(value)
-    if not math.isfinite(number) or number < 0.0:
-        raise SensorError(f"{name} is {value}", hint="it must be finite and not negative")
-    return number
-
-
 @dataclass(frozen=True, eq=False)
 class SensorChain:
     """Gauge, amplifier and converter of every whisker of an array.
@@ -105,17 +99,10 @@ class SensorChain:
                 f"{gain.size} gains but a memory of {self.memory.n_whiskers} whiskers",
                 hint="give one of each for every whisker",
             )
-        for name in ("noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration"):
-            object.__setattr__(self, name, _not_negative(name, getattr(self, name)))
-        if not self.adc_range_n_mm > 0.0:
-            raise SensorError(f"adc_range_n_mm is {self.adc_range_n_mm}", hint="full scale must be positive")
-        if self.adc_bits is not None:
-            if not 2 <= self.adc_bits <= 32:
-                raise SensorError(f"adc_bits is {self.adc_bits}", hint="it must be 2 to 32, or None")
-            if math.isinf(self.adc_range_n_mm):
-                raise SensorError(
-                    "a converter needs a finite adc_range_n_mm", hint="give one, or adc_bits=None"
-                )
+        require_not_negative(SensorError, self, "noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration")
+        require_range(SensorError, 2, 32, self, "adc_bits")
+        if self.adc_bits is not None or self.adc_range_n_mm != math.inf:
+            require_positive(SensorError, self, "adc_range_n_mm")
 
     @property
     def n_whiskers(self) -> int:
@@ -140,13 +127,7 @@ class SensorChain:
     @classmethod
     def ideal(cls, n_whiskers: int) -> SensorChain:
         """A chain that hands every moment on as it is: gain 1, no offset, noise, drift or converter."""
-        _check_count(n_whiskers)
         return cls(np.ones(n_whiskers), np.zeros(n_whiskers))
-
-
-def _check_count(n_whiskers: int) -> None:
-    if n_whiskers < 1:
-        raise SensorError(f"n_whiskers is {n_whiskers}", hint="an array has at least one")
 
 
 def draw_sensor_chain(
@@ -180,14 +161,10 @@ def draw_sensor_chain(
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
     """
-    _check_count(n_whiskers)
-    if not 0.0 <= gain_sd < 1.0 / 3.0:
-        raise SensorError(f"gain_sd is {gain_sd}", hint="beyond 1/3 a whisker could have no gain at all")
-    if not (math.isfinite(full_scale_n_mm) and full_scale_n_mm > 0.0):
-        raise SensorError(f"full_scale_n_mm is {full_scale_n_mm}", hint="it must be positive")
-    offset_sd = (
-        0.01 * full_scale_n_mm if offset_sd_n_mm is None else _not_negative("offset_sd_n_mm", offset_sd_n_mm)
-    )
+    require_range(SensorError, 0.0, 0.33, gain_sd=gain_sd, hint="beyond 0.33 a gain could be 0")
+    require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
+    require_not_negative(SensorError, offset_sd_n_mm=offset_sd_n_mm)
+    offset_sd = 0.01 * full_scale_n_mm if offset_sd_n_mm is None else offset_sd_n_mm
     walk = DRIFT_A_MINUTE / math.sqrt(60.0) * full_scale_n_mm
     # of a generator of its own: the same seed gives the same gains, offsets and noise with memory and without
     remembering = rng.spawn(1)[0]
@@ -260,8 +237,7 @@ def measure(
     """
     moment = np.asarray(moment_n_mm)
     check_signal("moment_n_mm", moment, chain.n_whiskers)
-    if not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
-        raise SensorError(f"sample_rate_hz is {sample_rate_hz}", hint="it must be positive")
+    require_positive(SensorError, sample_rate_hz=sample_rate_hz)
     n, samples = moment.shape[-2:]
     raw = np.empty((math.prod(moment.shape[:-2]), n, samples), dtype=np.float32)
     saturated = np.zeros(raw.shape, dtype=np.bool_)

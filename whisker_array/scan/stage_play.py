@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
 from whisker_array.whisker.passes import SweepPlan
 
 
@@ -48,11 +49,10 @@ class StagePlay:
     return_mm: float = 0.002
 
     def __post_init__(self) -> None:
-        lengths = (self.play_mm, self.wave_mm, self.return_mm, self.lead_mm)
-        if not all(math.isfinite(v) and v >= 0.0 for v in lengths) or self.lead_mm == 0.0:
-            raise MarksError(f"a stage's lengths are {lengths}", hint="give finite ones that are not below 0")
-        if not (math.isfinite(self.rate) and abs(self.rate) < 0.1 and math.isfinite(self.phase_rad)):
-            raise MarksError(f"a stage's rate is {self.rate}", hint="give a small share of the travel")
+        require_not_negative(MarksError, self, "play_mm", "wave_mm", "return_mm")
+        require_positive(MarksError, self, "lead_mm")
+        require_range(MarksError, -0.1, 0.1, self, "rate")
+        require_finite(MarksError, self, "phase_rad")
 
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:

@@ -24,13 +24,13 @@ sample.
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
 from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
 from whisker_array.simulation.surface import TouchSurface
@@ -105,12 +105,7 @@ def trace_contact(
     Raises:
         WhiskerError: preload or step not positive.
     """
-    if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
-        raise WhiskerError(
-            f"preload_mm is {preload_mm}", hint="the whisker must be pressed on: give a positive depth"
-        )
-    if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise WhiskerError(f"step_mm is {step_mm}", hint="it must be positive")
+    require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     moment = np.empty((lines.size, n_samples), dtype=np.float32)
     flags = np.empty((lines.size, n_samples), dtype=np.uint8)

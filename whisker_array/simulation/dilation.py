@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import FAST, kernel, read_only
+from glyphs.ranges import require_not_negative
 from whisker_array.simulation.threads import in_threads
 from whisker_array.whisker.sections import WhiskerError
 
@@ -33,8 +34,7 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     Raises:
         WhiskerError: a radius negative, or of more than 60 samples.
     """
-    if radius_mm < 0.0 or not np.isfinite(radius_mm):
-        raise WhiskerError(f"tip radius_mm is {radius_mm}", hint="it must be zero or positive")
+    require_not_negative(WhiskerError, radius_mm=radius_mm)
     reach = int(np.floor(radius_mm / pitch_mm))
     if reach < 1:
         return z_mm

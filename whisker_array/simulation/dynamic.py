@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import kernel, read_only
+from glyphs.ranges import require_positive
 from whisker_array.simulation.dynamic_modes import WhiskerModes
 from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import SampleFlag, Traces
-from whisker_array.whisker.shapes import require_positive
+from whisker_array.whisker.sections import WhiskerError
 
 _LOST = np.uint8(SampleFlag.CONTACT_LOST)
 _JAMMED = np.uint8(SampleFlag.JAMMED)
@@ -155,21 +156,25 @@ def trace_dynamic(
     Raises:
         WhiskerError: preload, step, speed or contact not positive.
     """
-    preload = require_positive("preload_mm", preload_mm)
-    step, speed = require_positive("step_mm", step_mm), require_positive("speed_mm_s", speed_mm_s)
-    contact = require_positive("contact_mm_per_n", contact_mm_per_n)
-    period = shortest_period_s(modes, contact_mm_per_n=contact, friction=friction)
-    steps = max(1, math.ceil(step / speed / period * steps_a_period))
+    require_positive(
+        WhiskerError,
+        preload_mm=preload_mm,
+        step_mm=step_mm,
+        speed_mm_s=speed_mm_s,
+        contact_mm_per_n=contact_mm_per_n,
+    )
+    period = shortest_period_s(modes, contact_mm_per_n=contact_mm_per_n, friction=friction)
+    steps = max(1, math.ceil(step_mm / speed_mm_s / period * steps_a_period))
     lag = CONTACT_DAMPING * period / math.pi
     h = read_only(height_mm, np.float64)
-    slope = np.gradient(h, step, axis=1)
-    slow, jams = _slow(h, slope, modes, preload_mm=preload, friction=friction)
+    slope = np.gradient(h, step_mm, axis=1)
+    slow, jams = _slow(h, slope, modes, preload_mm=preload_mm, friction=friction)
     moment, flags = np.empty(h.shape), np.empty(h.shape, dtype=np.uint8)
     room = np.zeros((h.shape[0], 5, modes.omega_rad_s.size))
     given = (
-        h, read_only(slope), read_only(slow), float(friction), preload, step, steps, step / speed / steps,
-        read_only(modes.omega_rad_s), read_only(modes.tip), read_only(modes.moment), read_only(modes.rest_moment_mm),
-        contact, lag, float(modes.damping), room, moment, flags,
+        h, read_only(slope), read_only(slow), float(friction), float(preload_mm), float(step_mm), steps,
+        step_mm / speed_mm_s / steps, read_only(modes.omega_rad_s), read_only(modes.tip), read_only(modes.moment),
+        read_only(modes.rest_moment_mm), float(contact_mm_per_n), lag, float(modes.damping), room, moment, flags,
     )  # fmt: skip
     in_threads(lambda first, last: _kernel(first, last, *given), h.shape[0])
     flags |= np.where(jams, _JAMMED, np.uint8(0))

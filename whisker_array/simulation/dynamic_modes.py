@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive, require_range
 from glyphs.surface.display import one_line
 from whisker_array.whisker.sections import Material, WhiskerError
-from whisker_array.whisker.shapes import Whisker, require_positive
+from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
 
 HELD_MODES = 3
@@ -60,8 +61,7 @@ class WhiskerModes:
     def __post_init__(self) -> None:
         if not self.omega_rad_s.size or not self.omega_rad_s.min() > 0.0:
             raise WhiskerError("a dynamic whisker has at least one mode")
-        if not 0.0 <= self.damping < 1.0:
-            raise WhiskerError(f"damping is {self.damping}", hint="a share of critical damping, from 0 to 1")
+        require_range(WhiskerError, 0.0, math.nextafter(1.0, 0.0), self, "damping")
 
 
 def whisker_modes(
@@ -127,6 +127,6 @@ def contact_mm_per_n(*, tip_radius_mm: float, force_n: float, material: Material
     Raises:
         WhiskerError: a radius or force that is not positive.
     """
-    radius, force = require_positive("tip_radius_mm", tip_radius_mm), require_positive("force_n", force_n)
+    require_positive(WhiskerError, tip_radius_mm=tip_radius_mm, force_n=force_n)
     reduced = material.e_mpa / (2.0 * (1.0 - material.poisson**2))
-    return float((6.0 * radius * reduced**2 * force) ** (-1.0 / 3.0))
+    return float((6.0 * tip_radius_mm * reduced**2 * force_n) ** (-1.0 / 3.0))

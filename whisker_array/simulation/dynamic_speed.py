@@ -18,13 +18,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive
 from glyphs.surface.maps import HeightMap
 from whisker_array.simulation.dynamic import trace_dynamic
 from whisker_array.simulation.dynamic_modes import WhiskerModes, contact_mm_per_n, whisker_modes
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import LINES_PER_HEIGHT
-from whisker_array.whisker.shapes import Whisker, require_positive
+from whisker_array.whisker.sections import WhiskerError
+from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.touch import Touch
 from whisker_array.whisker.validity import land_force_n
 
@@ -131,8 +133,9 @@ def speed_cost(
     Raises:
         WhiskerError: a speed or height that is not positive, or a touch without a ball.
     """
-    trial = _trial(whisker, touch, require_positive("character_height_mm", character_height_mm), bevel_rad)
-    slow, fast = _slow_moment(trial), trial.traced(require_positive("speed_mm_s", speed_mm_s))
+    require_positive(WhiskerError, character_height_mm=character_height_mm, speed_mm_s=speed_mm_s)
+    trial = _trial(whisker, touch, character_height_mm, bevel_rad)
+    slow, fast = _slow_moment(trial), trial.traced(speed_mm_s)
     land = float(slow[0])
     signal, wrong = slow / land - 1.0, (fast.moment_n_mm[0].astype(np.float64) - slow) / land
     pixel = np.ones(_STEPS_A_PITCH) / _STEPS_A_PITCH
@@ -159,9 +162,9 @@ def groove_traces(
     Raises:
         WhiskerError: as `speed_cost`.
     """
-    trial = _trial(whisker, touch, require_positive("character_height_mm", character_height_mm), bevel_rad)
-    slow = _slow_moment(trial)
-    fast = trial.traced(require_positive("speed_mm_s", speed_mm_s)).moment_n_mm[0].astype(np.float64)
+    require_positive(WhiskerError, character_height_mm=character_height_mm, speed_mm_s=speed_mm_s)
+    trial = _trial(whisker, touch, character_height_mm, bevel_rad)
+    slow, fast = _slow_moment(trial), trial.traced(speed_mm_s).moment_n_mm[0].astype(np.float64)
     places = trial.step_mm * np.arange(slow.size, dtype=np.float64)
     return places, slow / float(slow[0]), fast / float(slow[0])
 
@@ -186,13 +189,13 @@ def fastest_mm_s(
     Raises:
         WhiskerError: an error that is not positive.
     """
-    allowed = require_positive("allowed_error", allowed_error)
+    require_positive(WhiskerError, allowed_error=allowed_error)
 
     def kept(speed: float) -> bool:
         cost = speed_cost(
             whisker, touch, speed_mm_s=speed, character_height_mm=character_height_mm, bevel_rad=bevel_rad
         )
-        return cost.error <= allowed
+        return cost.error <= allowed_error
 
     # upwards from slow: beyond the first limit half a swing may hide the error by chance
     slow, fast = _SLOWEST, _FIRST

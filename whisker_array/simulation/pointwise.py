@@ -13,12 +13,11 @@ which is m_land (1 + h/d0) F(slope, mu) of eq. (16).
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import FAST, kernel, read_only
+from glyphs.ranges import require_positive
 from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.sections import WhiskerError
@@ -68,12 +67,7 @@ def trace_pointwise(
     Raises:
         WhiskerError: preload or step not positive.
     """
-    if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
-        raise WhiskerError(
-            f"preload_mm is {preload_mm}", hint="the whisker must be pressed on: give a positive depth"
-        )
-    if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise WhiskerError(f"step_mm is {step_mm}", hint="it must be positive")
+    require_positive(WhiskerError, preload_mm=preload_mm, step_mm=step_mm)
     h = np.ascontiguousarray(height_mm, dtype=np.float32)
     mu = read_only(np.atleast_2d(friction), np.float32)
     moment = np.empty_like(h)

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.comb import Body, collisions, default_body, room_hint
@@ -71,16 +72,10 @@ class WhiskerArray:
     body: Body | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if self.n_whiskers < 1:
-            raise WhiskerError(f"n_whiskers is {self.n_whiskers}", hint="an array has at least one whisker")
-        if self.kinds < 1:
-            raise WhiskerError(f"kinds is {self.kinds}", hint="an array has at least one kind of whisker")
-        if not 1 <= self.rows <= self.n_whiskers:
-            raise WhiskerError(f"rows is {self.rows}", hint="from one row to as many as there are whiskers")
-        if not (self.pitch_mm > 0.0 and math.isfinite(self.pitch_mm)):
-            raise WhiskerError(f"whisker pitch_mm is {self.pitch_mm}", hint="it must be positive")
-        if not (self.stagger_mm >= 0.0 and math.isfinite(self.stagger_mm)):
-            raise WhiskerError(f"stagger_mm is {self.stagger_mm}", hint="it cannot be negative")
+        require_range(WhiskerError, 1, math.inf, self, "n_whiskers", "kinds", hint="give at least one")
+        require_range(WhiskerError, 1, self.n_whiskers, self, "rows")
+        require_positive(WhiskerError, self, "pitch_mm")
+        require_not_negative(WhiskerError, self, "stagger_mm")
         if self.body is not None:
             self._check_room(self.body)
 
@@ -158,19 +153,14 @@ class RasterPlan:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name in ("line_pitch_mm", "sample_pitch_mm", "speed_mm_s"):
-            value = getattr(self, name)
-            if not (value > 0.0 and math.isfinite(value)):
-                raise WhiskerError(f"{name} is {value}", hint="it must be positive")
-        if self.lead_mm < 0.0 or self.air_samples < 0 or self.turnaround_s < 0.0:
-            raise WhiskerError("lead_mm, air_samples and turnaround_s cannot be negative")
+        require_positive(WhiskerError, self, "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
+        require_not_negative(WhiskerError, self, "lead_mm", "air_samples", "turnaround_s")
+        require_finite(WhiskerError, self, "region_mm")
         x0, y0, x1, y1 = self.region_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(
                 f"region_mm {self.region_mm} is empty", hint="give (x0, y0, x1, y1) with x1 > x0, y1 > y0"
             )
-        if not all(math.isfinite(v) for v in self.region_mm):
-            raise WhiskerError(f"region_mm {self.region_mm} is not finite")
         if not self.directions or len(set(self.directions)) != len(self.directions):
             raise WhiskerError("give at least one trace direction, each at most once")
         lines = self.array.pitch_mm / self.line_pitch_mm
@@ -313,8 +303,7 @@ def default_plan(
 
     The speed is 10 character heights a second unless given, but no more than `SAFE_SPEED_MM_S`.
     """
-    if not (character_height_mm > 0.0 and math.isfinite(character_height_mm)):
-        raise WhiskerError(f"character_height_mm is {character_height_mm}", hint="it must be positive")
+    require_positive(WhiskerError, character_height_mm=character_height_mm)
     line_pitch = character_height_mm / lines_per_height
     return RasterPlan(
         array=default_comb(character_height_mm, n_whiskers=n_whiskers, kinds=kinds),

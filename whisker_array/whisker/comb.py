@@ -25,11 +25,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
-from whisker_array.whisker.shapes import TipModel, Whisker, require_positive
+from whisker_array.whisker.shapes import TipModel, Whisker
 
 GAP_MM = 0.15
 """Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
@@ -69,8 +70,7 @@ class Body:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        require_positive("width_mm", self.width_mm)
-        require_positive("thickness_mm", self.thickness_mm)
+        require_positive(WhiskerError, self, "width_mm", "thickness_mm")
 
     @property
     def side_room_mm(self) -> float:
@@ -163,8 +163,8 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
     Raises:
         WhiskerError: a preload not positive, or a lift that the whisker cannot have.
     """
-    preload = require_positive("preload_mm", preload_mm)
-    return _body(whisker, preload, bent_the_most(whisker, preload_mm=preload, mu=mu))
+    require_positive(WhiskerError, preload_mm=preload_mm)
+    return _body(whisker, preload_mm, bent_the_most(whisker, preload_mm=preload_mm, mu=mu))
 
 
 def _body(whisker: Whisker, preload: float, bent: NDArray[np.float64]) -> Body:
@@ -202,7 +202,8 @@ def default_body(character_height_mm: float) -> Body:
     Raises:
         WhiskerError: a height that is not positive.
     """
-    return _unit_body().scaled(require_positive("character_height_mm", character_height_mm))
+    require_positive(WhiskerError, character_height_mm=character_height_mm)
+    return _unit_body().scaled(character_height_mm)
 
 
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:

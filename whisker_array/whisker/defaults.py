@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle
-from whisker_array.whisker.shapes import LShaped, require_positive
+from glyphs.ranges import require_positive
+from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, WhiskerError
+from whisker_array.whisker.shapes import LShaped
 
 NOMINAL_FRICTION = 0.2
 """Steel on clean steel is 0.1 to 0.5 (physics.md); the stage is set up at this one."""
@@ -26,7 +27,8 @@ def default_whisker(character_height_mm: float) -> LShaped:
     Raises:
         WhiskerError: a height that is not positive.
     """
-    h = require_positive("character_height_mm", character_height_mm)
+    require_positive(WhiskerError, character_height_mm=character_height_mm)
+    h = character_height_mm
     return LShaped(
         l1_mm=6.0 * h,
         l2_mm=6.0 * h * DEFAULT_K,
@@ -39,7 +41,8 @@ def default_whisker(character_height_mm: float) -> LShaped:
 
 def default_preload_mm(character_height_mm: float) -> float:
     """Preload depth d0 = 0.2 H, mm: four to six times the usual mark depth."""
-    return 0.2 * require_positive("character_height_mm", character_height_mm)
+    require_positive(WhiskerError, character_height_mm=character_height_mm)
+    return 0.2 * character_height_mm
 
 
 def profiling_whisker(character_height_mm: float) -> LShaped:

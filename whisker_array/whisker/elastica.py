@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
@@ -267,10 +268,7 @@ def large_deflection(
 
 
 def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
-    if not (math.isfinite(lift_mm) and lift_mm > 0.0):
-        raise ElasticaError(
-            f"lift_mm is {lift_mm}", hint="a whisker in contact is lifted: give a positive length"
-        )
+    require_positive(ElasticaError, lift_mm=lift_mm)
     if not abs(height := lift_mm - float(rod.start[1, 0, 0]) * rod.length_mm) < rod.length_mm:
         raise ElasticaError(
             (f"the tip cannot be {height:g} mm over the clamp of a whisker {rod.length_mm:g} mm long"),

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_finite, require_not_negative, require_positive
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
@@ -127,16 +128,11 @@ class Pass:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name in ("sample_pitch_mm", "speed_mm_s"):
-            value = getattr(self, name)
-            if not (value > 0.0 and math.isfinite(value)):
-                raise WhiskerError(f"{name} is {value}", hint="it must be positive")
-        if self.preload_mm is not None and not (self.preload_mm > 0.0 and math.isfinite(self.preload_mm)):
-            raise WhiskerError(f"preload_mm is {self.preload_mm}", hint="it must be positive")
-        if self.lead_mm < 0.0 or self.air_samples < 0 or self.turnaround_s < 0.0:
-            raise WhiskerError("lead_mm, air_samples and turnaround_s cannot be negative")
-        if not self.line_mm or not all(math.isfinite(v) for v in (*self.line_mm, *self.along_mm)):
-            raise WhiskerError("a pass needs a finite place for every whisker", hint="give line_mm")
+        require_positive(WhiskerError, self, "sample_pitch_mm", "speed_mm_s", "preload_mm")
+        require_not_negative(WhiskerError, self, "lead_mm", "air_samples", "turnaround_s")
+        require_finite(WhiskerError, self, "line_mm", "along_mm")
+        if not self.line_mm:
+            raise WhiskerError("a pass needs a place for every whisker", hint="give line_mm")
         if not self.along_mm[1] > self.along_mm[0]:
             raise WhiskerError(f"the stretch {self.along_mm} is empty", hint="give (least, greatest)")
         if len(self.offset_mm) not in (0, len(self.line_mm)):

@@ -1,4 +1,4 @@
-"""What a whisker is made of: its material and its cross-section.
+"""Material and cross-section of a whisker.
 
 Directions of a section, looking along the whisker (the whisker bends in the vertical plane, y is up)::
 
@@ -14,10 +14,12 @@ Units are mm and N: moduli are in MPa = N/mm^2.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Self, TypeAlias
 
 from glyphs.errors import MarksError
+from glyphs.ranges import require_positive, require_range
 from glyphs.surface.display import one_line
 
 _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
@@ -26,13 +28,6 @@ _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 
 class WhiskerError(MarksError):
     """A material or section that cannot be one."""
-
-
-def _positive(name: str, value: float) -> float:
-    number = float(value)
-    if not math.isfinite(number) or number <= 0.0:
-        raise WhiskerError(f"{name} is {value}", hint="it must be a positive number")
-    return number
 
 
 @dataclass(frozen=True)
@@ -57,12 +52,8 @@ class Material:
     yield_mpa: float
 
     def __post_init__(self) -> None:
-        for field in ("e_mpa", "density_g_cm3", "yield_mpa"):
-            object.__setattr__(self, field, _positive(field, getattr(self, field)))
-        if not 0.0 <= self.poisson < 0.5:
-            raise WhiskerError(
-                f"poisson is {self.poisson}", hint="it must lie between 0 and 0.5 (steel: 0.29)"
-            )
+        require_positive(WhiskerError, self, "e_mpa", "density_g_cm3", "yield_mpa")
+        require_range(WhiskerError, 0.0, math.nextafter(0.5, 0.0), self, "poisson")
 
     @property
     def g_mpa(self) -> float:
@@ -79,107 +70,60 @@ MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3
 """Patented spring steel wire (physics.md: E 190 to 210 GPa, nu 0.29, 7.8 g/cm^3, about 2000 MPa)."""
 
 
-class Section(Protocol):
-    """What the beam needs to know of a cross-section; any frozen class with these members will do."""
+class Section(ABC):
+    """A cross-section; its dimensions are the fields of a frozen dataclass, mm."""
 
     @property
+    @abstractmethod
     def area_mm2(self) -> float:
         """Area, mm^2."""
 
     @property
+    @abstractmethod
     def i_vertical_mm4(self) -> float:
         """Second moment for bending in the vertical plane of the whisker (about the lateral axis), mm^4."""
 
     @property
     def i_lateral_mm4(self) -> float:
         """Second moment for bending sideways (about the in-plane axis across the beam), mm^4."""
+        return self.i_vertical_mm4
 
     @property
     def j_mm4(self) -> float:
-        """St. Venant torsion constant, mm^4."""
+        """St. Venant torsion constant, mm^4; of a section with round symmetry the polar second moment."""
+        return 2.0 * self.i_vertical_mm4
 
     @property
+    @abstractmethod
     def c_vertical_mm(self) -> float:
         """Distance from the lateral axis to the outer fibre, mm."""
 
     @property
     def c_lateral_mm(self) -> float:
         """Half of the lateral extent, mm."""
+        return self.c_vertical_mm
 
-    def scaled(self, factor: float) -> Section:
+    def scaled(self, factor: float) -> Self:
         """The same shape with every dimension multiplied by the factor."""
+        return type(self)(*(factor * value for value in vars(self).values()))
 
-    def blend(self, other: Section, t: float) -> Section:
-        """Linear mixture of the dimensions: self at t = 0, the other section (of the same kind) at t = 1."""
+    def blend(self, other: Section, t: float) -> Self:
+        """Mix the dimensions linearly: this section at t = 0, the other at t = 1.
 
-
-def _mix(a: float, b: float, t: float) -> float:
-    return (1.0 - t) * a + t * b
-
-
-def _kinds_differ(a: Section, b: Section) -> WhiskerError:
-    return WhiskerError(
-        f"cannot taper from {type(a).__name__} to {type(b).__name__}",
-        hint="both ends must be of the same kind",
-    )
-
-
-@dataclass(frozen=True)
-class Round:
-    """Solid round wire.
-
-    Attributes:
-        diameter_mm: wire diameter, mm.
-    """
-
-    diameter_mm: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "diameter_mm", _positive("diameter_mm", self.diameter_mm))
-
-    @property
-    def area_mm2(self) -> float:
-        """pi d^2 / 4, mm^2."""
-        return math.pi * self.diameter_mm**2 / 4.0
-
-    @property
-    def i_vertical_mm4(self) -> float:
-        """pi d^4 / 64, mm^4."""
-        return math.pi * self.diameter_mm**4 / 64.0
-
-    @property
-    def i_lateral_mm4(self) -> float:
-        """The same as vertical: round wire is as soft sideways as it is up and down."""
-        return self.i_vertical_mm4
-
-    @property
-    def j_mm4(self) -> float:
-        """pi d^4 / 32, mm^4."""
-        return 2.0 * self.i_vertical_mm4
-
-    @property
-    def c_vertical_mm(self) -> float:
-        """d / 2, mm."""
-        return self.diameter_mm / 2.0
-
-    @property
-    def c_lateral_mm(self) -> float:
-        """d / 2, mm."""
-        return self.diameter_mm / 2.0
-
-    def scaled(self, factor: float) -> Round:
-        """Wire of factor times the diameter."""
-        return Round(self.diameter_mm * factor)
-
-    def blend(self, other: Section, t: float) -> Round:
-        """Diameter mixed linearly; WhiskerError if the other is no Round."""
-        if not isinstance(other, Round):
-            raise _kinds_differ(self, other)
-        return Round(_mix(self.diameter_mm, other.diameter_mm, t))
+        Raises:
+            WhiskerError: the other is of another kind.
+        """
+        if type(other) is not type(self):
+            raise WhiskerError(
+                f"cannot taper from {type(self).__name__} to {type(other).__name__}",
+                hint="both ends must be of the same kind",
+            )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return type(self)(*((1.0 - t) * a + t * b for a, b in pairs))
 
 
 @dataclass(frozen=True)
-class Tube:
+class Tube(Section):
     """Round tube, e.g. hypodermic tubing.
 
     Attributes:
@@ -191,12 +135,8 @@ class Tube:
     inner_mm: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outer_mm", _positive("outer_mm", self.outer_mm))
-        if not 0.0 <= self.inner_mm < self.outer_mm:
-            raise WhiskerError(
-                f"inner_mm is {self.inner_mm}",
-                hint=f"it must be at least 0 and below outer_mm = {self.outer_mm}",
-            )
+        require_positive(WhiskerError, self, "outer_mm")
+        require_range(WhiskerError, 0.0, math.nextafter(self.outer_mm, 0.0), self, "inner_mm")
 
     @property
     def area_mm2(self) -> float:
@@ -209,38 +149,42 @@ class Tube:
         return math.pi * (self.outer_mm**4 - self.inner_mm**4) / 64.0
 
     @property
-    def i_lateral_mm4(self) -> float:
-        """The same as vertical."""
-        return self.i_vertical_mm4
-
-    @property
-    def j_mm4(self) -> float:
-        """pi (D^4 - d^4) / 32, mm^4."""
-        return 2.0 * self.i_vertical_mm4
-
-    @property
     def c_vertical_mm(self) -> float:
         """D / 2, mm."""
         return self.outer_mm / 2.0
 
+
+@dataclass(frozen=True)
+class Round(Section):
+    """Solid round wire.
+
+    Attributes:
+        diameter_mm: wire diameter, mm.
+    """
+
+    diameter_mm: float
+
+    def __post_init__(self) -> None:
+        require_positive(WhiskerError, self)
+
     @property
-    def c_lateral_mm(self) -> float:
-        """D / 2, mm."""
-        return self.outer_mm / 2.0
+    def area_mm2(self) -> float:
+        """pi d^2 / 4, mm^2."""
+        return math.pi * self.diameter_mm**2 / 4.0
 
-    def scaled(self, factor: float) -> Tube:
-        """Tube of factor times both diameters."""
-        return Tube(self.outer_mm * factor, self.inner_mm * factor)
+    @property
+    def i_vertical_mm4(self) -> float:
+        """pi d^4 / 64, mm^4."""
+        return math.pi * self.diameter_mm**4 / 64.0
 
-    def blend(self, other: Section, t: float) -> Tube:
-        """Both diameters mixed linearly; WhiskerError if the other is no Tube."""
-        if not isinstance(other, Tube):
-            raise _kinds_differ(self, other)
-        return Tube(_mix(self.outer_mm, other.outer_mm, t), _mix(self.inner_mm, other.inner_mm, t))
+    @property
+    def c_vertical_mm(self) -> float:
+        """d / 2, mm."""
+        return self.diameter_mm / 2.0
 
 
 @dataclass(frozen=True)
-class Rectangle:
+class Rectangle(Section):
     """Rectangular section; with width_mm well above thickness_mm it is a ribbon.
 
     Attributes:
@@ -252,8 +196,7 @@ class Rectangle:
     width_mm: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "thickness_mm", _positive("thickness_mm", self.thickness_mm))
-        object.__setattr__(self, "width_mm", _positive("width_mm", self.width_mm))
+        require_positive(WhiskerError, self)
 
     @property
     def area_mm2(self) -> float:
@@ -278,8 +221,7 @@ class Rectangle:
         The sum is taken as its limit for a long section less a remainder that falls as exp(-n pi a / b):
         exact to rounding.
         """
-        a = max(self.thickness_mm, self.width_mm)
-        b = min(self.thickness_mm, self.width_mm)
+        b, a = sorted((self.thickness_mm, self.width_mm))
         remainder = sum(
             2.0 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1.0) / n**5 for n in range(1, 16, 2)
         )
@@ -295,18 +237,6 @@ class Rectangle:
     def c_lateral_mm(self) -> float:
         """w / 2, mm."""
         return self.width_mm / 2.0
-
-    def scaled(self, factor: float) -> Rectangle:
-        """Rectangle of factor times both sides."""
-        return Rectangle(self.thickness_mm * factor, self.width_mm * factor)
-
-    def blend(self, other: Section, t: float) -> Rectangle:
-        """Both sides mixed linearly; WhiskerError if the other is no Rectangle."""
-        if not isinstance(other, Rectangle):
-            raise _kinds_differ(self, other)
-        return Rectangle(
-            _mix(self.thickness_mm, other.thickness_mm, t), _mix(self.width_mm, other.width_mm, t)
-        )
 
 
 @dataclass(frozen=True)

@@ -24,24 +24,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_finite, require_not_negative, require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-
-
-def require_positive(name: str, value: float) -> float:
-    """The value as a float.
-
-    Raises:
-        WhiskerError: not a positive, finite number; the message begins with `name`.
-    """
-    number = float(value)
-    if not math.isfinite(number) or number <= 0.0:
-        raise WhiskerError(f"{name} is {value}", hint="it must be a positive number")
-    return number
 
 
 def _check_beta(beta_rad: float) -> None:
@@ -136,7 +125,7 @@ class Straight:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length_mm", require_positive("length_mm", self.length_mm))
+        require_positive(WhiskerError, self, "length_mm")
         _check_beta(self.beta_rad)
 
     def segments(self) -> tuple[Segment, ...]:
@@ -192,13 +181,9 @@ class LShaped:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "l1_mm", require_positive("l1_mm", self.l1_mm))
-        if not (math.isfinite(self.l2_mm) and self.l2_mm >= 0.0):
-            raise WhiskerError(
-                f"l2_mm is {self.l2_mm}", hint="the tip arm's length is finite and not negative"
-            )
-        if self.l3_mm is not None and not math.isfinite(self.l3_mm):
-            raise WhiskerError(f"l3_mm is {self.l3_mm}", hint="give a finite length, or None for l3 = l2")
+        require_positive(WhiskerError, self, "l1_mm")
+        require_not_negative(WhiskerError, self, "l2_mm")
+        require_finite(WhiskerError, self, "l3_mm")
         _check_beta(self.beta_rad)
 
     @property
@@ -275,8 +260,7 @@ class Chain:
                 )
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
-        if not math.isfinite(self.l3_mm):
-            raise WhiskerError(f"l3_mm is {self.l3_mm}", hint="it must be finite")
+        require_finite(WhiskerError, self, "l3_mm")
         points.flags.writeable = False
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "sections", sections)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from glyphs.ranges import require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
@@ -39,14 +40,9 @@ class Touch:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        if not (self.preload_mm > 0.0 and np.isfinite(self.preload_mm)):
-            raise WhiskerError(f"preload_mm is {self.preload_mm}", hint="it must be positive")
-        if not (self.tip_radius_mm >= 0.0 and np.isfinite(self.tip_radius_mm)):
-            raise WhiskerError(f"tip_radius_mm is {self.tip_radius_mm}", hint="it cannot be negative")
-        if not 0.0 <= self.friction < 2.0:
-            raise WhiskerError(
-                f"friction is {self.friction}", hint="a Coulomb coefficient lies between 0 and 2"
-            )
+        require_positive(WhiskerError, self, "preload_mm")
+        require_not_negative(WhiskerError, self, "tip_radius_mm")
+        require_range(WhiskerError, 0.0, 2.0, self, "friction")
 
     def land_moment_n_mm(self) -> float:
         """Moment on flat land at the nominal friction, eq. (14) with alpha = 0."""

@@ -1,19 +1,18 @@
-"""Whether a whisker may be used so: stress, deflection, frequency, and the paper's assumptions by them."""
+"""Stress, deflection and frequency of a whisker in use, and the limits of the paper's assumptions."""
 
 from __future__ import annotations
 
-import enum
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from glyphs.ranges import require_not_negative
 from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import cross_matrix, split
-from whisker_array.whisker.elastica import ElasticaError, LinearError, linear_error
 from whisker_array.whisker.sections import Taper, WhiskerError
-from whisker_array.whisker.shapes import Matrix, Vector, Whisker, require_positive
+from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 DEFLECTION_LIMIT = 0.1
 """Largest tip deflection over l1 under Assumption 1."""
@@ -27,8 +26,6 @@ QUASI_STATIC_SHARE = 0.1
 """Largest signal frequency over the first bending frequency (Assumption 5). A sine is then wrong by 1 %; the edge map
 of a stamped groove of 45 degrees, whose corners hold higher frequencies, by 2 to 3 % and of 60 degrees by 6 to 9 %
 (`whisker_array.simulation.dynamic_speed`). A search cannot simulate each of its whiskers, and this is quick."""
-STEEPEST_BEVEL_RAD = math.pi / 3.0
-"""The paper: the slopes given by dies are at most 60 degrees."""
 
 
 def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
@@ -122,14 +119,14 @@ def first_bending_frequency_hz(
         whisker: the whisker, clamped at its base.
         tip_mass_g: mass of a ball at the tip, g.
         tip_held: the tip is held in height by contact, which is 4.4 times faster for a straight whisker (a
-            round one is as slow sideways as it was). So it is while tracing; see `check_validity`.
+            round one is as slow sideways as it was), as while tracing: contact is kept (Assumption 3), so the modes
+            that can ring are those between two held ends.
         parts: pieces a segment.
 
     Raises:
         WhiskerError: a negative tip mass.
     """
-    if not (math.isfinite(tip_mass_g) and tip_mass_g >= 0.0):
-        raise WhiskerError(f"tip_mass_g is {tip_mass_g}", hint="it must be finite and not negative")
+    require_not_negative(WhiskerError, tip_mass_g=tip_mass_g)
     lumped = lumped_whisker(whisker, parts=parts, tip_mass_g=tip_mass_g)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
     if tip_held:
@@ -137,163 +134,3 @@ def first_bending_frequency_hz(
         weighted -= np.outer(reaction, reaction @ weighted) / (reaction @ reaction)
     slowest = float(np.linalg.norm(weighted, 2)) ** 2
     return 1.0 / (2.0 * math.pi * math.sqrt(slowest))
-
-
-class Validity(enum.Flag):
-    """What stands against a whisker and its use; empty when nothing does."""
-
-    NONE = 0
-    DEFLECTION_OVER_10_PERCENT = enum.auto()
-    STRESS_OVER_YIELD = enum.auto()
-    PRELOAD_BELOW_MARK_DEPTH = enum.auto()
-    NOT_QUASI_STATIC = enum.auto()
-    JAMMING = enum.auto()
-    LINEAR_BEAM_STRAINED = enum.auto()
-
-
-_MESSAGES = {
-    Validity.DEFLECTION_OVER_10_PERCENT: (
-        "the tip bends by more than 10 % of l1, so linear beam theory (Assumption 1) no longer holds: "
-        "lower the preload or lengthen the whisker"
-    ),
-    Validity.STRESS_OVER_YIELD: (
-        "the preload strains the whisker beyond its yield stress and would leave it bent: "
-        "lower the preload, or take a thinner or longer whisker"
-    ),
-    Validity.PRELOAD_BELOW_MARK_DEPTH: (
-        "the preload is less than 1.2 times the mark depth, so the tip may leave the groove floor "
-        "(Assumption 3): raise the preload"
-    ),
-    Validity.NOT_QUASI_STATIC: (
-        "the finest detail passes at more than a tenth of the first natural frequency of the whisker with its "
-        "tip held on the surface (Assumption 5): scan slower, or take a shorter or thicker whisker"
-    ),
-    Validity.JAMMING: (
-        "on the steepest bevel, or on the land, the contact force cannot lift the tip and the whisker jams: "
-        "take a smaller k, less friction or another setting angle"
-    ),
-    Validity.LINEAR_BEAM_STRAINED: (
-        "linear beam theory (Assumption 1) misses the exact force or moment of the bent whisker by more than "
-        "2 %: lower the preload, or take a longer whisker or a smaller k"
-    ),
-}
-
-
-def check_validity(
-    whisker: Whisker,
-    *,
-    preload_mm: float,
-    mu: float,
-    mark_depth_mm: float,
-    speed_mm_s: float,
-    finest_wavelength_mm: float,
-    steepest_bevel_rad: float = STEEPEST_BEVEL_RAD,
-    exact: bool = False,
-) -> Validity:
-    """Check the paper's assumptions for one whisker in one use.
-
-    Quasi-static (Assumption 5) is judged with the tip held in height: the surface drives the tip, which stays on
-    it as long as contact is kept (Assumption 3, checked too), so the modes that can ring are those between two
-    held ends. The free whisker, several times slower, would be on the safe side, but it is not what is
-    scanned; it is what rings when contact is lost, and then the signal is void anyway. `SAFE_SPEED_MM_S` of
-    the raster rests on the same reading.
-
-    Args:
-        whisker: the whisker.
-        preload_mm: preload depth d0, mm.
-        mu: friction coefficient.
-        mark_depth_mm: deepest mark expected, mm.
-        speed_mm_s: scan speed, mm/s.
-        finest_wavelength_mm: shortest spatial period that the signal must carry, mm.
-        steepest_bevel_rad: steepest groove wall, falling or rising, rad.
-        exact: also solve for the exact bent shape on the land (some 10 ms) and set LINEAR_BEAM_STRAINED where
-            the linear beam misses its force or moment by more than `LINEAR_ERROR_LIMIT`, or it has none.
-
-    Returns:
-        Flags of all that is violated. Where the whisker jams on the land itself, stress and deflection have
-        no value and are not flagged.
-
-    Raises:
-        WhiskerError: a length or speed that is not positive (mark depth may be 0).
-        WhiskerError: friction negative or not finite.
-    """
-    preload = require_positive("preload_mm", preload_mm)
-    speed = require_positive("speed_mm_s", speed_mm_s)
-    wavelength = require_positive("finest_wavelength_mm", finest_wavelength_mm)
-    if not (math.isfinite(mark_depth_mm) and mark_depth_mm >= 0.0):
-        raise WhiskerError(f"mark_depth_mm is {mark_depth_mm}", hint="it is a depth, finite and not negative")
-    flags = Validity.NONE
-    wall = math.tan(steepest_bevel_rad)
-    jams = enhancement.is_jammed([0.0, -wall, wall], mu, whisker.tip_model())
-    if jams.any():
-        flags |= Validity.JAMMING
-    if not jams[0]:
-        if deflection_ratio(whisker, preload_mm=preload, mu=mu) > DEFLECTION_LIMIT:
-            flags |= Validity.DEFLECTION_OVER_10_PERCENT
-        if preload_stress_mpa(whisker, preload_mm=preload, mu=mu) > whisker.material.yield_mpa:
-            flags |= Validity.STRESS_OVER_YIELD
-        if exact and _is_strained(_judge(whisker, lift_mm=preload, mu=mu)):
-            flags |= Validity.LINEAR_BEAM_STRAINED
-    if preload < PRELOAD_MARGIN * mark_depth_mm:
-        flags |= Validity.PRELOAD_BELOW_MARK_DEPTH
-    if speed / wavelength > QUASI_STATIC_SHARE * first_bending_frequency_hz(whisker, tip_held=True):
-        flags |= Validity.NOT_QUASI_STATIC
-    return flags
-
-
-def validity_messages(flags: Validity) -> tuple[str, ...]:
-    """One sentence for each flag that is set: what is wrong and how to correct it."""
-    return tuple(message for flag, message in _MESSAGES.items() if flag in flags)
-
-
-def _judge(whisker: Whisker, *, lift_mm: float, mu: float) -> LinearError | ElasticaError:
-    """The linear beam's error on the land, or why the exact one has no answer."""
-    try:
-        return linear_error(whisker, lift_mm=lift_mm, mu=mu)
-    except ElasticaError as error:
-        return error
-
-
-def _is_strained(found: LinearError | ElasticaError) -> bool:
-    return isinstance(found, ElasticaError) or found.worst > LINEAR_ERROR_LIMIT
-
-
-def linear_beam_messages(
-    whisker: Whisker, *, preload_mm: float, mark_height_mm: float, mu: float
-) -> tuple[str, ...]:
-    """What the exact bent shape says against the linear beam (Assumption 1), in sentences with numbers.
-
-    Judged on level surface at the largest lift in use, preload + mark height: grooves only relieve the whisker.
-    Costs the solution of a boundary value problem, some 10 ms.
-
-    Args:
-        whisker: a whisker that lies in the plane of tracing.
-        preload_mm: preload depth d0, mm.
-        mark_height_mm: how far marks or burrs stand above the land, mm; 0 for grooves.
-        mu: friction coefficient.
-
-    Returns:
-        One sentence, or none where force and moment are right within `LINEAR_ERROR_LIMIT` and the tip bends by
-        no more than 10 % of l1.
-
-    Raises:
-        WhiskerError: the preload not positive, the mark height negative or not finite.
-        WhiskerError: friction negative or not finite.
-    """
-    preload = require_positive("preload_mm", preload_mm)
-    if not (math.isfinite(mark_height_mm) and mark_height_mm >= 0.0):
-        raise WhiskerError(
-            f"mark_height_mm is {mark_height_mm}", hint="it is a height, finite and not negative"
-        )
-    lift = preload + mark_height_mm
-    found = _judge(whisker, lift_mm=lift, mu=mu)
-    if isinstance(found, ElasticaError):
-        return (f"linear beam theory (Assumption 1) cannot be checked at a lift of {lift:.3g} mm: {found}",)
-    ratio = deflection_ratio(whisker, preload_mm=lift, mu=mu)
-    if not _is_strained(found) and ratio <= DEFLECTION_LIMIT:
-        return ()
-    return (
-        f"at the largest lift, {lift:.3g} mm, the tip bends by {100 * ratio:.1f} % of l1, and linear beam "
-        f"theory (Assumption 1) is wrong by {100 * found.force:+.1f} % in force and "
-        f"{100 * found.moment:+.1f} % in moment: lower the preload, or take a longer whisker or a smaller k",
-    )

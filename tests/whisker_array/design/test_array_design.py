@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from whisker_array.design.array_design import ArrayRequest, array_words, design_arrays
+from pipeline.cli.design_array import array_report
+from whisker_array.design.array_design import ArrayRequest, design_arrays
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, measured_plans
 from whisker_array.whisker.array import WhiskerArray, default_plan
@@ -75,7 +76,7 @@ def test_no_comb_of_default_whiskers_is_quicker(chosen: tuple) -> None:
 
 
 def test_words_fit_a_terminal_and_say_what_was_measured(chosen: tuple) -> None:
-    words = array_words(REQUEST, chosen)
+    words = array_report(REQUEST, chosen)
     assert max(map(len, words)) <= 80
     told = "\n".join(words)
     assert f"{chosen[-1].stage_s:.1f} s a serial" in told

@@ -123,9 +123,9 @@ def test_drawn_stages_are_within_the_usual_figures() -> None:
 
 
 def test_refusals() -> None:
-    with pytest.raises(MarksError, match="below 0"):
+    with pytest.raises(MarksError, match="play_mm is -1"):
         StagePlay(play_mm=-1.0)
-    with pytest.raises(MarksError, match="below 0"):
+    with pytest.raises(MarksError, match="lead_mm is 0"):
         StagePlay(lead_mm=0.0)
     with pytest.raises(MarksError, match="rate"):
         StagePlay(rate=0.5)

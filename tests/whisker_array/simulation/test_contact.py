@@ -451,7 +451,7 @@ def test_the_lag_is_that_of_the_sliding_force() -> None:
 def test_refusals_speak() -> None:
     surface = surface_of(lambda x, z: 0.0 * x, pitch=0.05, size=(1.0, 1.0))
     for wrong in (0.0, -1.0, math.inf):
-        with pytest.raises(WhiskerError, match="pressed on"):
+        with pytest.raises(WhiskerError, match="preload_mm is"):
             trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=0.05, n=3, d0=wrong)
         with pytest.raises(WhiskerError, match="step_mm"):
             trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=wrong, n=3)

@@ -152,9 +152,9 @@ def test_refusals_say_what_is_wrong() -> None:
         ({"line_pitch_mm": 0.0}, "line_pitch_mm"),
         ({"sample_pitch_mm": math.nan}, "sample_pitch_mm"),
         ({"speed_mm_s": -1.0}, "speed_mm_s"),
-        ({"lead_mm": -0.1}, "negative"),
+        ({"lead_mm": -0.1}, "lead_mm is -0.1"),
         ({"region_mm": (0.0, 0.0, 0.0, 5.0)}, "empty"),
-        ({"region_mm": (0.0, 0.0, math.inf, 5.0)}, "not finite"),
+        ({"region_mm": (0.0, 0.0, math.inf, 5.0)}, "must be finite"),
         ({"directions": ()}, "at least one"),
         ({"directions": (TraceDirection.BACK_X,) * 2}, "at most once"),
         ({"line_pitch_mm": 0.3}, "divide the whisker pitch, as 0.25 does"),
@@ -166,7 +166,7 @@ def test_refusals_say_what_is_wrong() -> None:
             RasterPlan(**{**good, **change})
     # one whisker has no neighbour to be apart from
     assert RasterPlan(**{**good, "array": WhiskerArray(1, 1.0), "line_pitch_mm": 0.3}).n_passes > 0
-    with pytest.raises(WhiskerError, match="at least one whisker"):
+    with pytest.raises(WhiskerError, match="n_whiskers is 0"):
         WhiskerArray(0, 1.0)
     with pytest.raises(WhiskerError, match="pitch_mm"):
         WhiskerArray(2, 0.0)

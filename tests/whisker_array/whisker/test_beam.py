@@ -215,7 +215,7 @@ def test_scaling_a_section(section: Section) -> None:
 def test_refusals_say_what_is_wrong() -> None:
     with pytest.raises(WhiskerError, match="diameter_mm is -1"):
         Round(-1.0)
-    with pytest.raises(WhiskerError, match="below outer_mm"):
+    with pytest.raises(WhiskerError, match="inner_mm is"):
         Tube(0.3, 0.3)
     with pytest.raises(WhiskerError, match="same kind"):
         Taper(Round(0.3), Rectangle(0.3, 0.3))

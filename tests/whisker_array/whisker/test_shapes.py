@@ -19,15 +19,12 @@ from tests.support.paper import (
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel, Whisker
+from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel
 from whisker_array.whisker.validity import (
-    Validity,
-    check_validity,
     deflection_ratio,
     first_bending_frequency_hz,
     land_force_n,
     preload_stress_mpa,
-    validity_messages,
 )
 
 SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(0.9, 0.3))
@@ -158,16 +155,6 @@ def test_default_whisker_keeps_its_promises(height: float) -> None:
     assert d[1, 1] / d[2, 2] >= 30.0
     assert preload_stress_mpa(whisker, preload_mm=preload, mu=0.5) < 0.1 * MUSIC_WIRE.yield_mpa
     assert deflection_ratio(whisker, preload_mm=preload, mu=0.5) < 0.05
-    fine = check_validity(
-        whisker,
-        preload_mm=preload,
-        mu=0.3,
-        mark_depth_mm=0.05 * height,
-        speed_mm_s=2.0,
-        finest_wavelength_mm=0.2 * height,
-    )
-    assert fine == Validity.NONE
-    assert validity_messages(fine) == ()
 
 
 def test_default_whisker_scales() -> None:
@@ -236,34 +223,6 @@ def test_frequency_with_a_heavy_tip() -> None:
     assert found == pytest.approx(expected, rel=1e-3)
 
 
-def test_each_flag_has_its_case_and_message() -> None:
-    good = {
-        "preload_mm": 1.0,
-        "mu": 0.3,
-        "mark_depth_mm": 0.2,
-        "speed_mm_s": 5.0,
-        "finest_wavelength_mm": 0.5,
-    }
-    whisker = default_whisker(5.0)
-    assert check_validity(whisker, **good) == Validity.NONE
-
-    def flags(w: Whisker = whisker, **change: float) -> Validity:
-        return check_validity(w, **{**good, **change})
-
-    assert flags(preload_mm=4.0) == Validity.DEFLECTION_OVER_10_PERCENT
-    assert flags(Straight(30.0, 0.0, Rectangle(7.0, 7.0)), preload_mm=1.0) == Validity.STRESS_OVER_YIELD
-    assert flags(mark_depth_mm=0.9) == Validity.PRELOAD_BELOW_MARK_DEPTH
-    assert flags(speed_mm_s=100.0) == Validity.NOT_QUASI_STATIC
-    long_arm = LShaped(30.0, 15.0, None, 0.0, Rectangle(0.5, 4.5))
-    assert flags(long_arm, mu=0.0) & Validity.JAMMING
-    assert flags(mu=1.0) & Validity.JAMMING  # a rising 60 degree wall beyond the friction cone
-    steep = LShaped(30.0, 3.0, None, -1.2, Rectangle(0.3, 4.5))
-    assert Validity.JAMMING in flags(steep, mu=0.5)  # already on the land: no stress to speak of
-    for flag in Validity:
-        assert len(validity_messages(flag)) == 1
-    assert len(validity_messages(flags(mark_depth_mm=0.9, speed_mm_s=100.0))) == 2
-
-
 def test_descriptions_name_the_numbers() -> None:
     assert "l1 30 mm" in default_whisker(5.0).describe()
     assert "k = 0.117" in default_whisker(5.0).describe()
@@ -303,15 +262,6 @@ def test_refusals_say_what_is_wrong() -> None:
         default_whisker(-5.0)
     with pytest.raises(WhiskerError, match="tip_mass_g"):
         first_bending_frequency_hz(default_whisker(5.0), tip_mass_g=-1.0)
-    with pytest.raises(WhiskerError, match="mark_depth_mm"):
-        check_validity(
-            default_whisker(5.0),
-            preload_mm=1.0,
-            mu=0.2,
-            mark_depth_mm=-0.1,
-            speed_mm_s=5.0,
-            finest_wavelength_mm=0.5,
-        )
 
 
 def test_arrays_of_a_tip_model_are_read_only() -> None:

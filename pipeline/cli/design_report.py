@@ -7,12 +7,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pipeline.common.section_words import describe_section
 from whisker_array.design.design import Design, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import NEIGHBOUR_RAD, Kind, Tuned, factors
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
-from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
 
 _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
@@ -38,21 +38,11 @@ def _asked(design: Design) -> str:
     )
 
 
-def section_words(whisker: LShaped) -> str:
-    """The section and what it is made of."""
-    section, made = whisker.section, whisker.material.name
-    if isinstance(section, Rectangle):
-        return f"{made} ribbon {section.thickness_mm:.3f} mm thick, {section.width_mm:.2f} mm wide"
-    if isinstance(section, Round):
-        return f"round {made} {section.diameter_mm:.3f} mm"
-    return f"{made}, {section}"
-
-
 def _built(design: Design) -> list[str]:
     w = design.whisker
     where = "below" if w.lowered_mm >= 0.0 else "above"
     return [
-        f"build  {section_words(w)}",
+        f"build  {describe_section(w)}",
         f"       l1 {w.l1_mm:.2f} mm set at beta {math.degrees(w.beta_rad):.2f} deg, tip arm l2 {w.l2_mm:.2f} mm "
         f"(k = {w.k:.3f}), ground down to a ball of radius {design.tip_radius_mm:.3f} mm",
         f"       sensor axis {abs(w.lowered_mm):.2f} mm {where} the clamp (l3 {w.lowered_mm:.2f} mm), "
