@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from glyphs.errors import FileError, MarksError, damage_reported, require_file
+from glyphs.errors import FileError, MarksError, MissingExtraError, damage_reported, require_file
 
 
 class DataError(MarksError):
@@ -27,10 +27,17 @@ def reading(path: Path, *, kind: str, most_bytes: int) -> Iterator[None]:
 
     Raises:
         FileError: no such file, too long a one, or whatever is wrong with its content.
+        MissingExtraError: as it is raised in the block.
     """
     require_file(path, most_bytes=most_bytes)
+    missing = None
     with damage_reported(path, kind=kind):
-        yield
+        try:
+            yield
+        except MissingExtraError as error:  # nothing is wrong with the file
+            missing = error
+    if missing is not None:
+        raise missing
 
 
 @contextlib.contextmanager

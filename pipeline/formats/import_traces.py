@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
+from pipeline.errors import DataError, reading
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.trace_time import check_speed, rate_hz
 from pipeline.formats.traces_file import TracesFile
@@ -30,6 +31,7 @@ from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
 
+_MOST_BYTES = 2_000_000_000
 _ASKEW = 0.02
 """Of a pass's travel, how far it may stray across."""
 _GAP_STEPS = 2.5
@@ -68,16 +70,17 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
     """
     passes: list[_Pass] = []
     rates = []
+    columns = told.columns
+    states = {c for c in (columns.lifted, columns.number) if c is not None}
     for path in paths:
-        columns = told.columns
-        states = {c for c in (columns.lifted, columns.number) if c is not None}
-        table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
-        own = tuple(_passes(table, told))
-        passes += own
-        rates.append(_rate_hz(table, told))
-        if columns.time is not None:
-            step_mm = float(np.median([p.step_mm for p in own]))
-            check_speed(table, step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
+        with reading(path, kind=path.suffix, most_bytes=_MOST_BYTES):
+            table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
+            own = tuple(_passes(path, table, told))
+            passes += own
+            rates.append(_rate_hz(table, told))
+            if columns.time is not None:
+                step_mm = float(np.median([p.step_mm for p in own]))
+                check_speed(step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
@@ -104,13 +107,11 @@ def _rate_hz(table: TraceTable, told: TracesFile) -> float:
         return rate_hz(table, table.columns[columns.time] * scale, number)
     rate = told.sampling_rate_hz or table.rate_hz
     if not rate:
-        raise FileError(
-            table.path, "has no time, and its rate is not told", "give columns.time or sampling_rate_hz"
-        )
+        raise DataError("has no time, and its rate is not told", "give columns.time or sampling_rate_hz")
     return rate
 
 
-def _passes(table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
+def _passes(path: Path, table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
     columns, places = told.columns, told.position_unit.mm
     at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * places
     signal = np.column_stack([table.columns[c] for c in columns.moment]) * UNIT_N_MM.get(
@@ -118,40 +119,35 @@ def _passes(table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
     )
     lost = np.flatnonzero(~np.isfinite(at).all(axis=1))
     if lost.size:
-        raise FileError(
-            table.path, f"has no position {table.at(int(lost[0]))}", "fill it in, or take that row out"
-        )
+        raise DataError(f"has no position {table.at(int(lost[0]))}", "fill it in, or take that row out")
     n = at.shape[0]
     number = table.columns[columns.number] if columns.number is not None else np.zeros(n)
     lifted = (
         table.columns[columns.lifted] != 0.0 if columns.lifted is not None else np.zeros(n, dtype=np.bool_)
     )
     if not np.isfinite(number).all():
-        raise FileError(
-            table.path,
-            f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}",
-            "write -1 between passes",
+        raise DataError(
+            f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}", "write -1 between passes"
         )
     found = np.unique(number[number >= 0.0])
     if not found.size:
-        raise FileError(table.path, f"has no pass in column {columns.number!r}", "number passes from 0")
+        raise DataError(f"has no pass in column {columns.number!r}", "number passes from 0")
     for each in found:
         rows = np.flatnonzero(number == each)
         name = f"pass {each:g}" if columns.number is not None else "the pass"
-        yield _pass(table, name, rows[~lifted[rows]], at, signal, signal[rows[lifted[rows]]])
+        yield _pass(path, table, name, rows[~lifted[rows]], at, signal, signal[rows[lifted[rows]]])
 
 
 def _pass(
-    table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats, signal: Floats, air: Floats
+    path: Path, table: TraceTable, name: str, rows: NDArray[np.intp], at: Floats, signal: Floats, air: Floats
 ) -> _Pass:
     if rows.size < 2:
-        raise FileError(table.path, f"has {rows.size} touching samples in {name}", "check columns.lifted")
+        raise DataError(f"has {rows.size} touching samples in {name}", "check columns.lifted")
     went = at[rows[-1]] - at[rows[0]]
     axis = int(np.argmax(np.abs(went)))
     travel, strayed = abs(float(went[axis])), float(np.ptp(at[rows, 1 - axis]))
     if travel == 0.0 or strayed > _ASKEW * travel:
-        raise FileError(
-            table.path,
+        raise DataError(
             f"moves {abs(went[0]):.3f} mm in x and {abs(went[1]):.3f} mm in y in {name}, {table.at(int(rows[0]))} on",
             "a pass runs along x or along y, from one end to the other; lift and number it so",
         )
@@ -164,11 +160,9 @@ def _pass(
     fall = np.maximum.accumulate(u) - u
     if fall.max() > max(2.0 * step, 1e-6 * travel):
         back = int(rows[int(np.argmax(fall > 2.0 * step))])
-        raise FileError(
-            table.path, f"runs back in {name}, {table.at(back)}", "number each travel as a pass of its own"
-        )
+        raise DataError(f"runs back in {name}, {table.at(back)}", "number each travel as a pass of its own")
     across = float(np.median(at[rows, 1 - axis]))
-    return _Pass(name, table.path, direction, u[ahead], step, across, signal[rows[ahead]], air)
+    return _Pass(name, path, direction, u[ahead], step, across, signal[rows[ahead]], air)
 
 
 def between_polls(u: Floats) -> Floats:

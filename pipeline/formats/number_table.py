@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
+from pipeline.formats.table_file import CP1252, encoding_of
 
 _SNIFF_BYTES = 200_000
 _SNIFF_LINES = 400
@@ -84,7 +85,8 @@ def is_number_table(path: Path) -> bool:
             start = stream.read(_SNIFF_BYTES)
     except OSError:
         return False
-    lines = _decoded(start).splitlines()[:_SNIFF_LINES] if b"\0" not in start or start[:2] in _UTF16 else []
+    text = _decoded(start)
+    lines = text.splitlines()[:_SNIFF_LINES] if "\0" not in text else []
     found = _layout(lines[:-1] if len(start) == _SNIFF_BYTES else lines)
     if found is None or found.columns < 3:
         return False
@@ -112,15 +114,9 @@ def read_number_table(path: Path) -> NumberTable:
     return NumberTable(head, _names(head, found), _numbers(body, found))
 
 
-_UTF16 = (b"\xff\xfe", b"\xfe\xff")
-
-
 def _decoded(data: bytes) -> str:
     """The text, with one kind of line ends and without quotes."""
-    try:
-        text = data.decode("utf-16" if data[:2] in _UTF16 else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
+    text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text.replace('","', ";").replace('"', "") if '"' in text[:_SNIFF_BYTES] else text
 

@@ -12,7 +12,7 @@ import csv
 import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 from pipeline.common.spreadsheet import original
@@ -47,23 +47,40 @@ class TableLine:
         return self.cells[place] if place < len(self.cells) else ""
 
 
-def table_lines(path: Path, *, source: str = "", comments: bool = False) -> Iterator[TableLine]:
+def table_lines(
+    path: Path,
+    *,
+    source: str = "",
+    comments: bool = False,
+    delimiter: str = "",
+    skip_lines: int = 0,
+    errors: str = "strict",
+) -> Iterator[TableLine]:
     """The lines of a table, its first one with the headings (if any) among them; one line is in memory at a time.
 
     Args:
         path: the file.
         source: what messages call it; the path by default.
         comments: pass over lines that begin with #.
+        delimiter: between cells; found unless given.
+        skip_lines: passed over at the start, where the delimiter is given.
+        errors: how bytes that are no text are taken, such as `CP1252`.
 
     Raises:
         FileError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
     """
-    source, number = source or str(path), 0
-    if _head(path).startswith(b"PK\x03\x04"):
+    source, number = source or str(path), skip_lines
+    with path.open("rb") as start:
+        head = start.read(_SAMPLE_BYTES)
+    if head.startswith(b"PK\x03\x04"):
         raise problem_of(source, "is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
     try:
-        with path.open(encoding=_encoding(path), newline="") as stream:
-            lines, delimiter, skipped = _delimited(_bounded(stream.readline, source), comments=comments)
+        with path.open(encoding=encoding_of(head), errors=errors, newline="") as stream:
+            lines, skipped = _bounded(stream.readline, source), skip_lines
+            if delimiter:
+                lines = islice(lines, skip_lines, None)
+            else:
+                lines, delimiter, skipped = _delimited(lines, comments=comments)
             # strict: otherwise one quote too many swallows the lines after it
             blanks = re.compile(rf'(?<!")" +(?={re.escape(delimiter)}|\s*$)')
             tidy = (blanks.sub('"', line) if '" ' in line else line for line in lines)
@@ -76,11 +93,8 @@ def table_lines(path: Path, *, source: str = "", comments: bool = False) -> Iter
     except UnicodeError as error:
         raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
-        raise problem_of(
-            source,
-            f"is not a CSV table after line {number} ({error})",
-            "check its quotes, save it as CSV (UTF-8)",
-        ) from error
+        what = f"is not a CSV table after line {number} ({error})"
+        raise problem_of(source, what, "check its quotes, save it as CSV (UTF-8)") from error
 
 
 def heading(cell: str) -> str:
@@ -108,14 +122,8 @@ def number_of(cell: str) -> float:
     return float(cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell)
 
 
-def _head(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return stream.read(_SAMPLE_BYTES)
-
-
-def _encoding(path: Path) -> str:
-    """The encoding of a text file, from its byte order mark or from where its zeros stand."""
-    head = _head(path)
+def encoding_of(head: bytes) -> str:
+    """The encoding of a text, from its byte order mark or from where its zeros stand; UTF-8 of most."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     even, odd = head[0::2], head[1::2]
@@ -124,6 +132,19 @@ def _encoding(path: Path) -> str:
     if odd and even.count(0) > len(even) // 2 and not odd.count(0):
         return "utf-16-be"
     return "utf-8-sig"
+
+
+CP1252 = "or-cp1252"
+"""Name of the way to decode what is no UTF-8: as programs on Windows have written it."""
+
+
+def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeDecodeError):
+        raise error
+    return error.object[error.start : error.end].decode("cp1252", "replace"), error.end
+
+
+codecs.register_error(CP1252, _as_cp1252)
 
 
 def _bounded(readline: object, source: str) -> Iterator[str]:

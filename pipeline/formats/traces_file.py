@@ -19,9 +19,8 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from glyphs.errors import FileError
-from pipeline.formats.time_stamps import TimeUnit
 from pipeline.formats.toml_file import toml_table, wrong_key
-from pipeline.formats.units import Unit
+from pipeline.formats.units import TimeUnit, Unit
 
 _FORMAT_VERSION = 1
 Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]

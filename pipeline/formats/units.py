@@ -1,4 +1,4 @@
-"""The unit of the numbers in a height file: one decision for all formats.
+"""Units of files, and the unit of the numbers in a height file: one decision for all formats.
 
 Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that are no
 such part in the unit that the file states (millimetres where it states none) are asked about. A unit that is given goes
@@ -39,6 +39,7 @@ MOST_PITCH_MM = 1.0
 
 _SUBSAMPLE = 40_000
 
+DAY_S = 86_400.0
 MM = {
     "nm": 1e-6,
     "um": 1e-3,
@@ -72,6 +73,21 @@ class Unit(StrEnum):
         """In words."""
         words = {"nm": "nanometres", "um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches"}
         return words[self.value]
+
+
+class TimeUnit(StrEnum):
+    """Unit of a time column."""
+
+    SECOND = "s"
+    MILLISECOND = "ms"
+    MICROSECOND = "us"
+    NANOSECOND = "ns"
+    DAY = "d"
+
+    @property
+    def seconds(self) -> float:
+        """One of it."""
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": DAY_S}[self.value]
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import FileError
+from pipeline.errors import DataError
 from pipeline.formats.traces_file import Column
 
 Floats = NDArray[np.float64]
@@ -46,23 +45,21 @@ def wave_of(properties: Mapping[str, Any]) -> Wave | None:
 
 
 def laid_together(
-    path: Path, columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column]
+    columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column]
 ) -> dict[Column, Floats]:
     """Channels on the samples of the first one, over the stretch that all of them cover.
 
     Args:
-        path: for messages.
         columns: of each channel.
         waves: their clocks.
         states: channels that hold a value until it changes; the others are joined by straight lines.
 
     Raises:
-        FileError: a channel without a clock, or none at the same time as the others.
+        DataError: a channel without a clock, or none at the same time as the others.
     """
     bare = next((name for name in columns if name not in waves), None)
     if bare is not None:
-        raise FileError(
-            path,
+        raise DataError(
             f"has channels that begin at different times, and channel {bare!r} without wf_increment",
             "record all channels as waveforms, or together",
         )
@@ -74,8 +71,7 @@ def laid_together(
     k = np.arange(int(np.ceil(begin / first.step_s)), int(np.floor(end / first.step_s)) + 1)
     if k.size < 2:
         late, early = max(starts, key=lambda name: starts[name]), min(ends, key=lambda name: ends[name])
-        raise FileError(
-            path,
+        raise DataError(
             f"has channel {late!r} begin {starts[late] - ends[early]:.3f} s after channel {early!r} ends",
             "record all channels at the same time",
         )
