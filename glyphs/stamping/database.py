@@ -9,12 +9,9 @@ A file can come from anybody, so its size, links and storage are checked before 
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
@@ -25,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
@@ -142,23 +140,12 @@ def save_database(database: GlyphDatabase, path: str | Path) -> None:
     Raises:
         DatabaseError: the folder is missing or not writable, or the disk is full.
     """
-    target = Path(path)
     body = _pack(database)
-    temporary: str | None = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            file.write(_block(body) + body)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, target)
-    except OSError as error:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
-        raise DatabaseError(
-            f"{str(target)!r} cannot be written ({error.strerror or error})", hint="check the folder"
-        ) from error
+        with replacing(Path(path)) as temporary:
+            temporary.write_bytes(_block(body) + body)
+    except FileError as error:
+        raise DatabaseError(f"{str(path)!r} {error.what}", hint=error.hint) from error
 
 
 def load_database(path: str | Path) -> GlyphDatabase:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from pipeline.common.atomic import check_writable, replacing
+from glyphs.atomic import check_writable, replacing
 from pipeline.formats.toml_file import read_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting

@@ -136,9 +136,9 @@ def scan(
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
     with _at_work():
+        from glyphs.atomic import check_writable
         from pipeline.bench.bench import Bench
         from pipeline.bench.settings import read_bench
-        from pipeline.common.atomic import check_writable
         from pipeline.formats.kinds import is_scan
 
         if (out is None) == (dry_run is None):
@@ -254,8 +254,8 @@ def _raster(
 
 def _drawn(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> int:
     """The moves of passes, printed and drawn."""
+    from glyphs.atomic import replacing
     from pipeline.bench.moves import moves_of
-    from pipeline.common.atomic import replacing
     from pipeline.plots.moves_picture import moves_figure
 
     preload = settings.touch().preload_mm

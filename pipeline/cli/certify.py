@@ -59,9 +59,9 @@ def certify(
     if out.suffix.lower() != ".json":
         raise CommandError(f"certify: --out is {out}", hint="name a file that ends in .json", status=USAGE)
     with failures_reported():
+        from glyphs.atomic import check_writable
         from pipeline.benchmark.report.certificate_page import write_certificate_page
         from pipeline.benchmark.report.writing import command_line
-        from pipeline.common.atomic import check_writable
         from pipeline.reading.certificate import write_certificate
         from pipeline.runs.certification import certify as certified_by
         from pipeline.workers.cluster import ClusterError

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from glyphs.atomic import replacing
 from glyphs.part import Part, stamp
 from glyphs.stamping.faces import Face
-from pipeline.common.atomic import replacing
 from pipeline.common.same_text import same_text
 from pipeline.formats.lead_in import calibrate_scan
 from pipeline.formats.npz import write_npz

@@ -66,7 +66,7 @@ def enroll(
     if since is not None and not 0.0 < since <= 36_500.0:
         raise CommandError(f"enroll: --since is {since} days", hint="give a positive number", status=USAGE)
     with failures_reported(), ExitStack() as stack:
-        from pipeline.common.atomic import check_writable
+        from glyphs.atomic import check_writable
         from pipeline.plots.pictures import check_picture
         from pipeline.reading.enrolment import enrol
         from pipeline.reading.enrolment_check import check_held_out

@@ -79,9 +79,9 @@ def build(out: Path, *font: str) -> int:
     if not font:
         raise CommandError("glyphs build: name at least one font", status=USAGE)
     with failures_reported():
+        from glyphs.atomic import check_writable
         from glyphs.fonts.outlines import load_font
         from glyphs.stamping.database import GlyphDatabase, save_database
-        from pipeline.common.atomic import check_writable
 
         check_writable(out)
         fonts = [load_font(name) for name in font]

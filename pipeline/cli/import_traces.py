@@ -29,13 +29,13 @@ def import_traces(
         Recording to write, .h5.
     """
     with failures_reported():
+        from glyphs.atomic import check_writable
         from glyphs.errors import FileError
-        from pipeline.common.atomic import check_writable
         from pipeline.formats.import_traces import import_traces as imported
         from pipeline.formats.kinds import is_scan
         from pipeline.formats.traces_file import read_traces_file
         from pipeline.formats.whisker_file import read_whisker_file
-        from whisker_array.scan.recorded import VOLT
+        from whisker_array.scan.read_recording import VOLT
         from whisker_array.scan.recording import save_scan
 
         if not is_scan(out):

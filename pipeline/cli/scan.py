@@ -72,8 +72,8 @@ def scan(
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
     with failures_reported():
+        from glyphs.atomic import check_writable
         from pipeline.cli.beam_warning import linear_beam_warning
-        from pipeline.common.atomic import check_writable
         from pipeline.formats.kinds import is_scan
         from pipeline.formats.npz import read_soil
         from pipeline.formats.piece_file import read_surface

@@ -25,7 +25,7 @@ from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.trace_time import check_speed, rate_hz
 from pipeline.formats.traces_file import TracesFile
 from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.recorded import UNIT_N_MM, line_pitch_of
+from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan

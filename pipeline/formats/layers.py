@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import replacing
 
 ZERO = 32768
 FINEST = 1e-4

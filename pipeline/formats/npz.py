@@ -21,9 +21,9 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
-from pipeline.common.atomic import replacing
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, reading
 from pipeline.formats.grid import MAX_HEIGHT_MM

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from glyphs.atomic import replacing
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
-from pipeline.common.atomic import replacing
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import HEAD_BYTES, READ, refusal
 from pipeline.formats.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright

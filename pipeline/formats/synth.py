@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glyphs.atomic import replacing
 from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
@@ -30,7 +31,6 @@ from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
 from glyphs.surface.maps import HeightMap
-from pipeline.common.atomic import replacing
 from pipeline.common.settings import SettingsError
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.photos import write_photo

@@ -22,8 +22,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import check_writable, replacing
 from pipeline.formats.toml_file import toml_table, wrong_key
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.promises import Knowledge

@@ -26,9 +26,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap
-from pipeline.common.atomic import check_writable, replacing
 from recognition.active.active_reading import ActiveReading, PassFelt
 
 SUFFIXES = (".gif", ".png")

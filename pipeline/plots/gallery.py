@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias
 
 import matplotlib
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import replacing
 from pipeline.plots.drawing import Drawing, FigureSettings, StepRow
 from pipeline.plots.elastica import elastica_figure
 from pipeline.plots.estimator_trial import TrialRow

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.common.atomic import replacing
+from glyphs.atomic import replacing
 from whisker_array.identification.fit import Identified
 
 _SHOWN = 4

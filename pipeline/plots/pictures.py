@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.same_text import same_text
 from recognition.decision.panels import edge_panel, height_panel
 

@@ -15,8 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import check_writable, replacing
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, Straight
 

@@ -19,8 +19,8 @@ from typing import Any, ClassVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, require_file
-from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions

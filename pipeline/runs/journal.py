@@ -23,8 +23,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from glyphs.atomic import replacing, sync_names
 from glyphs.errors import FileError
-from pipeline.common.atomic import replacing, sync_names
 from pipeline.common.file_lock import lock
 from pipeline.common.parsed import json_of
 from pipeline.common.reading_records import ReadingRecord

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, require_file
-from pipeline.common.atomic import replacing
 from pipeline.common.parsed import json_of
 from pipeline.common.run_description import differences, in_short, key_of
 

@@ -52,7 +52,7 @@ class RunOptions:
             FileError: unknown suffix, or a place that cannot be written.
             SettingsError: pictures without a store.
         """
-        from pipeline.common.atomic import check_writable
+        from glyphs.atomic import check_writable
         from pipeline.runs.tables import check_output
 
         if self.evidence is not None and self.store is None:

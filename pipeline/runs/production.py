@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import replacing
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.plain_text import visible
-from pipeline.common.atomic import replacing
 from pipeline.common.job_file import files_of
 from pipeline.common.row import Row
 from pipeline.common.run_description import file_sha256

@@ -28,8 +28,8 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError, damage_reported
-from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.parsed import json_of
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.row import Row

@@ -23,8 +23,8 @@ from typing import Any
 
 import structlog
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError, OwnFileError, fault_of
-from pipeline.common.atomic import replacing
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of

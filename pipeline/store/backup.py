@@ -23,8 +23,8 @@ from pathlib import Path
 
 import sqlalchemy as sa
 
+from glyphs.atomic import sync_folder
 from glyphs.errors import FileError, require_file
-from pipeline.common.atomic import sync_folder
 from pipeline.common.file_lock import lock
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_file, private_folder

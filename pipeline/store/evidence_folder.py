@@ -26,9 +26,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from glyphs.atomic import sync_folder, sync_names
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
-from pipeline.common.atomic import sync_folder, sync_names
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import private_folder
 

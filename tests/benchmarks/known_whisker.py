@@ -119,7 +119,7 @@ def draw(trials: Sequence[Trial], path: Path) -> None:
     """What is lost against how wrong each number is taken, and its interval."""
     from matplotlib.figure import Figure
 
-    from pipeline.common.atomic import replacing
+    from glyphs.atomic import replacing
 
     figure = Figure(figsize=(9.0, 2.8), dpi=110, layout="constrained")
     axes = figure.subplots(1, len(LEVELS), sharey=True)

@@ -42,29 +42,24 @@ given::
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shutil
-import tempfile
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, damage_reported
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.checked import text_attribute
-from whisker_array.scan.log_file import write_log
-from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
+from whisker_array.scan.pass_log_file import write_log
+from whisker_array.scan.read_recording import FORMAT, FORMAT_VERSION, VOLT, RecordingReader, memory_shapes
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.stagger import as_taken
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
-
-__all__ = ["FileError", "load_scan", "save_calibration", "save_scan"]
 
 _CHUNK = 4096
 
@@ -80,7 +75,7 @@ def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
     Raises:
         FileError: the file cannot be written.
     """
-    with _replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+    with replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         _write(scan, file)
         if volts:
             file.attrs["units"] = VOLT
@@ -104,59 +99,19 @@ def save_calibration(path: str | Path, calibration: Calibration, *, out: str | P
             f"has {scan.n_whiskers} whiskers, the calibration {calibration.gain.size}",
             "calibrate this scan",
         )
-    with _replacing(Path(out) if out is not None else path) as temporary:
+    with replacing(Path(out) if out is not None else path) as temporary:
         shutil.copyfile(path, temporary)
         with h5py.File(temporary, "r+") as file:
-            volt = text_attribute(file.attrs, "units", "N*mm") == VOLT
+            volt = file.attrs.get("units", "N*mm") in (VOLT, VOLT.encode())
             _write_calibration(file, calibration, volt=volt)
     return VOLT if volt else "N mm"
 
 
-@contextlib.contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, which takes its place when all went well."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=".part", dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror})", "name a folder that can be") from error
-    temporary = Path(name)
-    try:
-        try:
-            yield temporary
-            with temporary.open("rb+") as file:
-                os.fsync(file.fileno())
-            temporary.chmod(0o666 & ~_umask())
-            os.replace(temporary, path)
-        except OSError as error:
-            raise FileError(
-                path, f"cannot be written ({error})", "free some space or name another"
-            ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def _write(scan: Scan, file: h5py.File) -> None:
-    file.attrs.update(
-        {
-            "format": FORMAT,
-            "format_version": FORMAT_VERSION,
-            "units": "N*mm",
-            "sampling_rate_hz": scan.sample_rate_hz,
-            "scale_factor": 1.0,
-            "add_offset": 0.0,
-            "line_pitch_mm": scan.line_pitch_mm,
-            "start_time": scan.start_time,
-            "part_id": scan.part_id,
-            "fidelity": scan.fidelity,
-        }
-    )
+    attributes = {"format": FORMAT, "format_version": FORMAT_VERSION, "units": "N*mm"}
+    attributes |= {"sampling_rate_hz": scan.sample_rate_hz, "scale_factor": 1.0, "add_offset": 0.0}
+    attributes |= {n: getattr(scan, n) for n in ("line_pitch_mm", "start_time", "part_id", "fidelity")}
+    file.attrs.update(attributes)
     if scan.notes:
         file.attrs["notes"] = list(scan.notes)
     # as felt: passes of one direction need not be of one length
@@ -164,58 +119,57 @@ def _write(scan: Scan, file: h5py.File) -> None:
     signal, flags, position, phase, length = [], [], [], [], []
     for sweep in sweeps:
         behind, n_air = sweep.plan.behind, sweep.air_n_mm.shape[2]
-        both = np.concatenate([sweep.air_n_mm, as_taken(sweep.moment_n_mm, behind)], axis=2)
-        n_pass, n_whiskers, n_all = both.shape
-        signal.append(both.transpose(0, 2, 1).reshape(-1, n_whiskers))
+        moment = as_taken(sweep.moment_n_mm, behind)
+        n_pass, n_whiskers, n_touching = moment.shape
+        signal.append(_in_time(sweep.air_n_mm, moment))
         no_flags = np.zeros((n_pass, n_whiskers, n_air), np.uint8)
-        flags.append(
-            np.concatenate([no_flags, as_taken(sweep.flags, behind, outside=SampleFlag.OUTSIDE)], axis=2)
-            .transpose(0, 2, 1)
-            .reshape(-1, n_whiskers)
-        )
+        flags.append(_in_time(no_flags, as_taken(sweep.flags, behind, outside=SampleFlag.OUTSIDE)))
         position.append(_positions(sweep.plan, n_air))
-        phase.append(np.tile(np.repeat(np.array([0, 1], np.uint8), [n_air, n_all - n_air]), n_pass))
-        length += [n_all] * n_pass
+        phase.append(np.tile(np.repeat(np.array([0, 1], np.uint8), [n_air, n_touching]), n_pass))
+        length += [n_air + n_touching] * n_pass
     rows = np.concatenate(signal)
     chunks = (max(1, min(_CHUNK, rows.shape[0])), rows.shape[1])
     file.create_dataset("scan/signal", data=rows, dtype=np.float32, chunks=chunks)
     file.create_dataset(
         "scan/flags", data=np.concatenate(flags), dtype=np.uint8, chunks=chunks, compression=1
     )
-    file["stage/position_mm"] = np.concatenate(position)
-    file["stage/pass"] = np.repeat(np.arange(len(length), dtype=np.int32), length)
-    file["stage/phase"] = np.concatenate(phase)
-    counts = [s.plan.line_mm.shape[0] for s in sweeps]
-    file["passes/direction_deg"] = np.repeat([int(s.plan.direction) for s in sweeps], counts).astype(np.int32)
-    file["passes/line_mm"] = np.concatenate([s.plan.line_mm for s in sweeps]).astype(np.float64)
-    file["passes/start_mm"] = np.repeat([float(s.plan.start_mm) for s in sweeps], counts)
-    file["passes/step_mm"] = np.repeat([float(s.plan.step_mm) for s in sweeps], counts)
-    file["passes/n_lead"] = np.repeat([s.plan.n_lead for s in sweeps], counts).astype(np.int32)
-    file["passes/pushed"] = np.repeat([s.plan.pushed for s in sweeps], counts).astype(np.uint8)
-    file["channels/name"] = [f"whisker {i}" for i in range(scan.n_whiskers)]
-    file["channels/whisker"] = np.arange(scan.n_whiskers, dtype=np.int32)
-    file["channels/axis"] = ["z"] * scan.n_whiskers
-    file["channels/units"] = ["N*mm"] * scan.n_whiskers
-    file["channels/range"] = np.full((scan.n_whiskers, 2), np.nan)
+    plans = [plan for plan in (s.plan for s in sweeps) for _ in plan.line_mm]
+    tables: dict[str, Any] = {
+        "stage/position_mm": np.concatenate(position),
+        "stage/pass": np.repeat(np.arange(len(length), dtype=np.int32), length),
+        "stage/phase": np.concatenate(phase),
+        "passes/direction_deg": np.array([int(p.direction) for p in plans], np.int32),
+        "passes/line_mm": np.concatenate([s.plan.line_mm for s in sweeps]).astype(np.float64),
+        "passes/start_mm": np.array([p.start_mm for p in plans], np.float64),
+        "passes/step_mm": np.array([p.step_mm for p in plans], np.float64),
+        "passes/n_lead": np.array([p.n_lead for p in plans], np.int32),
+        "passes/pushed": np.array([p.pushed for p in plans], np.uint8),
+        "channels/name": [f"whisker {i}" for i in range(scan.n_whiskers)],
+        "channels/whisker": np.arange(scan.n_whiskers, dtype=np.int32),
+        "channels/axis": ["z"] * scan.n_whiskers,
+        "channels/units": ["N*mm"] * scan.n_whiskers,
+        "channels/range": np.full((scan.n_whiskers, 2), np.nan),
+        "whisker/kind": np.asarray(scan.kind, dtype=np.int32),
+    }
+    if scan.sweeps[0].plan.offset_mm:
+        tables["whisker/offset_mm"] = np.asarray(scan.sweeps[0].plan.offset_mm, dtype=np.float64)
     for i, touch in enumerate(scan.touches):
-        group = file.create_group("whisker" if i == 0 else f"whisker_{i}")
+        group = file.require_group("whisker" if i == 0 else f"whisker_{i}")
         group["compliance_mm_per_n"] = touch.tip.compliance_mm_per_n
         group["moment_arm_mm"] = touch.tip.moment_arm_mm
-        group.attrs.update(
-            {
-                "preload_mm": touch.preload_mm,
-                "tip_radius_mm": touch.tip_radius_mm,
-                "friction": touch.friction,
-                "description": touch.whisker,
-            }
-        )
-    file["whisker/kind"] = np.asarray(scan.kind, dtype=np.int32)
-    if scan.sweeps[0].plan.offset_mm:
-        file["whisker/offset_mm"] = np.asarray(scan.sweeps[0].plan.offset_mm, dtype=np.float64)
+        group.attrs.update({n: getattr(touch, n) for n in ("preload_mm", "tip_radius_mm", "friction")})
+        group.attrs["description"] = touch.whisker
+    for name, values in tables.items():
+        file[name] = values
     if scan.calibration is not None:
         _write_calibration(file, scan.calibration, volt=False)
     if scan.log is not None:
         write_log(scan.log, file)
+
+
+def _in_time(air: NDArray[Any], touching: NDArray[Any]) -> NDArray[Any]:
+    """(passes x samples, whiskers) of samples lifted and touching, (passes, whiskers, samples) each."""
+    return np.concatenate([air, touching], axis=2).transpose(0, 2, 1).reshape(-1, touching.shape[1])
 
 
 def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool) -> None:
@@ -227,7 +181,7 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
     if calibration.memory is not None:
         memory = file["calibration"].create_group("memory")
         memory.attrs["largest_n_mm"] = calibration.memory.largest_n_mm
-        for name in ("creep", "relax_s", "play_weight", "play_n_mm"):
+        for name in memory_shapes(calibration.gain.size):
             memory[name] = getattr(calibration.memory, name)
 
 
@@ -254,4 +208,4 @@ def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
     if not path.is_file():
         raise FileError(path, "is not there" if not path.exists() else "is not a file", "check the name")
     with damage_reported(path, kind="recording"), h5py.File(path, "r") as file:
-        return Recorded(path, file, raw).scan()
+        return RecordingReader(path, file, raw=raw).scan()

@@ -16,10 +16,10 @@ from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.atomic import replacing
 
 EDITION = "marks-exam-1-48"
 FLOORS_FILE = Path(str(files("pipeline.benchmark.exam") / "designs" / f"{EDITION}.floors.json"))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.export.data_card import CARD, card_of, page_of
@@ -27,7 +28,6 @@ from pipeline.benchmark.export.exported_part import (
     sha256,
 )
 from pipeline.benchmark.export.label_files import label_files
-from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences
 from pipeline.workers.executors import Executor, InlineExecutor
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from glyphs.atomic import replacing
 from pipeline.benchmark.report.page import rendered
-from pipeline.common.atomic import replacing
 from pipeline.reading.certificate import Certificate
 from recognition.decision.accepted_risk import Shown
 from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts

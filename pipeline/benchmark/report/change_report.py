@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes, level_words, reader_of
 from pipeline.benchmark.analysis.confusion import characters_right
@@ -16,7 +17,6 @@ from pipeline.benchmark.report.page import rendered
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remade import remade
-from pipeline.common.atomic import replacing
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 
 PAGE, TABLE = "compare.html", "compare.csv"

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import replacing
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in
 from pipeline.benchmark.analysis.stability import steady
@@ -28,7 +29,6 @@ from pipeline.benchmark.report.text_tables import text_tables
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
-from pipeline.common.atomic import replacing
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, PercentFormatter
 
+from glyphs.atomic import replacing
 from pipeline.benchmark.report.charts import WIDTH_IN, inlined, severity_name
 from pipeline.benchmark.report.page import rendered
 from pipeline.benchmark.stage_time.trial import PlanResult, TouchTrial, results
-from pipeline.common.atomic import replacing
 
 SECONDS_SHOWN = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 _STYLES = {

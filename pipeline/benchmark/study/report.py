@@ -16,6 +16,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.benchmark.report.charts import WIDTH_IN, inlined
 from pipeline.benchmark.report.page import rendered
@@ -23,7 +24,6 @@ from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.study import Study
-from pipeline.common.atomic import replacing
 from pipeline.common.spreadsheet import harmless
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"

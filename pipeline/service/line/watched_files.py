@@ -22,8 +22,8 @@ from typing import Any, ClassVar
 
 import structlog
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.common.atomic import replacing
 from pipeline.formats.parts import set_of
 from pipeline.runs.line_journal import LineJournal
 

@@ -124,7 +124,7 @@ def test_missing_file_folder_and_target(full, tmp_path):
         load_database(tmp_path / "nothing.h5")
     with pytest.raises(DatabaseError, match="is not a file"):
         load_database(tmp_path)
-    with pytest.raises(DatabaseError, match="check the folder"):
+    with pytest.raises(DatabaseError, match="name a folder"):
         save_database(full, tmp_path / "no folder" / "glyphs.h5")
 
 

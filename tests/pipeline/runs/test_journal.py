@@ -467,7 +467,7 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
         return
     with monkeypatch.context() as patched:
         if step == "replace":
-            patched.setattr("pipeline.common.atomic.os.replace", kill_replace)
+            patched.setattr("glyphs.atomic.os.replace", kill_replace)
         else:
             patched.setattr(Path, "unlink", kill_unlink)
         with pytest.raises(Kill):
@@ -669,7 +669,7 @@ def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.
 
     rows = rows_of(3)
     with monkeypatch.context() as patched, RunJournal.open(begun(table, rows), RUN) as book:
-        patched.setattr("pipeline.common.atomic.os.replace", full)
+        patched.setattr("glyphs.atomic.os.replace", full)
         with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
             book.finish(reversed(names(rows)))
     with RunJournal.open(table, RUN) as book:

@@ -165,7 +165,7 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path, monkeypatch: pytest
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pipeline.common.atomic.os.replace", full)
+    monkeypatch.setattr("glyphs.atomic.os.replace", full)
     with pytest.raises(FileError, match="No space"):
         write_records(RECORDS[:1], path)
     assert path.read_bytes() == before

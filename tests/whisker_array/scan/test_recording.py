@@ -308,7 +308,7 @@ BROKEN: dict[str, tuple[Callable[[h5py.File], None], str]] = {
     "sparse signal": (_sparse, "never written"),
     "vast signal": (_vast, "over the limit"),
     "short pass": (_set("stage/pass", np.zeros(5, int)), "has shape"),
-    "fractional pass": (_set("stage/pass", np.zeros(5)), "has shape"),
+    "fractional pass": (_set("stage/pass", np.zeros(5)), "not whole numbers"),
     "pass unknown": (lambda file: file["stage/pass"].__setitem__(0, 999), "pass 999"),
     "no direction": (_drop("passes/direction_deg"), "direction_deg"),
     "odd direction": (lambda file: file["passes/direction_deg"].__setitem__(0, 45), "0, 90, 180 and 270"),
@@ -378,7 +378,7 @@ def test_a_failed_write_leaves_the_old_file(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("whisker_array.scan.recording.os.replace", full)
+    monkeypatch.setattr("glyphs.atomic.os.replace", full)
     with pytest.raises(FileError, match="space"):
         save_scan(scan, recording)
     assert recording.read_bytes() == before

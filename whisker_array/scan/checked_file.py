@@ -1,0 +1,116 @@
+"""An open HDF5 file whose names, shapes, sizes and numbers are checked before they are used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import FileError
+
+SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
+MAX_SAMPLES = 200_000_000
+"""Largest number of values (instants x channels) read: 0.8 GB as float32."""
+_MOST_PACKED = 1100
+"""No deflate stream unpacks to more times its length than this: more is declared, but was never written."""
+Shape = tuple[int | None, ...]
+
+
+class CheckedFile:
+    """One open file; every error names it."""
+
+    def __init__(self, path: Path, file: h5py.File) -> None:
+        self.path = path
+        self.file = file
+
+    def fail(self, what: str, hint: str = SEE_LAYOUT) -> FileError:
+        """Make an error for this file."""
+        return FileError(self.path, what, hint)
+
+    def dataset(
+        self, name: str, shape: Shape, *, kinds: str = "fiu", most: int = MAX_SAMPLES
+    ) -> h5py.Dataset:
+        """Find a dataset of numbers, stored in this file.
+
+        Args:
+            name: of the dataset.
+            shape: that it must have; None: any length.
+            kinds: numpy's kinds of numbers that are allowed.
+            most: largest number of values.
+
+        Raises:
+            FileError: no such dataset, or another kind, shape or size.
+        """
+        found = self.file.get(name)
+        if not isinstance(found, h5py.Dataset):
+            raise self.fail(f"has no dataset /{name}")
+        if found.dtype.kind not in kinds:
+            wanted = "numbers" if "f" in kinds else "whole numbers"
+            raise self.fail(f"/{name} is of type {found.dtype}, not {wanted}")
+        actual = found.shape or ()
+        if len(actual) != len(shape) or any(
+            n not in (None, have) for n, have in zip(shape, actual, strict=True)
+        ):
+            wanted = " x ".join("any" if n is None else str(n) for n in shape)
+            raise self.fail(f"/{name} has shape {found.shape}, not {wanted}")
+        if found.size == 0:
+            raise self.fail(f"/{name} is empty", "record at least one pass")
+        if found.size > most:
+            raise self.fail(
+                f"/{name} holds {found.size:,} values, over the limit of {most:,}", "split the scan"
+            )
+        if found.is_virtual or found.external:
+            raise self.fail(f"/{name} keeps its data in another file", "copy the data into this one")
+        if found.nbytes > _MOST_PACKED * found.id.get_storage_size():
+            raise self.fail(f"/{name} declares data that was never written", "let the recording end properly")
+        return found
+
+    def numbers(
+        self, name: str, shape: Shape, *, most: int = MAX_SAMPLES, default: float | None = None
+    ) -> NDArray[np.float64]:
+        """Read a dataset as finite numbers; a missing one is filled with the default, if there is one.
+
+        Raises:
+            FileError: as `dataset`, or a number that is not finite where the default is.
+        """
+        if default is not None and name not in self.file:
+            return np.full([n or 0 for n in shape], default, dtype=np.float64)
+        values = np.asarray(self.dataset(name, shape, most=most)[()], dtype=np.float64)
+        if (default is None or np.isfinite(default)) and not np.isfinite(values).all():
+            raise self.fail(f"/{name} has values that are not finite")
+        return values
+
+    def integers(self, name: str, n_rows: int, *, default: int | None = None) -> NDArray[np.integer[Any]]:
+        """Read a dataset as whole numbers, one for each row; a missing one is filled with the default.
+
+        Raises:
+            FileError: as `dataset`.
+        """
+        if default is not None and name not in self.file:
+            return np.full(n_rows, default)
+        return np.asarray(self.dataset(name, (n_rows,), kinds="iu")[()])
+
+    def attribute(self, name: str, default: float | None = None, *, group: str = "/") -> float:
+        """Read an attribute as a finite number.
+
+        Raises:
+            FileError: no such attribute and no default, or no finite number.
+        """
+        value = self.file[group].attrs.get(name, default)
+        if value is None:
+            raise self.fail(f"has no attribute {name}")
+        try:
+            number = float(value)
+        except (TypeError, ValueError) as error:
+            raise self.fail(f"attribute {name} is {value!r}, not a number") from error
+        if not np.isfinite(number):
+            raise self.fail(f"attribute {name} is {number}")
+        return number
+
+    def text(self, name: str, default: str = "", *, group: str = "/") -> str:
+        """Read an attribute as text, whichever way the writer stored it."""
+        value = self.file[group].attrs.get(name, default)
+        return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,122 @@
+"""The log of passes in a recording: the group `/log`, whose layout stands in `whisker_array.scan.recording`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import h5py
+import numpy as np
+
+from glyphs.errors import MarksError
+from whisker_array.scan.checked_file import CheckedFile
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.pass_log import LoggedPass, PassLog
+from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.passes import Pass
+
+GROUP = "log"
+_TIMES = ("speed_mm_s", "lead_mm", "turnaround_s")
+_TEXTS = ("text", "why")
+_LONGEST_TEXT = 1000
+_MISSED_STEPS = 0.5
+"""A pass may begin beside its plan by so many samples."""
+
+
+def write_log(log: PassLog, file: h5py.File) -> None:
+    """Write the log of a recording whose passes are written already, in the log's order."""
+    group = file.create_group(GROUP)
+    # the room that whiskers take has no effect on where they felt
+    group.attrs["array"] = json.dumps(dataclasses.asdict(dataclasses.replace(log.array, body=None)))
+    for name in ("height_mm", "field_mm", "stopped", "problem", "budget_s"):
+        if getattr(log, name) is not None:
+            group.attrs[name] = getattr(log, name)
+    for name in ("along_mm", *_TIMES):
+        group[name] = np.array([getattr(p.order, name) for p in log.passes], dtype=np.float64)
+    preloads = [p.order.preload_mm for p in log.passes]
+    group["preload_mm"] = np.array([np.nan if p is None else p for p in preloads])
+    group["confidence"] = np.array([p.confidence for p in log.passes], dtype=np.float64)
+    for name in _TEXTS:
+        group.create_dataset(name, data=[getattr(p, name) for p in log.passes], dtype=h5py.string_dtype())
+
+
+def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
+    """Read the log of a recording.
+
+    Args:
+        file: with the group.
+        sweeps: of single passes, in order.
+
+    Raises:
+        FileError: a log that is not according to the layout, or does not fit the passes.
+    """
+    n, group = len(sweeps), file.file[GROUP]
+    along = file.numbers(f"{GROUP}/along_mm", (n, 2))
+    times = {name: file.numbers(f"{GROUP}/{name}", (n,)) for name in _TIMES}
+    preload = file.numbers(f"{GROUP}/preload_mm", (n,), default=np.nan)
+    confidence = file.numbers(f"{GROUP}/confidence", (n,), default=0.0)
+    texts = {name: _texts(file, name, n) for name in _TEXTS}
+    field = np.atleast_1d(group.attrs.get("field_mm", ()))
+    if field.shape != (4,) or field.dtype.kind not in "fiu" or not np.isfinite(field).all():
+        raise file.fail("/log has no field that could be felt", "write field_mm as x0, y0, x1, y1")
+    x0, y0, x1, y1 = field.tolist()
+    passes = []
+    for k, sweep in enumerate(sweeps):
+        plan = sweep.plan
+        try:
+            order = Pass(
+                direction=plan.direction,
+                line_mm=tuple(float(v) for v in plan.line_mm[0]),
+                along_mm=(float(along[k, 0]), float(along[k, 1])),
+                sample_pitch_mm=plan.step_mm,
+                air_samples=sweep.air_n_mm.shape[2],
+                pushed=plan.pushed,
+                offset_mm=plan.offset_mm,
+                preload_mm=None if np.isnan(preload[k]) else float(preload[k]),
+                **{name: float(values[k]) for name, values in times.items()},
+            )
+        except MarksError as error:
+            raise file.fail(f"pass {k} of the log cannot be used: {error.what}", error.hint) from error
+        late = abs(plan.start_mm - order.start_mm) > _MISSED_STEPS * plan.step_mm
+        if late or plan.n_samples != order.n_samples:
+            raise file.fail(
+                f"pass {k} has {plan.n_samples} samples from {plan.start_mm:.3f} mm, its plan "
+                f"{order.n_samples} from {order.start_mm:.3f} mm"
+            )
+        said = {name: values[k] for name, values in texts.items()}
+        passes.append(LoggedPass(order, sweep, confidence=float(confidence[k]), **said))
+    try:
+        return PassLog(
+            tuple(passes),
+            array=_read_array(file),
+            height_mm=file.attribute("height_mm", group=GROUP),
+            field_mm=(x0, y0, x1, y1),
+            stopped=file.text("stopped", group=GROUP),
+            problem=file.text("problem", group=GROUP),
+            budget_s=file.attribute("budget_s", group=GROUP) if "budget_s" in group.attrs else None,
+        )
+    except MarksError as error:
+        raise file.fail(f"log of passes cannot be used: {error.what}", error.hint) from error
+
+
+def _texts(file: CheckedFile, name: str, n: int) -> list[str]:
+    found = file.file[GROUP].get(name)
+    if found is None:
+        return [""] * n
+    texts = isinstance(found, h5py.Dataset) and h5py.check_string_dtype(found.dtype) is not None
+    if not texts or found.shape != (n,):
+        raise file.fail(f"/log/{name} is not one text for each pass")
+    return [str(text)[:_LONGEST_TEXT] for text in found.asstr(errors="replace")[()]]
+
+
+def _read_array(file: CheckedFile) -> WhiskerArray:
+    try:
+        fields = json.loads(file.text("array", group=GROUP))
+        # JSON has no tuples
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
+        return WhiskerArray(**values)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise file.fail(
+            f"/log describes no array of whiskers ({error})", 'as JSON: {"n_whiskers": 8, "pitch_mm": 2.5}'
+        ) from error
