@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 
@@ -65,3 +69,41 @@ def require_finite(
 ) -> None:
     """Check that numbers are finite; see `require_range`."""
     require_range(error, -_MOST, _MOST, values, *names, hint="it must be finite", **numbers)
+
+
+def freeze_arrays(
+    error: Callable[..., MarksError],
+    values: object,
+    shapes: Mapping[str, tuple[int | str, ...]],
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    dtype: type[np.floating[Any]] = np.float64,
+) -> None:
+    """Replace attributes of a frozen dataclass by read-only copies, checked for shape and range.
+
+    Args:
+        error: class of the error that is raised.
+        values: the dataclass.
+        shapes: attributes and their shapes; the same letter stands for the same length.
+        least: smallest number allowed.
+        most: largest number allowed.
+        dtype: of the copies.
+
+    Raises:
+        MarksError: (as `error`) another shape, or numbers that are not finite or out of range.
+    """
+    lengths: dict[str, int] = {}
+    for name, shape in shapes.items():
+        array: NDArray[Any] = np.array(getattr(values, name), dtype=dtype)
+        pairs = zip(shape, array.shape, strict=False)
+        wanted = [lengths.setdefault(n, have) if isinstance(n, str) else n for n, have in pairs]
+        if array.shape != tuple(wanted) or array.ndim != len(shape):
+            raise error(
+                f"{name} has shape {array.shape}", hint=f"it must be {shape} {lengths or ''}".rstrip()
+            )
+        if not (np.isfinite(array).all() and (array >= least).all() and (array <= most).all()):
+            span = f" and between {least:g} and {most:g}" if math.isfinite(least) else ""
+            raise error(f"{name} has values out of range", hint=f"they must be finite{span}")
+        array.flags.writeable = False
+        object.__setattr__(values, name, array)

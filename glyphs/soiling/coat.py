@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.ranges import freeze_arrays, require_range
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import one_line
@@ -44,18 +45,10 @@ class Look:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.roughness)
-        if len(shape) != 2 or np.shape(self.albedo) != (*shape, 3) or np.shape(self.reflectance) != shape:
-            raise MapError(
-                f"albedo {np.shape(self.albedo)}, roughness {shape} and reflectance "
-                f"{np.shape(self.reflectance)} do not agree"
-            )
-        for name, least in (("albedo", 0.0), ("roughness", 1e-3), ("reflectance", 0.0)):
-            values = np.array(getattr(self, name), dtype=np.float32)
-            if not (values.min() >= least and values.max() <= 1.0):  # nor does NaN lie there
-                raise MapError(f"{name} must lie between {least:g} and 1 everywhere")
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        grid = ("rows", "cols")
+        shapes = {"roughness": grid, "albedo": (*grid, 3), "reflectance": grid}
+        freeze_arrays(MapError, self, shapes, least=0.0, most=1.0, dtype=np.float32)
+        require_range(MapError, 1e-3, 1.0, least_roughness=float(self.roughness.min()))
 
 
 @dataclass(frozen=True, eq=False)

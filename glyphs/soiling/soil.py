@@ -10,11 +10,13 @@ The height map of a soiled part is its *top*, as an instrument or a camera sees 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import freeze_arrays, require_range
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError
 
@@ -39,20 +41,14 @@ class Soil:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.thickness_mm)
-        if len(shape) != 2:
-            raise MapError(f"thickness_mm has shape {shape}", hint="it must be rows x columns")
-        for name, least in (("thickness_mm", 0.0), ("hardness_mpa", 1e-6), ("friction", 0.0)):
-            given = np.asarray(getattr(self, name), dtype=np.float32)
-            if given.ndim and given.shape != shape:
-                raise MapError(
-                    f"{name} {given.shape} does not fit thickness_mm {shape}", hint="give one grid for all"
-                )
-            values = np.array(np.broadcast_to(given, shape), dtype=np.float32)
-            if not np.isfinite(values).all() or float(values.min()) < least:
-                raise MapError(f"{name} must be finite and at least {least:g} everywhere")
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+        for name in ("hardness_mpa", "friction"):
+            if np.ndim(getattr(self, name)) == 0:
+                everywhere = np.broadcast_to(getattr(self, name), np.shape(self.thickness_mm))
+                object.__setattr__(self, name, everywhere)
+        grid = ("rows", "cols")
+        shapes = {"thickness_mm": grid, "hardness_mpa": grid, "friction": grid}
+        freeze_arrays(MapError, self, shapes, least=0.0, dtype=np.float32)
+        require_range(MapError, 1e-6, math.inf, least_hardness_mpa=float(self.hardness_mpa.min(initial=1.0)))
 
     @property
     def mirrored(self) -> Soil:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import one_line
 from whisker_array.identification.bench import DRAWN, Unknown, nominal_bench
 from whisker_array.identification.fit import Identified
@@ -43,22 +44,15 @@ class Knowledge:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        covariance, n = np.array(self.covariance, dtype=np.float64), len(self.names)
+        n = len(self.names)
         if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
             raise WhiskerError(
                 "an identified whisker has a number that none has, or one twice",
                 hint=f"name each of {', '.join(OF_WHISKER)} once at most",
             )
-        if (
-            covariance.shape != (n, n)
-            or not np.isfinite(covariance).all()
-            or (np.diag(covariance) < 0.0).any()
-        ):
-            raise WhiskerError(
-                f"an identified whisker of {n} numbers has no covariance of them",
-                hint=f"give a finite ({n}, {n}) one",
-            )
-        object.__setattr__(self, "covariance", covariance)
+        freeze_arrays(WhiskerError, self, {"covariance": (n, n)})
+        if (np.diag(self.covariance) < 0.0).any():
+            raise WhiskerError("covariance has a negative variance", hint="give a covariance of the numbers")
 
     @property
     def sd(self) -> NDArray[np.float64]:

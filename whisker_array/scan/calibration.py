@@ -16,15 +16,13 @@ The axis of whiskers is the last but one, the axis of samples the last.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
-from whisker_array.scan.sensor import SensorError, check_signal, per_whisker, same_length
-from whisker_array.scan.sensor_memory import SensorMemory
+from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
 """Fewest samples of air, and of land, from which a calibration is taken."""
@@ -33,43 +31,17 @@ MAX_GAIN_UNCERTAINTY = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """Gain and offset of every whisker as estimated from a lead-in.
+class Calibration(Gauges):
+    """Gain and offset of every whisker as estimated from a lead-in, raw per moment and N mm.
 
     Attributes:
-        gain: (n,) float64, raw per moment, not 0.
-        offset_n_mm: (n,) float64, raw without a moment, N mm.
         from_land: the gains were read off land at the nominal friction, so moments say nothing of the true one;
             otherwise they come from a bench.
-        memory: creep and hysteresis as measured on a bench; None where nobody has.
-
-    Raises:
-        SensorError: arrays that do not agree or are not finite, or a gain of 0.
     """
 
-    gain: NDArray[np.float64]
-    offset_n_mm: NDArray[np.float64]
     from_land: bool = False
-    memory: SensorMemory | None = None
 
     __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        gain, offset = per_whisker("gain", self.gain), per_whisker("offset_n_mm", self.offset_n_mm)
-        same_length(gain, offset)
-        object.__setattr__(self, "gain", gain)
-        object.__setattr__(self, "offset_n_mm", offset)
-        if self.memory is not None and self.memory.n_whiskers != gain.size:
-            raise SensorError(
-                f"{gain.size} gains but a memory of {self.memory.n_whiskers} whiskers",
-                hint="give one of each for every whisker",
-            )
-
-    def of(self, whiskers: Sequence[int]) -> Calibration:
-        """The calibration of some of the whiskers."""
-        chosen = list(whiskers)
-        memory = None if self.memory is None else self.memory.of(chosen)
-        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
 
     def applied(self) -> Calibration:
         """What is left to be known of a signal to which gain and offset were applied."""

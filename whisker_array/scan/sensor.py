@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_not_negative, require_positive, require_range
+from glyphs.ranges import freeze_arrays, require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, lifted, reading_of
 
@@ -30,95 +31,85 @@ class SensorError(MarksError):
     """A sensor chain, signal or lead-in that cannot be used."""
 
 
-def per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """A finite number for each whisker, not to be written to.
-
-    Raises:
-        SensorError: it is not that.
-    """
-    array = np.array(values, dtype=np.float64)
-    if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
-        raise SensorError(f"{name} has shape {array.shape}", hint="it needs a finite number for each whisker")
-    array.flags.writeable = False
-    return array
-
-
-def same_length(gain: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
-    """Refuse gains and offsets of other numbers of whiskers, and a gain of 0.
-
-    Raises:
-        SensorError: so it is.
-    """
-    if gain.shape != offset.shape:
-        raise SensorError(
-            f"{gain.size} gains but {offset.size} offsets", hint="give one of each for every whisker"
-        )
-    if (gain == 0.0).any():
-        raise SensorError(
-            f"whisker {int(np.argmin(np.abs(gain)))} has a gain of 0: it is dead", hint="leave it out"
-        )
-
-
 @dataclass(frozen=True, eq=False)
-class SensorChain:
-    """Gauge, amplifier and converter of every whisker of an array.
+class Gauges:
+    """Gain, offset and memory of the gauges of an array.
 
     Attributes:
-        gain: (n,) float64, output per true moment, nominally 1.
+        gain: (n,) float64, output per true moment, nominally 1, not 0.
         offset_n_mm: (n,) float64, output without a moment, N mm.
-        noise_n_mm: rms of the white gauge and amplifier noise of one sample, N mm.
-        drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
-        vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers
-            at one sample since they share the base.
-        adc_range_n_mm: full scale to either side, N mm; inf with adc_bits None.
-        adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
-        memory: creep and hysteresis; None: gauges that know nothing of earlier loads.
+        memory: creep and hysteresis; None: gauges without memory of earlier loads, or memory not known.
 
     Raises:
-        SensorError: arrays that do not agree, negative rms values, a gain of 0, a converter that cannot be.
+        SensorError: arrays that do not agree or are not finite, or a gain of 0.
     """
 
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
-    noise_n_mm: float = 0.0
-    drift_n_mm_per_sqrt_s: float = 0.0
-    vibration: float = 0.0
-    adc_range_n_mm: float = math.inf
-    adc_bits: int | None = None
-    memory: SensorMemory | None = None
+    memory: SensorMemory | None = field(default=None, kw_only=True)
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        gain, offset = per_whisker("gain", self.gain), per_whisker("offset_n_mm", self.offset_n_mm)
-        same_length(gain, offset)
-        object.__setattr__(self, "gain", gain)
-        object.__setattr__(self, "offset_n_mm", offset)
-        if self.memory is not None and self.memory.n_whiskers != gain.size:
+        freeze_arrays(SensorError, self, {"gain": ("whiskers",), "offset_n_mm": ("whiskers",)})
+        if not self.gain.size:
+            raise SensorError("there is no gain", hint="give one for each whisker")
+        if (self.gain == 0.0).any():
+            dead = int(np.argmin(np.abs(self.gain)))
+            raise SensorError(f"whisker {dead} has a gain of 0: it is dead", hint="leave it out")
+        if self.memory is not None and self.memory.n_whiskers != self.n_whiskers:
             raise SensorError(
-                f"{gain.size} gains but a memory of {self.memory.n_whiskers} whiskers",
+                f"{self.n_whiskers} gains but a memory of {self.memory.n_whiskers} whiskers",
                 hint="give one of each for every whisker",
             )
-        require_not_negative(SensorError, self, "noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration")
-        require_range(SensorError, 2, 32, self, "adc_bits")
-        if self.adc_bits is not None or self.adc_range_n_mm != math.inf:
-            require_positive(SensorError, self, "adc_range_n_mm")
 
     @property
     def n_whiskers(self) -> int:
         """Number of whiskers."""
         return int(self.gain.size)
 
+    def of(self, whiskers: Sequence[int]) -> Self:
+        """Select some of the whiskers."""
+        chosen = list(whiskers)
+        memory = None if self.memory is None else self.memory.of(chosen)
+        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
+
+
+@dataclass(frozen=True, eq=False)
+class SensorChain(Gauges):
+    """Gauge, amplifier and converter of every whisker of an array.
+
+    Attributes:
+        noise_n_mm: rms of the white gauge and amplifier noise of one sample, N mm.
+        drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
+        vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers
+            at one sample since they share the base.
+        adc_range_n_mm: full scale to either side, N mm; inf with adc_bits None.
+        adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
+
+    Raises:
+        SensorError: as `Gauges`, negative rms values, a converter that cannot be.
+    """
+
+    noise_n_mm: float = 0.0
+    drift_n_mm_per_sqrt_s: float = 0.0
+    vibration: float = 0.0
+    adc_range_n_mm: float = math.inf
+    adc_bits: int | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(SensorError, self, "noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration")
+        require_range(SensorError, 2, 32, self, "adc_bits")
+        if self.adc_bits is not None or self.adc_range_n_mm != math.inf:
+            require_positive(SensorError, self, "adc_range_n_mm")
+
     @property
     def adc_step_n_mm(self) -> float:
         """One count of the converter, N mm; 0 without one."""
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
-
-    def of(self, whiskers: Sequence[int]) -> SensorChain:
-        """The chain of some of the whiskers."""
-        chosen = list(whiskers)
-        memory = None if self.memory is None else self.memory.of(chosen)
-        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
 
     def at_rest(self) -> SensorState:
         """Where its gauges stand when they have hung in air for long."""

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import kernel, read_only
 from glyphs.errors import MarksError
+from glyphs.ranges import freeze_arrays, require_positive
 from glyphs.surface.display import one_line
 
 RELAX_S = (0.3, 3.0, 60.0)
@@ -76,25 +77,10 @@ class SensorMemory:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name in ("creep", "relax_s", "play_weight", "play_n_mm"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            if not (np.isfinite(values).all() and (values >= 0.0).all()):
-                raise MarksError(
-                    f"{name} of a sensor's memory has values below 0 or not finite",
-                    hint="give shares of the load, seconds and N mm",
-                )
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
-        n = self.creep.shape[:1]
-        if self.creep.shape != (*n, self.relax_s.size) or self.play_weight.shape != (*n, self.play_n_mm.size):
-            raise MarksError(
-                f"creep {self.creep.shape} and plays {self.play_weight.shape} of a sensor's memory do not agree",
-                hint="give (whiskers, terms) and (whiskers, plays)",
-            )
-        if not (self.relax_s > 0.0).all() or not self.largest_n_mm > 0.0:
-            raise MarksError(
-                "relax_s and largest_n_mm of a sensor's memory must be positive", hint="give seconds and N mm"
-            )
+        creep, play = ("whiskers", "terms"), ("whiskers", "plays")
+        shapes = {"creep": creep, "relax_s": creep[1:], "play_weight": play, "play_n_mm": play[1:]}
+        freeze_arrays(MarksError, self, shapes, least=0.0)
+        require_positive(MarksError, self, "largest_n_mm", shortest_s=float(self.relax_s.min(initial=1.0)))
         if (self.straight <= 0.0).any():
             raise MarksError("the plays of a sensor's memory weigh 1 or more", hint="give smaller weights")
 

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import one_line
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
 
@@ -72,14 +73,7 @@ class Segment:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name in ("start_mm", "end_mm"):
-            point = np.array(getattr(self, name), dtype=np.float64)
-            if point.shape != (3,) or not np.isfinite(point).all():
-                raise WhiskerError(
-                    f"{name} is {point}", hint="it must be a point of three finite coordinates in mm"
-                )
-            point.flags.writeable = False
-            object.__setattr__(self, name, point)
+        freeze_arrays(WhiskerError, self, {"start_mm": (3,), "end_mm": (3,)})
         if not self.length_mm > 0.0:
             raise WhiskerError(
                 f"segment at {self.start_mm} mm has no length", hint="leave it out of the chain"

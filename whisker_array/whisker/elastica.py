@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_positive
+from glyphs.ranges import freeze_arrays, require_finite, require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
@@ -69,14 +69,8 @@ class LargeDeflection:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name, shape in (("force_n", (3,)), ("tip_shift_mm", (3,)), ("shape_mm", (len(self.shape_mm), 2))):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            if array.shape != shape or not np.isfinite(array).all() or not math.isfinite(self.moment_n_mm):
-                raise ElasticaError(
-                    f"{name} is {array.shape}", hint=f"it must be {shape}, all numbers finite"
-                )
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        require_finite(ElasticaError, self, "moment_n_mm")
+        freeze_arrays(ElasticaError, self, {"force_n": (3,), "tip_shift_mm": (3,), "shape_mm": ("n", 2)})
 
 
 @dataclass(frozen=True)

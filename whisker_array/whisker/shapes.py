@@ -24,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive
+from glyphs.ranges import freeze_arrays, require_finite, require_not_negative, require_positive
 from glyphs.surface.display import one_line
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
@@ -58,14 +58,8 @@ class TipModel:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        d = np.array(self.compliance_mm_per_n, dtype=np.float64)
-        arm = np.array(self.moment_arm_mm, dtype=np.float64)
-        if d.shape != (3, 3) or arm.shape != (3,):
-            raise WhiskerError(
-                f"D11 is {d.shape} and the arm {arm.shape}", hint="they must be (3, 3) and (3,)"
-            )
-        if not (np.isfinite(d).all() and np.isfinite(arm).all()):
-            raise WhiskerError("D11 and the moment arm must be finite")
+        freeze_arrays(WhiskerError, self, {"compliance_mm_per_n": (3, 3), "moment_arm_mm": (3,)})
+        d = self.compliance_mm_per_n
         if np.abs(d - d.T).max() > 1e-9 * np.abs(d).max():
             raise WhiskerError(
                 "D11 is not symmetric, so it would make energy of nothing", hint="check its terms"
@@ -78,9 +72,7 @@ class TipModel:
                 "(axial=True), and use the corrected A11 of physics.md instead of the printed one"
             )
         d.flags.writeable = False
-        arm.flags.writeable = False
         object.__setattr__(self, "compliance_mm_per_n", d)
-        object.__setattr__(self, "moment_arm_mm", arm)
 
     def pushed(self) -> TipModel:
         """The same whisker pushed back, in the frame of that travel: x mirrored, the moment's sign kept.
@@ -245,12 +237,10 @@ class Chain:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        points = np.array(self.points_mm, dtype=np.float64)
-        if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise WhiskerError(
-                f"points_mm is {points.shape}", hint="it needs at least two finite points (x, y, z)"
-            )
-        n = len(points) - 1
+        freeze_arrays(WhiskerError, self, {"points_mm": ("n", 3)})
+        points, n = self.points_mm, len(self.points_mm) - 1
+        if n < 1:
+            raise WhiskerError(f"points_mm has {n + 1} points", hint="it needs at least two")
         sections = self.sections
         if isinstance(sections, Sequence):
             sections = tuple(sections)
@@ -261,8 +251,6 @@ class Chain:
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
         require_finite(WhiskerError, self, "l3_mm")
-        points.flags.writeable = False
-        object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "sections", sections)
         try:
             self.segments()

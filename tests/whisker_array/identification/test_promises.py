@@ -87,9 +87,9 @@ def test_a_whisker_that_jams_in_the_job_is_no_number() -> None:
     [
         ((Unknown.L1, Unknown.L1), np.eye(2), "or one twice"),
         ((Unknown.PLAY,), np.eye(1), "or one twice"),
-        ((Unknown.L1,), np.eye(2), r"finite \(1, 1\)"),
-        ((Unknown.L1,), np.array([[np.nan]]), "no covariance"),
-        ((Unknown.L1,), np.array([[-1.0]]), "no covariance"),
+        ((Unknown.L1,), np.eye(2), r"must be \(1, 1\)"),
+        ((Unknown.L1,), np.array([[np.nan]]), "must be finite"),
+        ((Unknown.L1,), np.array([[-1.0]]), "negative variance"),
     ],
 )
 def test_knowledge_that_cannot_be_is_refused(

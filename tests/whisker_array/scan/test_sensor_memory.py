@@ -197,11 +197,11 @@ def test_figures_of_a_known_whisker_give_back_its_memory() -> None:
 
 def test_refusals_say_what_is_wrong() -> None:
     memory = drawn(2)
-    with pytest.raises(MarksError, match="below 0"):
+    with pytest.raises(MarksError, match="creep has values out of range"):
         replace(memory, creep=-memory.creep)
-    with pytest.raises(MarksError, match="do not agree"):
+    with pytest.raises(MarksError, match="play_weight|relax_s"):
         replace(memory, creep=memory.creep[:, :2])
-    with pytest.raises(MarksError, match="must be positive"):
+    with pytest.raises(MarksError, match="largest_n_mm is 0"):
         replace(memory, largest_n_mm=0.0)
     with pytest.raises(MarksError, match="weigh 1 or more"):
         replace(memory, play_weight=memory.play_weight + 1.0)

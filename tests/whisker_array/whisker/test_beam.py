@@ -228,7 +228,7 @@ def test_refusals_say_what_is_wrong() -> None:
         chain_compliance([])
     with pytest.raises(WhiskerError, match="no length"):
         Segment(np.ones(3), np.ones(3), Round(0.3), MUSIC_WIRE)
-    with pytest.raises(WhiskerError, match="three finite"):
+    with pytest.raises(WhiskerError, match="must be finite"):
         Segment(np.array([0.0, np.nan, 0.0]), np.ones(3), Round(0.3), MUSIC_WIRE)
     a = Segment(np.zeros(3), -np.ones(3), Round(0.3), MUSIC_WIRE)
     with pytest.raises(WhiskerError, match="list them base to tip"):

@@ -252,7 +252,7 @@ def test_refusals_say_what_is_wrong() -> None:
     with pytest.raises(WhiskerError, match="finite"):
         Chain(points, wire, l3_mm=math.inf)
     eye = np.eye(3)
-    with pytest.raises(WhiskerError, match=r"\(3, 3\) and \(3,\)"):
+    with pytest.raises(WhiskerError, match="moment_arm_mm has shape"):
         TipModel(eye, np.zeros(2))
     with pytest.raises(WhiskerError, match="finite"):
         TipModel(eye * np.nan, np.zeros(3))
