@@ -6,6 +6,7 @@ strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
 
 from __future__ import annotations
 
+import json
 import logging
 import string
 from functools import cache, lru_cache
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.fonts import gothic
 from glyphs.fonts.glyph import Font, FontError, Glyph, Points, with_stroke
 
 BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "timesrb")
@@ -21,6 +21,8 @@ BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "tim
 
 SERIAL_CHARACTERS = string.ascii_uppercase + string.digits
 
+_GOTHIC = Path(__file__).with_name("gothic.json")
+"""Centre lines of the gothic, and how to read them."""
 _HERSHEY_STROKE = {"futural": 0.14, "futuram": 0.10, "timesr": 0.075, "timesrb": 0.075}
 _HERSHEY_CHARACTERS = string.ascii_letters + string.digits + "-/.+&()#*:,=' "
 _FONT_CHARACTERS = string.ascii_letters + string.digits + string.punctuation + " "
@@ -73,16 +75,15 @@ def _builtin(name: str) -> Font:
     return _gothic_font() if name == "gothic" else _hershey_font(name)
 
 
-def _flatten(stroke: gothic.Stroke) -> Points:
-    """Points and arcs to one polyline (n, 2)."""
+def _flatten(stroke: list[list[float]]) -> Points:
+    """Join points [x, y] and arcs [cx, cy, rx, ry, start_deg, end_deg] into one polyline (n, 2)."""
     parts: list[Points] = []
     for step in stroke:
-        if isinstance(step, gothic.Arc):
-            count = max(2, int(np.ceil(abs(step.end_deg - step.start_deg) / _ARC_STEP_DEG)) + 1)
-            angle = np.radians(np.linspace(step.start_deg, step.end_deg, count))
-            parts.append(
-                np.column_stack([step.cx + step.rx * np.cos(angle), step.cy + step.ry * np.sin(angle)])
-            )
+        if len(step) > 2:
+            cx, cy, rx, ry, start_deg, end_deg = step
+            count = max(2, int(np.ceil(abs(end_deg - start_deg) / _ARC_STEP_DEG)) + 1)
+            angle = np.radians(np.linspace(start_deg, end_deg, count))
+            parts.append(np.column_stack([cx + rx * np.cos(angle), cy + ry * np.sin(angle)]))
         else:
             parts.append(np.array([step], dtype=np.float64))
     points = np.concatenate(parts)
@@ -91,12 +92,12 @@ def _flatten(stroke: gothic.Stroke) -> Points:
 
 
 def _gothic_font() -> Font:
-    glyphs = {}
-    for char, (width, strokes) in gothic.GOTHIC.items():
-        lines = tuple(_flatten(s) + np.array([gothic.BEARING, 0.0]) for s in strokes)
-        plain = Glyph(char, strokes=lines, advance=width + 2 * gothic.BEARING)
-        glyphs[char] = with_stroke(plain, gothic.STROKE_RATIO)
-    return Font("gothic", glyphs, gothic.STROKE_RATIO, "built in, after ISO 3098 type B and DIN 1451")
+    drawn, glyphs = json.loads(_GOTHIC.read_text(encoding="utf-8")), {}
+    bearing, ratio = drawn["bearing"], drawn["stroke_ratio"]
+    for char, (width, strokes) in drawn["characters"].items():
+        lines = tuple(_flatten(s) + np.array([bearing, 0.0]) for s in strokes)
+        glyphs[char] = with_stroke(Glyph(char, strokes=lines, advance=width + 2 * bearing), ratio)
+    return Font("gothic", glyphs, ratio, "built in, after ISO 3098 type B and DIN 1451")
 
 
 def _hershey_font(name: str) -> Font:
