@@ -6,7 +6,8 @@ from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
 from .common.settings import MapSettings, ReadSettings, SettingsError
-from .formats.parts import NothingFoundError, Part, discover
+from .formats.find_parts import NothingFoundError, discover
+from .formats.part_files import PartFiles
 from .formats.photos import read_photo, write_photo
 from .formats.touch_file import read_height_map, read_scan
 from .reading.any_files import read
@@ -24,7 +25,7 @@ __all__ = [
     "MapSettings",
     "Mode",
     "NothingFoundError",
-    "Part",
+    "PartFiles",
     "PartReader",
     "ReadSettings",
     "ReadingRecord",

@@ -1,12 +1,23 @@
-"""What is wrong with a file's content, without the file's name: whoever opened the file names it."""
+"""What is wrong with a file's content, without the file's name: whoever opened the file names it.
+
+A file is known by its path or URL. Where it is a copy, or somebody else's, `shown_as` says what it is called.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
 
 from glyphs.errors import FileError, MarksError, MissingExtraError, damage_reported, require_file
+
+WEB = ("http", "https")
+_URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
+_PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
+_SHOWN: ContextVar[Mapping[str, str]] = ContextVar("_SHOWN", default=MappingProxyType({}))
 
 
 class DataError(MarksError):
@@ -14,6 +25,81 @@ class DataError(MarksError):
 
     def __init__(self, what: str, hint: str) -> None:
         super().__init__(what, hint=hint)
+
+
+class UrlError(FileError):
+    """A file that cannot be used and is named by a URL, which no path spells; shown without what is secret in it.
+
+    Attributes:
+        url: as it is shown.
+    """
+
+    def __init__(self, url: str, what: str, hint: str) -> None:
+        self.url = without_secrets(url)
+        super().__init__(self.url, what, hint)
+        self.args = (self.url, what, hint)  # pickled without the secret
+
+
+def is_url(text: str | Path) -> bool:
+    """Whether a name is a URL (s3://bucket/key), a chain of them (zip://a::s3://b) included; else it is a path."""
+    return _URL.match(str(text)) is not None
+
+
+def is_web(url: str) -> bool:
+    """Whether a URL is a web address, whose folders end in a slash."""
+    return url.partition("://")[0].lower() in WEB
+
+
+def without_secrets(url: str) -> str:
+    """A URL as it may be shown: without a password, and without the query of a web address, which may sign it."""
+    shown = _PASSWORD.sub("***@", url)
+    return shown.partition("?")[0] if is_web(shown) else shown
+
+
+def problem_of(name: str | Path, what: str, hint: str) -> FileError:
+    """What is wrong with a file named by a path or a URL, under the name by which it is shown."""
+    shown = _SHOWN.get().get(str(name), str(name))
+    what = what if shown == str(name) else what.replace(str(name), without_secrets(shown))
+    return UrlError(shown, what, hint) if is_url(shown) else FileError(shown, what, hint)
+
+
+@contextlib.contextmanager
+def shown_as(names: Mapping[str, str]) -> Iterator[None]:
+    """Call files by other names in all that is said of them meanwhile.
+
+    Args:
+        names: URL or name by which a file is shown, by its path.
+
+    Raises:
+        FileError: of the block, of the name shown.
+    """
+    token = _SHOWN.set({**_SHOWN.get(), **names})
+    try:
+        yield
+    except FileError as error:
+        if str(error.path) not in names or isinstance(error, UrlError):
+            raise
+        raise problem_of(str(error.path), error.what, error.hint) from error
+    finally:
+        _SHOWN.reset(token)
+
+
+@contextlib.contextmanager
+def naming(name: str | Path) -> Iterator[None]:
+    """Name the file, a path or URL, in errors that name nothing.
+
+    Raises:
+        FileError: in place of a MarksError of the block that names nothing, or calls the file otherwise.
+        MissingExtraError: as it is raised in the block.
+    """
+    try:
+        yield
+    except MissingExtraError:  # nothing is wrong with the file
+        raise
+    except MarksError as error:
+        if error.where and (error.where != str(name) or error.where not in _SHOWN.get()):
+            raise
+        raise problem_of(name, error.what, error.hint) from error
 
 
 @contextlib.contextmanager
@@ -29,25 +115,13 @@ def reading(path: Path, *, kind: str, most_bytes: int) -> Iterator[None]:
         FileError: no such file, too long a one, or whatever is wrong with its content.
         MissingExtraError: as it is raised in the block.
     """
-    require_file(path, most_bytes=most_bytes)
     missing = None
-    with damage_reported(path, kind=kind):
-        try:
-            yield
-        except MissingExtraError as error:  # nothing is wrong with the file
-            missing = error
+    with naming(path):
+        require_file(path, most_bytes=most_bytes)
+        with damage_reported(path, kind=kind):
+            try:
+                yield
+            except MissingExtraError as error:
+                missing = error
     if missing is not None:
         raise missing
-
-
-@contextlib.contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the file in errors of its content.
-
-    Raises:
-        FileError: in place of a DataError.
-    """
-    try:
-        yield
-    except DataError as error:
-        raise FileError(path, error.what, error.hint) from error

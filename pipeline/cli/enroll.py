@@ -116,7 +116,7 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
     """The parts that a table tells the text of."""
-    from pipeline.formats.parts import discover
+    from pipeline.formats.find_parts import discover
     from pipeline.formats.truth import load_truth
     from pipeline.reading.enrolment import ReviewedPart
 
@@ -127,7 +127,8 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
         if part.problem is not None:
             raise part.problem
         if text and part.felt:
-            found.append(ReviewedPart(part.name, text, part.scan, part.height_map))
+            scan, height_map = (Path(file) if file else None for file in (part.scan, part.height_map))
+            found.append(ReviewedPart(part.name, text, scan, height_map))
     return found
 
 

@@ -50,7 +50,7 @@ def failures_reported() -> Iterator[None]:
 
     Whatever else is raised is a fault of the program and goes on to `pipeline.cli.main`.
     """
-    from pipeline.formats.parts import NothingFoundError
+    from pipeline.formats.find_parts import NothingFoundError
     from whisker_array.scan.stage_error import StageError
 
     try:

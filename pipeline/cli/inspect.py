@@ -10,7 +10,7 @@ from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.formats.parts import Part
+    from pipeline.formats.part_files import PartFiles
     from recognition.decision import reading as readings
 
 
@@ -51,7 +51,7 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         FileError: a file that cannot be used.
         CommandError: it holds several parts.
     """
-    from pipeline.formats.parts import discover
+    from pipeline.formats.find_parts import discover
     from pipeline.plots.pictures import save_figure
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.readers import open_reader
@@ -72,13 +72,13 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     return [*problem, f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]
 
 
-def _with_photo(reading: readings.Reading, part: Part) -> tuple[readings.Reading, list[str]]:
+def _with_photo(reading: readings.Reading, part: PartFiles) -> tuple[readings.Reading, list[str]]:
     """The part with its photograph to be shown; without one that cannot be used, which nobody asked for, and why."""
     from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
     from recognition.reader import centred
 
-    if reading.trace.photo is not None or part.photo is None:
+    if reading.trace.photo is not None or not part.photo:
         return reading, []
     try:
         photo = load_photo(part)

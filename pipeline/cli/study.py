@@ -13,7 +13,7 @@ from pipeline.cli.settings import READING, Config, Reading
 if TYPE_CHECKING:
     from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal, StudyPlan
     from pipeline.benchmark.study.study import Study
-    from pipeline.formats.listed import ListedPart
+    from pipeline.formats.part_files import PartFiles
 
 _MOST_NAMED = 5
 
@@ -65,7 +65,7 @@ def study(
         from pipeline.benchmark.study.reviews import Reviews, load_reviews
         from pipeline.benchmark.study.study import study_of
         from pipeline.common.version import program_mark
-        from pipeline.formats.listing import list_parts
+        from pipeline.formats.find_parts import list_parts
         from pipeline.reading.kept_readers import reader_of
 
         reader_of(reading)  # settings that cannot be, before anything is read
@@ -100,7 +100,7 @@ def study(
     return FAILED if errors else 0
 
 
-def _truth(table: Path | None, listed: Sequence[ListedPart], names: set[str]) -> dict[str, str]:
+def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> dict[str, str]:
     from pipeline.formats.truth import PartTexts, load_truth
 
     expected = {part.name: part.expected for part in listed if part.expected}

@@ -22,9 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, require_file
-from pipeline.formats.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
-from pipeline.formats.part_list import PartList
-from pipeline.formats.parts import key_and_kind, named_apart
+from pipeline.errors import DataError, is_url, naming
+from pipeline.formats.find_parts import key_and_kind, named_apart
+from pipeline.formats.names import beside, local_name, split_name
+from pipeline.formats.part_files import PartFiles, PartList
 from pipeline.formats.remote import copied
 from pipeline.formats.table_file import (
     PART_HEADINGS,
@@ -70,7 +71,7 @@ def names_no_files(name: str) -> bool:
     )
 
 
-def read_manifest(source: str) -> Sequence[ListedPart]:
+def read_manifest(source: str) -> Sequence[PartFiles]:
     """The parts of a table: CSV (see `table_lines`) unless it ends in .parquet.
 
     A file that is named relatively lies beside the table. A part without a name is called as the first of its
@@ -86,29 +87,28 @@ def read_manifest(source: str) -> Sequence[ListedPart]:
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
     as_parquet = split_name(source)[1].lower().endswith(".parquet")
-    records, line = (_parquet_records, "row") if as_parquet else (_csv_records, "line")
     # of a million lines the parts are packed and their keys are hashes: a table may not fill the memory
     parts, keys, numbers = PartList(), array("q"), array("q")
-    with _on_this_machine(source) as path:
-        for number, cells in records(source, path):
+    with _on_this_machine(source) as path, naming(source):
+        records, line = (
+            (_parquet_records(path), "row") if as_parquet else (_csv_records(source, path), "line")
+        )
+        for number, cells in records:
             part = _part_of(source, f"{line} {number}", cells)
             folder, last = split_name(part.files[0])
             keys.append(hash(part.name if cells.get("part") else (folder, os.path.splitext(last)[0])))
             numbers.append(number)
             parts.append(part)
-    if not parts:
-        raise problem_of(source, "holds no part", "give a line for each part")
-    if (pair := _first_repeated(parts, keys)) is not None:
-        first, second = pair
-        raise problem_of(
-            source,
-            f"{line} {numbers[second]} names {parts[second].name} a second time, after {line} {numbers[first]}",
-            "give every part one line",
-        )
-    return named_apart(parts)
+        if not parts:
+            raise DataError("holds no part", "give a line for each part")
+        if (pair := _first_repeated(parts, keys)) is not None:
+            first, second = pair
+            again = f"{line} {numbers[second]} names {parts[second].name} a second time"
+            raise DataError(f"{again}, after {line} {numbers[first]}", "give every part one line")
+        return named_apart(parts)
 
 
-def _first_repeated(parts: Sequence[ListedPart], keys: array[int]) -> tuple[int, int] | None:
+def _first_repeated(parts: Sequence[PartFiles], keys: array[int]) -> tuple[int, int] | None:
     """The first two lines that name one part."""
     import numpy as np
 
@@ -129,28 +129,29 @@ def _on_this_machine(source: str) -> Iterator[Path]:
         yield Path(source)
 
 
-def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
+def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
     """One line as a part."""
     if _CONTROL.search("".join(cells.values())):
         column = next(column for column, cell in cells.items() if _CONTROL.search(cell))
-        raise problem_of(
-            source, f"{where} has a line break or control character under {column}", "check its quotes"
-        )
-    photo, *more = (name.strip() for name in cells.get("photo", "").split(_SEVERAL))
-    named = {c: name for c in FILES if (name := photo if c == "photo" else cells.get(c))}
-    files = {c: _place(source, where, name) for c, name in named.items()}
-    more_photos = tuple(_place(source, where, name) for name in more)
-    lasts = [split_name(file)[1] for file in (*files.values(), *more_photos)]
+        raise DataError(f"{where} has a line break or control character under {column}", "check its quotes")
+    photos = [name.strip() for name in cells.get("photo", "").split(_SEVERAL)]
+    named = [*(cells.get(kind, "") for kind in FILES[:2]), *photos]
+    height_map, scan, photo, *more = (_place(source, where, name) for name in named)
+    lasts = [
+        split_name(file)[1]
+        for name, file in zip(named, (height_map, scan, photo, *more), strict=True)
+        if name
+    ]
     if not lasts:
-        raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(FILES)}")
+        raise DataError(f"{where} names no file", f"fill one of {', '.join(FILES)}")
     if not all(lasts):
-        raise problem_of(source, f"{where} names a folder", "name a file")
-    return ListedPart(
+        raise DataError(f"{where} names a folder", "name a file")
+    return PartFiles(
         cells.get("part") or os.path.splitext(lasts[0])[0],
-        height_map=files.get("height_map", ""),
-        scan=files.get("scan", ""),
-        photo=files.get("photo", ""),
-        more_photos=more_photos,
+        height_map=height_map,
+        scan=scan,
+        photo=photo,
+        more_photos=tuple(more),
         expected=cells.get("expected", ""),
         format=sys.intern(cells.get("format", "")),
         font=sys.intern(cells.get("font", "")),
@@ -161,40 +162,36 @@ def _place(source: str, where: str, name: str) -> str:
     """A file beside the table; a path that Windows wrote is read on any system.
 
     Raises:
-        FileError: it begins with a drive that this system does not have.
+        DataError: it begins with a drive that this system does not have.
     """
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if _DRIVE.match(name):
-            raise problem_of(
-                source,
+            raise DataError(
                 f"{where} names {name}, and this system has no drive {name[:2]}",
                 "name the files as they lie beside the table",
             )
         name = name.replace("\\", "/")
-    return beside(source, name)
+    return beside(source, name) if name else ""
 
 
-def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
+def _columns(header: Sequence[str]) -> dict[str, int]:
     """Where each known column stands."""
     found: dict[str, int] = {}
     for place, title in enumerate(header):
         name = title.strip().lower()
         if name in found:
-            raise problem_of(source, f"has two columns {name}", "keep one")
+            raise DataError(f"has two columns {name}", "keep one")
         if name in COLUMNS:
             found[name] = place
         elif name not in _OTHERS:
             for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
-                raise problem_of(
-                    source,
+                raise DataError(
                     f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}",
                     f"call it {close} if that is meant, or something quite different",
                 )
     if not any(column in found for column in FILES):
         named = ", ".join(h.strip() for h in header)[:200] or "none"
-        raise problem_of(
-            source, f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}"
-        )
+        raise DataError(f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}")
     return found
 
 
@@ -205,23 +202,20 @@ def _csv_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]
     columns = _columns_of_files(head.cells)
     width = len(head.cells)
     if columns is None:
-        columns = _columns(source, head.cells)
+        columns = _columns(head.cells)
     else:
         lines = chain((head,), lines)
     for line in lines:
         if any(line.cells[width:]):
-            raise problem_of(
-                source,
-                f"line {line.number} has more fields than the first line",
-                "quote what holds the delimiter",
-            )
+            what = f"line {line.number} has more fields than the first line"
+            raise DataError(what, "quote what holds the delimiter")
         yield line.number, {name: line.cell(place) for name, place in columns.items()}
 
 
 def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
     """The columns of a table whose first line names a file and is no heading; None of any other."""
     kinds = {place: kind for place, cell in enumerate(cells) if (kind := key_and_kind(cell)[1])}
-    if column_of(cells, COLUMNS) is not None or len(kinds) != 1 or len(cells) > 3:
+    if column_of(cells, COLUMNS) is not None or len(kinds) != 1:
         return None
     ((at, kind),) = kinds.items()
     if at > 1 or len(cells) > at + 2:
@@ -229,46 +223,42 @@ def _columns_of_files(cells: Sequence[str]) -> dict[str, int] | None:
     return {kind: at, **({"part": 0} if at else {}), **({"expected": at + 1} if len(cells) > at + 1 else {})}
 
 
-def _cell(value: object) -> str:
-    return "" if value is None else str(value).strip()
-
-
-def _parquet_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+def _parquet_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """The number of each row of a Parquet file, and its known cells; a batch of rows is in memory at a time."""
     from pyarrow import parquet
 
-    def in_words(error: Exception) -> FileError:
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        return problem_of(source, f"is damaged or not a Parquet file ({reason})", "copy it or make it again")
-
-    try:  # around the parser alone: what the user of this generator trips over is no damage
-        file = parquet.ParquetFile(path)
-        schema = file.schema_arrow
-    except Exception as error:
-        raise in_words(error) from error
-    with contextlib.closing(file):
-        columns = _columns(source, schema.names)
+    with contextlib.ExitStack() as stack:
+        with _damage_in_words():
+            file = stack.enter_context(parquet.ParquetFile(path))
+            schema = file.schema_arrow
+        columns = _columns(schema.names)
         for name, at in columns.items():
             if not _is_text(schema.field(at).type, name):
-                raise problem_of(
-                    source, f"has the column {name} of type {schema.field(at).type}", "save it as text"
-                )
-        names = {name: schema.names[at] for name, at in columns.items()}
-        batches = file.iter_batches(batch_size=_BATCH_ROWS, columns=list(names.values()))
+                raise DataError(f"has the column {name} of type {schema.field(at).type}", "save it as text")
+        names = [schema.names[at] for at in columns.values()]
+        batches = file.iter_batches(batch_size=_BATCH_ROWS, columns=names)
         number = 0
         while True:
-            try:
+            with _damage_in_words():
                 batch = next(batches, None)
-                values = {} if batch is None else {n: batch.column(s).to_pylist() for n, s in names.items()}
-            except Exception as error:
-                raise in_words(error) from error
+                values = [] if batch is None else [batch.column(name).to_pylist() for name in names]
             if batch is None:
                 return
-            for row in zip(*values.values(), strict=True):
+            for row in zip(*values, strict=True):
                 number += 1
-                cells = {name: _cell(value) for name, value in zip(values, row, strict=True)}
-                if any(cells.values()):
-                    yield number, cells
+                cells = ["" if value is None else str(value).strip() for value in row]
+                if any(cells):
+                    yield number, dict(zip(columns, cells, strict=True))
+
+
+@contextlib.contextmanager
+def _damage_in_words() -> Iterator[None]:
+    """Turn whatever the parser trips over into a DataError."""
+    try:
+        yield
+    except Exception as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise DataError(f"is damaged or not a Parquet file ({reason})", "copy it or make it again") from error
 
 
 def _is_text(kind: Any, name: str) -> bool:

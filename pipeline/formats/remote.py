@@ -17,30 +17,23 @@ import re
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, MissingExtraError
-from pipeline.formats.listed import (
+from pipeline.errors import WEB, UrlError, is_url, is_web, shown_as, without_secrets
+from pipeline.formats.names import (
     LOCAL,
-    WEB,
-    ListedPart,
-    UrlError,
     harmless_name,
     has_magic,
-    is_url,
-    is_web,
     local_name,
     scheme_of,
+    spelled_on_disk,
     split_name,
-    without_secrets,
 )
-from pipeline.formats.parts import Part
-from pipeline.formats.spelling import spelled_on_disk
+from pipeline.formats.part_files import PartFiles
 
-__all__ = ["copied", "fetched", "is_url", "list_remote", "originally"]
-
-_KINDS = ("height_map", "scan", "photo")
 _S3, _GS, _HTTP = ("s3fs", "s3"), ("gcsfs", "gs"), ("aiohttp", "cluster")
 _EXTRAS = {"s3": _S3, "s3a": _S3, "gs": _GS, "gcs": _GS, **dict.fromkeys(WEB, _HTTP)}
 _MORE = ("abfs", "abfss", "az", "ftp", "hdfs", "memory", "sftp", "smb", "ssh", "webhdfs")
@@ -79,56 +72,45 @@ def list_remote(url: str) -> list[str]:
 
 
 @contextlib.contextmanager
-def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
+def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
-    A FileError of a copy raised in the block becomes one of its URL; words about it are turned by `originally`.
-    A photograph that cannot be copied is a problem of the photograph where there is something to be felt.
+    Whatever is said of a copy meanwhile is said of its URL. A photograph that cannot be copied is a problem of the
+    photograph where there is something to be felt.
 
     Args:
-        listed: the part; one with a problem is not copied at all.
+        part: by the names of its files; one with a problem is not copied at all.
         photos: photographs, too, are wanted of parts that can be felt.
 
     Raises:
         FileError: a file that is not there, may not be read, is too long, or cannot be copied.
         MissingExtraError: a library that URLs need is not installed.
     """
-    names = {kind: local_name(getattr(listed, kind)) for kind in _KINDS}
-    felt = bool(names["height_map"] or names["scan"])
-    if felt and not photos:
-        names["photo"] = ""
-    more = listed.more_photos if names["photo"] else ()
-    problem, photo_problem = listed.problem, listed.photo_problem
+    if part.felt and not photos:
+        part = replace(part, photo="", more_photos=())
+    names: dict[str, str] = {}
     with contextlib.ExitStack() as copies:
-        paths: dict[str, Path | None] = {}
-        for kind, name in names.items():
+
+        def here(file: str | Path, kind: str) -> str:
+            name = local_name(str(file))
             if not is_url(name):
-                paths[kind] = spelled_on_disk(name) if name else None
-            elif problem is not None or (kind == "photo" and photo_problem is not None):
-                paths[kind] = Path(name)  # never opened
-            else:
-                try:
-                    paths[kind] = copies.enter_context(copied(name, most_bytes=_most_bytes(kind)))
-                except FileError as fault:
-                    if kind != "photo" or not felt:
-                        raise
-                    paths[kind], photo_problem = Path(name), fault
-        others = [
-            copies.enter_context(copied(name, most_bytes=_most_bytes("photo")))
-            if is_url(name)
-            else spelled_on_disk(name)
-            for name in map(local_name, () if problem or photo_problem else more)
-        ]
-        part = Part(
-            listed.name, **paths, more_photos=tuple(others), problem=problem, photo_problem=photo_problem
-        )
+                return str(spelled_on_disk(name)) if name else ""
+            if part.problem is not None or (kind == "photo" and part.photo_problem is not None):
+                return name  # never opened
+            path = str(copies.enter_context(copied(name, most_bytes=_most_bytes(kind))))
+            names[path] = without_secrets(name)
+            return path
+
+        part = replace(part, height_map=here(part.height_map, "height_map"), scan=here(part.scan, "scan"))
         try:
-            yield part
+            photo, *more = (here(name, "photo") for name in (part.photo, *part.more_photos))
+            part = replace(part, photo=photo, more_photos=tuple(more))
         except FileError as fault:
-            of_url = _of_url(fault, part, listed)
-            if of_url is None:
+            if not part.felt:
                 raise
-            raise of_url from fault
+            part = replace(part, photo_problem=fault)
+        with shown_as(names):
+            yield part
 
 
 @contextlib.contextmanager
@@ -156,24 +138,6 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
             files.get_file(path, str(target), callback=guard)
             guard.check(target.stat().st_size)
         yield target
-
-
-def originally(text: str, part: Part, listed: ListedPart) -> str:
-    """A text about a fetched part with the names of the files as they were given in place of the copies'."""
-    for kind in _KINDS:
-        path, name = getattr(part, kind), getattr(listed, kind)
-        if path is not None and is_url(name):
-            text = text.replace(str(path), without_secrets(name))
-    return text
-
-
-def _of_url(fault: FileError, part: Part, listed: ListedPart) -> UrlError | None:
-    """The problem of a copy as that of what it was copied from; None: it is no copy's."""
-    for kind in _KINDS:
-        name = getattr(listed, kind)
-        if is_url(name) and fault.path == getattr(part, kind) and not isinstance(fault, UrlError):
-            return UrlError(name, originally(fault.what, part, listed), fault.hint)
-    return None
 
 
 def _most_bytes(kind: str) -> int:

@@ -16,7 +16,7 @@ from itertools import chain, islice
 from pathlib import Path
 
 from pipeline.common.spreadsheet import original
-from pipeline.formats.listed import problem_of
+from pipeline.errors import problem_of
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
 """Columns that name a part, the first one found counts."""

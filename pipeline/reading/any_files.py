@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.parts import Part, key_and_kind
+from pipeline.formats.find_parts import key_and_kind
+from pipeline.formats.part_files import PartFiles
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
@@ -46,7 +47,8 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
             )
         files[kind] = path
-    part = Part(Path(file).stem, files.get("height_map"), files.get("scan"), files.get("photo"))
+    names: dict[str, Any] = {kind: str(path) for kind, path in files.items()}
+    part = PartFiles(Path(file).stem, **names)
     mode = Mode(checked.mode) if checked.mode is not None else Mode.AUTO
     parts = PartReader(reader_of(checked), mode=mode, maps=checked, budget_s=checked.touch_budget_s)
     return parts.read(part, expected=expected)

@@ -117,12 +117,14 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
 
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
-    from pipeline.formats.parts import Part
+    from pipeline.formats.part_files import PartFiles
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 
     reader = PartReader(reader_of(settings), mode=Mode.TACTILE, maps=settings)
     try:
-        return "".join(reader.read(Part(part.name, part.height_map, part.scan)).text.split())
+        return "".join(
+            reader.read(PartFiles(part.name, str(part.height_map or ""), str(part.scan or ""))).text.split()
+        )
     except MarksError:
         return ""

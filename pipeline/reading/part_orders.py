@@ -21,7 +21,6 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -30,14 +29,14 @@ from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
+from pipeline.errors import shown_as
 from pipeline.formats.limits import Limits
-from pipeline.formats.parts import Part
+from pipeline.formats.part_files import PartFiles
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile
     from recognition.active.active_reading import ActiveReading
     from recognition.decision.part_measures import Measure
-    from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from whisker_array.scan.session import SessionStage
 
@@ -149,19 +148,20 @@ def read_order(
         )
     settings, reader = _reader(order, settings)
     started, expected = time.perf_counter(), order.expected.strip()
-    with _sender_names(order, order.names_by_path()):
+    names = order.names_by_path()
+    with _sender_names(order, names), shown_as({str(path): name for path, name in names.items()}):
         # a format is known by the suffix that the sender gave the file
         photo, *more = order.photos or order.earlier_photos or (None,)
-        part = Part(
+        part = PartFiles(
             order.name,
-            order.height_map and _with_suffix(order),
-            order.scan,
-            photo,
-            more_photos=tuple(filter(None, more)),
+            height_map=str(_with_suffix(order)) if order.height_map is not None else "",
+            scan=str(order.scan or ""),
+            photo=str(photo or ""),
+            more_photos=tuple(map(str, more)),
         )
         mode = Mode.FUSED if tactile and part.photo else None
         parts = PartReader(reader, mode=mode, maps=settings, limits=limits, budget_s=settings.touch_budget_s)
-        found = _in_sender_words(parts.unverified(part, expected=expected, felt=felt), order)
+        found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
         if order.photos and found.trace.vision is not None:
             readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
@@ -312,15 +312,6 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
         raise FaultError(name, _unplaced(fault_of(error), order, names), "please report it") from error
-
-
-def _in_sender_words(reading: Reading, order: PartOrder) -> Reading:
-    """The reading with its notes calling files as their sender did."""
-    names = order.names_by_path()
-    notes = tuple(
-        reduce(lambda note, path: note.replace(str(path), names[path]), names, note) for note in reading.notes
-    )
-    return replace(reading, notes=tuple(_unplaced(note, order, names) for note in notes))
 
 
 def _unplaced(message: str, order: PartOrder, names: Iterable[Path]) -> str:

@@ -16,8 +16,7 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -26,15 +25,16 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
+from pipeline.errors import naming, problem_of
 from pipeline.formats.limits import Limits, check_scan
-from pipeline.formats.parts import Part
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import read_map_and_rows, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.formats.listed import ListedPart
+    from pipeline.formats.part_files import PartFiles
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
@@ -64,18 +64,18 @@ class Sense(StrEnum):
     VISION = "vision"
 
 
-def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
+def senses_of(part: PartFiles, mode: Mode | None) -> tuple[Sense, ...]:
     """The senses that read a part.
 
     Raises:
         FileError: a file that the mode needs is not there.
     """
-    tactile, visual = bool(part.height_map or part.scan), bool(part.photo)
+    tactile, visual = part.felt, bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
     if mode in (Mode.TACTILE, Mode.FUSED) and not tactile:
-        raise FileError(named, "has no height map and no scan", "add one, or read it with --mode vision")
+        raise problem_of(named, "has no height map and no scan", "add one, or read it with --mode vision")
     if mode in (Mode.VISION, Mode.FUSED) and not visual:
-        raise FileError(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
+        raise problem_of(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
     if mode is Mode.FUSED or (mode is Mode.AUTO and tactile and visual):
         return (Sense.TOUCH, Sense.VISION)
     if mode is Mode.VISION or not tactile:
@@ -107,7 +107,7 @@ class PartReader:
         self.reader, self.mode, self.maps, self.limits = reader, mode, maps, limits
         self.budget_s = budget_s
 
-    def read(self, part: Part, *, expected: str = "") -> Reading:
+    def read(self, part: PartFiles, *, expected: str = "") -> Reading:
         """Load a part, read it, and verify the text expected of it if there is one.
 
         Raises:
@@ -118,7 +118,7 @@ class PartReader:
 
     def unverified(
         self,
-        part: Part,
+        part: PartFiles,
         *,
         expected: str = "",
         again: Retake | None = None,
@@ -138,7 +138,9 @@ class PartReader:
         """
         return _reviewed_if_cut_short(self.reader.certified(self._read(part, expected, again, felt)))
 
-    def _read(self, part: Part, expected: str, again: Retake | None, felt: ActiveReading | None) -> Reading:
+    def _read(
+        self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
+    ) -> Reading:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
@@ -169,11 +171,11 @@ class PartReader:
         fused = self.reader.fuse(touch, vision)
         return replace(fused, notes=(*fused.notes, *notes))
 
-    def _sees_first(self, part: Part, again: Retake | None) -> bool:
+    def _sees_first(self, part: PartFiles, again: Retake | None) -> bool:
         """Whether the camera can tell touch where to feel: of a height map that is felt by choice."""
-        return self.budget_s is not None and part.scan is None and again is None
+        return self.budget_s is not None and not part.scan and again is None
 
-    def _seen_and_felt(self, part: Part, photo: Photo) -> tuple[Reading, Reading]:
+    def _seen_and_felt(self, part: PartFiles, photo: Photo) -> tuple[Reading, Reading]:
         """Touch and vision of a height map, felt about the line that the camera sees."""
         from pipeline.reading.scan_plan import seen_region
         from recognition.reader import centred
@@ -196,27 +198,26 @@ class PartReader:
         """
         return self.reader.verify(reading, expected) if expected else reading
 
-    def _vision(self, part: Part, photo: Photo, surface: HeightMap | None) -> Reading:
+    def _vision(self, part: PartFiles, photo: Photo, surface: HeightMap | None) -> Reading:
         from recognition.reader import centred
 
-        with _about(part.photo):
+        with naming(part.photo):
             return self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
 
-    def _touch(self, part: Part, again: Retake | None, *, where: Where | None = None) -> Reading:
+    def _touch(self, part: PartFiles, again: Retake | None, *, where: Where | None = None) -> Reading:
         """A recorded scan goes before a height map."""
-        if part.scan is not None:
-            with _about(part.scan):
+        if part.scan:
+            with naming(part.scan):
                 if self.limits is not None:
-                    check_scan(part.scan, most=self.limits.max_scan_samples)
+                    check_scan(Path(part.scan), most=self.limits.max_scan_samples)
                 scan = read_scan(part.scan)
                 if scan.log is not None and again is None:
                     from recognition.active.replay import replayed
 
                     return replayed(self.reader.touch, scan).reading
                 return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
-        path = part.height_map
-        assert path is not None
-        with _about(path):
+        path = Path(part.height_map)
+        with naming(path):
             from pipeline.formats.npz import read_soil
 
             most = MAX_PIXELS if self.limits is None else self.limits.max_map_samples
@@ -236,7 +237,7 @@ class PartReader:
                 region_mm=where(surface) if where is not None else None,
             )
 
-    def _check_expected(self, part: Part, expected: str) -> None:
+    def _check_expected(self, part: PartFiles, expected: str) -> None:
         grammar = self.reader.grammar
         if expected and grammar is not None and (broken := grammar.objections(expected)):
             from recognition.decision.verify import VerifyError
@@ -312,7 +313,7 @@ def read_surface(
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))
 
 
-def load_photo(part: Part, limits: Limits | None = None) -> Photo:
+def load_photo(part: PartFiles, limits: Limits | None = None) -> Photo:
     """The photograph of a part.
 
     Raises:
@@ -320,15 +321,15 @@ def load_photo(part: Part, limits: Limits | None = None) -> Photo:
     """
     from pipeline.formats.photos import read_photo
 
-    if part.photo is None:
+    if not part.photo:
         raise FileError(part.name, "has no photograph", "add one of the same stem")
     if part.photo_problem is not None:
         raise part.photo_problem
-    with _about(part.photo):
-        return read_photo(part.photo, most=MAX_PIXELS if limits is None else limits.max_photo_pixels)
+    with naming(part.photo):
+        return read_photo(Path(part.photo), most=MAX_PIXELS if limits is None else limits.max_photo_pixels)
 
 
-def load_photos(part: Part, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
+def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
     """The photographs of a part as one, and what is wrong with those that cannot be used.
 
     Raises:
@@ -344,20 +345,9 @@ def load_photos(part: Part, limits: Limits | None = None) -> tuple[Photo, tuple[
         except FileError as problem:
             problems.append(problem)
         except MarksError as problem:
-            problems.append(FileError(path or part.name, problem.what, problem.hint))
+            problems.append(problem_of(path or part.name, problem.what, problem.hint))
         else:
             found[:] = [photo]
     if not found:
         raise problems[0]
     return found[0], tuple(problems)
-
-
-@contextlib.contextmanager
-def _about(path: Path | None) -> Iterator[None]:
-    """Name the file in an error that names nothing."""
-    try:
-        yield
-    except MarksError as error:
-        if error.where or path is None:
-            raise
-        raise FileError(path, error.what, error.hint) from error

@@ -18,7 +18,7 @@ from glyphs.compiling import compiling_shown, part_done
 from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth, without_blanks
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
@@ -195,7 +195,7 @@ def _description(inputs: Sequence[str], settings: ReadSettings, manifests: Seque
 
 
 def _all_read(
-    parts: Sequence[ListedPart],
+    parts: Sequence[PartFiles],
     labels: dict[str, str],
     settings: ReadSettings,
     executors: ExecutorOptions,
@@ -221,7 +221,7 @@ def _all_read(
     return [LabelledPart(name, journal.done[name], labels[name]) for name in sorted(labels)]
 
 
-def _read_and_hashed(order: RunOrder, listed: ListedPart) -> HashedPart:
+def _read_and_hashed(order: RunOrder, listed: PartFiles) -> HashedPart:
     """A part as it was read, and the hash of its files."""
     from pipeline.formats.remote import fetched
 
@@ -230,8 +230,8 @@ def _read_and_hashed(order: RunOrder, listed: ListedPart) -> HashedPart:
         return HashedPart.of(read, "")
     digest = hashlib.sha256()
     with fetched(listed) as part:
-        for path in (part.height_map, part.scan, part.photo, *part.more_photos):
-            digest.update(b"" if path is None else path.read_bytes())
+        for path in part.files:
+            digest.update(Path(path).read_bytes())
     return HashedPart.of(read, digest.hexdigest())
 
 

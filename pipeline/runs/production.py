@@ -17,9 +17,9 @@ from pipeline.common.row import Row
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.find_parts import PassedOver
 from pipeline.formats.order_file import read_order
-from pipeline.formats.passed_over import PassedOver
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
@@ -61,7 +61,7 @@ def run_batch(
     options.check()
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
-    parts: Sequence[ListedPart] = (found := parts_for(inputs, settings, manifests=options.manifest))
+    parts: Sequence[PartFiles] = (found := parts_for(inputs, settings, manifests=options.manifest))
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(parts))
     reader, certificate = open_reader(settings), certificate_of(settings)
@@ -213,6 +213,6 @@ def _drift(watch: DriftWatch | None) -> str:
     return watch.first
 
 
-def _status(run: Run, parts: Sequence[ListedPart], *, every: bool) -> int:
+def _status(run: Run, parts: Sequence[PartFiles], *, every: bool) -> int:
     wanted = len(parts) if every else sum(bool(part.expected) for part in parts)
     return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0

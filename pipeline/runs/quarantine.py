@@ -12,8 +12,9 @@ from typing import IO
 
 from glyphs.errors import FileError
 from pipeline.common.spreadsheet import harmless
-from pipeline.formats.listed import ListedPart, absolute
 from pipeline.formats.manifest import COLUMNS, FILES
+from pipeline.formats.names import absolute
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.table_file import table_lines
 
 _HEAD = ",".join((*COLUMNS, "problem")) + "\n"
@@ -56,7 +57,7 @@ class Quarantine:
         """Parts in the list."""
         return len(self._names)
 
-    def add(self, listed: ListedPart, problem: str) -> None:
+    def add(self, listed: PartFiles, problem: str) -> None:
         """Append a part, once; it is the kernel's before this returns.
 
         Raises:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 from glyphs.errors import fault_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.runs.summary import Summary
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.errors import UnfitError
@@ -74,7 +74,7 @@ class Run:
     known: int = 0
     finished: bool = False
 
-    def work(self, parts: Sequence[ListedPart], order: RunOrder, executor: Executor) -> None:
+    def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
         """Read every part whose row the book does not hold, and put the table in the order of the parts.
 
         Beside a store the book is no result: it stays, unfinished, until whoever opened the run is done with it.
@@ -99,7 +99,7 @@ class Run:
             self.book.finish(part.name for part in parts)
         self.finished = True
 
-    def missing(self, parts: Sequence[ListedPart]) -> Iterator[ListedPart]:
+    def missing(self, parts: Sequence[PartFiles]) -> Iterator[PartFiles]:
         """The parts that are to be read still."""
         done = self.book.done if self.book is not None else set()
         return (part for part in parts if part.name not in done)
@@ -140,7 +140,7 @@ class Run:
             self.on_any_row(row)
 
 
-def lost_part(listed: ListedPart, error: Exception | None) -> ReadPart:
+def lost_part(listed: PartFiles, error: Exception | None) -> ReadPart:
     """A part that no worker has read, with what became of the worker."""
     file = listed.files[0] if listed.files else listed.name
     reason = " ".join(str(error).split()) or type(error).__name__

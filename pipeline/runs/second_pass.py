@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 from glyphs.errors import MarksError
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.formats.listed import ListedPart, is_url, split_name
+from pipeline.errors import is_url
+from pipeline.formats.names import split_name
+from pipeline.formats.part_files import PartFiles
 from pipeline.runs.options import RunOptions
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.workers.executors import Executor, ordered_map
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from pipeline.runs.journal import RunJournal
 
 
-def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[ListedPart]) -> bool:
+def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
     """Whether a lot is to teach itself: as it is asked for, or where it may and is large enough.
 
     Raises:
@@ -86,9 +88,7 @@ class SecondPass:
     learned: EnrolReport | None = field(default=None, init=False)
     again: int = field(default=0, init=False)
 
-    def work(
-        self, book: RunJournal, parts: Sequence[ListedPart], order: RunOrder, executor: Executor
-    ) -> None:
+    def work(self, book: RunJournal, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
         """Learn from the rows of the first pass, and keep the second readings in the book.
 
         Parts whose second reading the book holds are not read again.
@@ -129,7 +129,7 @@ class SecondPass:
     def _taught(
         self,
         book: RunJournal,
-        parts: Sequence[ListedPart],
+        parts: Sequence[PartFiles],
         settings: ReadSettings,
         name: str,
         executor: Executor,
@@ -181,20 +181,20 @@ class SecondPass:
         return replace(order, settings=settings, sent=files_to_send(settings) if self.sent else {})
 
 
-def _learns_or_teaches(part: ListedPart) -> bool:
+def _learns_or_teaches(part: PartFiles) -> bool:
     """Whether a part is felt, and of the die that nobody named."""
     return bool(part.height_map or part.scan) and not part.font and part.problem is None
 
 
-def _is_here(part: ListedPart) -> bool:
+def _is_here(part: PartFiles) -> bool:
     return not is_url(part.scan or part.height_map)
 
 
-def _path(name: str) -> Path | None:
+def _path(name: str | Path) -> Path | None:
     return Path(name) if name else None
 
 
-def _font_name(parts: Sequence[ListedPart]) -> str:
+def _font_name(parts: Sequence[PartFiles]) -> str:
     """What the lot's die is called: after the folder that the first of its parts lies in."""
     first = min(parts, key=lambda part: part.name)
     file = first.scan or first.height_map or first.photo

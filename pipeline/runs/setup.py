@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart
-from pipeline.formats.part_list import PartList
+from pipeline.formats.part_files import PartFiles, PartList
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import Run
 from pipeline.runs.task import RunOrder
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
-    from pipeline.formats.listing import Listing
+    from pipeline.formats.find_parts import Listing
     from pipeline.reading.expected import Expected
     from pipeline.runs.journal import RunJournal
     from pipeline.runs.second_pass import SecondPass
@@ -90,7 +89,7 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
         NothingFoundError: no part.
         FileError: a manifest that cannot be used.
     """
-    from pipeline.formats.listing import list_parts
+    from pipeline.formats.find_parts import list_parts
 
     vision = settings.mode in ("vision", "fused", "auto")
     return list_parts(
@@ -124,25 +123,11 @@ def order_for(
     )
 
 
-def with_expected(parts: Sequence[ListedPart], expected: Expected) -> Sequence[ListedPart]:
+def with_expected(parts: Sequence[PartFiles], expected: Expected) -> Sequence[PartFiles]:
     """The parts with the texts that a command line or a table expects of them."""
     return PartList(replace(part, expected=expected.of(part.name) or part.expected) for part in parts)
 
 
-def absolute(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
+def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     """The parts with local files named as on any machine that shares the disk."""
-    from pipeline.formats.remote import is_url
-
-    def at(name: str) -> str:
-        return name if not name or is_url(name) else os.path.abspath(name)
-
-    return PartList(
-        replace(
-            part,
-            height_map=at(part.height_map),
-            scan=at(part.scan),
-            photo=at(part.photo),
-            more_photos=tuple(map(at, part.more_photos)),
-        )
-        for part in parts
-    )
+    return PartList(part.absolute() for part in parts)

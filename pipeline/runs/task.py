@@ -14,7 +14,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart, settings_of
+from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.as_record import record_of_part
 from recognition.decision.part_measures import Measure, measures_of
 
@@ -68,14 +68,14 @@ class ReadPart:
         sha256: of what its files hold and what its list says of it, likewise.
     """
 
-    listed: ListedPart
+    listed: PartFiles
     record: ReadingRecord
     pictures: tuple[Picture, ...] = ()
     measures: Mapping[Measure, float] = field(default_factory=dict)
     sha256: str = ""
 
 
-def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
+def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
     """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
     file = listed.files[0] if listed.files else listed.name
     digests: list[str] = []
@@ -92,10 +92,10 @@ def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
 
 
 def _read(
-    order: RunOrder, listed: ListedPart, digests: list[str]
+    order: RunOrder, listed: PartFiles, digests: list[str]
 ) -> tuple[Reading, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
-    from pipeline.formats.remote import fetched, originally
+    from pipeline.formats.remote import fetched
     from pipeline.reading.part_reader import Mode, PartReader
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None
@@ -105,13 +105,12 @@ def _read(
             parts = PartReader(reader, mode=mode, maps=order.settings, budget_s=order.settings.touch_budget_s)
             reading = parts.read(part, expected=listed.expected)
             if order.digests:
-                paths = (part.height_map, part.scan, part.photo, *part.more_photos)
-                digests += [file_sha256(path) for path in paths if path is not None]
+                digests += [file_sha256(Path(path)) for path in part.files]
                 digests += [listed.format, listed.font, listed.expected]
-            notes = [originally(note, part, listed) for note in reading.notes]
             if order.verify and not listed.expected:
-                notes.append("not verified: the table of expected texts has no such part")
-            return replace(reading, notes=tuple(notes)), settings_of(order.settings, listed), reader.grammar
+                note = "not verified: the table of expected texts has no such part"
+                reading = replace(reading, notes=(*reading.notes, note))
+            return reading, settings_of(order.settings, listed), reader.grammar
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
 
@@ -120,7 +119,7 @@ def _joined(texts: list[str]) -> str:
     return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
+def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
     """The reader of a part.
 
     Raises:

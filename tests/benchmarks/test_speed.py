@@ -20,7 +20,7 @@ from glyphs.soiling.soils import SOILS
 from glyphs.stamping.faces import default_die
 from glyphs.stamping.stamp import stamp_line
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.task import RunOrder, read_listed
 from pipeline.workers.executors import PoolExecutor
@@ -259,9 +259,7 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     for number in range(20):
         write_part(spec, tmp_path / f"part-{number}", number, photos=False)
     order = RunOrder(ReadSettings(font=("gothic",), format=("AA999999",), height_mm=5.0))
-    listed = [
-        ListedPart(f"{p.stem} {k}", height_map=str(p)) for k in range(4) for p in tmp_path.glob("*.npz")
-    ]
+    listed = [PartFiles(f"{p.stem} {k}", height_map=str(p)) for k in range(4) for p in tmp_path.glob("*.npz")]
     quickest: dict[int, float] = {}
     for jobs in (1, 2):
         with PoolExecutor(jobs) as executor:

@@ -24,7 +24,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.runs.journal import RunJournal
 from pipeline.runs.options import RunOptions
 from pipeline.runs.row_files import read_rows
@@ -233,7 +233,7 @@ def _names_in(path: Path) -> list[str]:
 # ------------------------------------------------------------------------------------------ a run into a store
 
 
-def _read(_: RunOrder, listed: ListedPart) -> ReadPart:
+def _read(_: RunOrder, listed: PartFiles) -> ReadPart:
     picture = Picture(
         EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {}
     )
@@ -244,7 +244,7 @@ def _run_into_store(root: Path) -> None:
     os.chdir(root)
     options = RunOptions(out=_url(root), evidence=root / "evidence")
     with opened(options, RUN) as run:
-        parts = [ListedPart(name, height_map=f"{name}.npz") for name in NAMES]
+        parts = [PartFiles(name, height_map=f"{name}.npz") for name in NAMES]
 
         class Executor(InlineExecutor):
             def calls(self, _function: Any, order: Any, tasks: Any) -> Any:

@@ -13,7 +13,8 @@ from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.common.settings import SettingsError
-from pipeline.formats.parts import Part, discover
+from pipeline.formats.find_parts import discover
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 
 
@@ -27,7 +28,7 @@ class FolderParts:
         condition: what they have in common.
     """
 
-    found: tuple[Part, ...]
+    found: tuple[PartFiles, ...]
     truth: dict[str, str]
     condition: Condition
 
@@ -70,15 +71,15 @@ class FolderParts:
         files = item.files
         if files is None or files.problem is not None:
             raise (files.problem if files and files.problem else ValueError(f"{item.part} has no files"))
-        if files.height_map is None:
+        if not files.height_map:
             raise FileError(files.scan or item.part, "has no height map", "add one")
-        photo = files.photo
+        photo = Path(files.photo) if files.photo else None
         surface, rows_known = read_map_and_rows(files.height_map)
         return Specimen(
             part=item.part,
             truth=item.truth,
             height_map=surface,
-            soil=read_soil(files.height_map),
+            soil=read_soil(Path(files.height_map)),
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
             rows_known=rows_known,
@@ -92,7 +93,7 @@ class FolderParts:
         """See `Parts`."""
         table = "\n".join(f"{name}\t{text}" for name, text in sorted(self.truth.items()))
         return {
-            "folder": sorted({str((p.height_map or Path(p.name)).parent) for p in self.found}),
+            "folder": sorted({str(Path(p.height_map or p.name).parent) for p in self.found}),
             "truth": hashlib.sha256(table.encode()).hexdigest()[:16],
             "severity": self.condition.severity,
             "format": self.condition.format,

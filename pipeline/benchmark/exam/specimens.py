@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.formats.parts import Part
+    from pipeline.formats.part_files import PartFiles
     from recognition.senses.touch import Feel
 
 Box = tuple[float, float, float, float]
@@ -39,7 +39,7 @@ class Item:
     number: int
     condition: Condition
     given: tuple[Given, ...] = (Given(),)
-    files: Part | None = None
+    files: PartFiles | None = None
     truth: str = ""
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart, settings_of
+from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
 from pipeline.runs.line_journal import LineJournal
 
@@ -39,7 +39,7 @@ class StudiedPart:
     """
 
     name: str
-    recordings: tuple[ListedPart, ...]
+    recordings: tuple[PartFiles, ...]
 
     @property
     def simulated(self) -> bool:
@@ -114,9 +114,9 @@ class StudyJournal(LineJournal[tuple[Measured, ...]]):
         return tuple(Measured(**values) for values in line["trials"])
 
 
-def studied_parts(listed: Sequence[ListedPart]) -> list[StudiedPart]:
+def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
     """The parts, those that only a number after a full stop tells apart put together."""
-    stems: dict[str, list[tuple[int, ListedPart]]] = {}
+    stems: dict[str, list[tuple[int, PartFiles]]] = {}
     for part in listed:
         if named := _REPEAT.fullmatch(part.name):
             stems.setdefault(named[1], []).append((int(named[2]), part))
@@ -204,7 +204,7 @@ def _failed(blank: Measured, error: str) -> Measured:
     return Measured(blank.part, blank.appraiser, blank.trial, blank.recorded, error=error)
 
 
-def _read(settings: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
+def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
     from pipeline.formats.remote import fetched
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader

@@ -32,7 +32,7 @@ from glyphs.errors import FileError, fault_of
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
 from pipeline.formats.kinds import HEAD_BYTES
-from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
+from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
 from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
@@ -148,7 +148,7 @@ class WatchedFolder:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
 
-    async def _take(self, part: PartFiles) -> None:
+    async def _take(self, part: WatchedPart) -> None:
         """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
         async with self._at_once:
             failure = self._failures.get(part.key)
@@ -180,7 +180,7 @@ class WatchedFolder:
                 part_id = "" if path in problems or read is None else read.id
                 await self._write_down(path, Handled(state, part_id, problems.get(path, "")))
 
-    def _failed(self, part: PartFiles, why: str, began_s: float) -> None:
+    def _failed(self, part: WatchedPart, why: str, began_s: float) -> None:
         """Leave a part for a later attempt; the rest before it doubles."""
         before = self._failures.get(part.key)
         tries = 1 if before is None else before.tries + 1
@@ -198,7 +198,7 @@ class WatchedFolder:
             log.error("watched file not written down", file=visible(path.name), why=str(error))
             self._journal.done[str(path)] = handled
 
-    async def _submitted(self, part: PartFiles, problems: dict[Path, str]) -> PartRecord | None:
+    async def _submitted(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
         """The part of its files; None where one was written to meanwhile, or none can be used.
 
         Args:

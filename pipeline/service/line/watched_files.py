@@ -24,7 +24,7 @@ import structlog
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.formats.parts import set_of
+from pipeline.formats.find_parts import set_of
 from pipeline.runs.line_journal import LineJournal
 
 log = structlog.get_logger("tactile-marks")
@@ -92,7 +92,7 @@ class WatchJournal(LineJournal[Handled]):
 
 
 @dataclass(frozen=True)
-class PartFiles:
+class WatchedPart:
     """The photographs of one part.
 
     Attributes:
@@ -132,7 +132,7 @@ class FolderLooks:
         self._sets: dict[str, tuple[dict[str, FileState], float]] = {}
         self._gone = False
 
-    def complete(self) -> list[PartFiles]:
+    def complete(self) -> list[WatchedPart]:
         """Parts whose files are new and stand as at the last look, the eldest first."""
         began = time.monotonic()
         now = self._files()
@@ -143,7 +143,7 @@ class FolderLooks:
         for path, state in sorted(now.items()):
             groups.setdefault(set_of(path) or path, {})[path] = state
         complete = [
-            PartFiles(
+            WatchedPart(
                 name if several else Path(name).stem, {Path(path): state for path, state in files.items()}
             )
             for name, files in groups.items()

@@ -10,7 +10,7 @@ import pytest
 from pipeline.cli.benchmarking.lot import lot
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.parts import discover
+from pipeline.formats.find_parts import discover
 from pipeline.formats.synth import text_of
 from pipeline.runs.options import RunOptions
 from pipeline.runs.tables import write_records

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.formats.listed import ListedPart, harmless_name, is_url, split_name, without_secrets
-from pipeline.formats.listing import list_parts
-from pipeline.formats.parts import NothingFoundError, discover, named_apart
+from pipeline.errors import is_url, without_secrets
+from pipeline.formats.find_parts import NothingFoundError, list_parts, named_apart
+from pipeline.formats.names import harmless_name, split_name
+from pipeline.formats.part_files import PartFiles
 
 FILES = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
 
@@ -56,15 +57,6 @@ def test_a_store_is_listed_as_a_folder_is(folder: Path, store: str, inputs: list
         for p in there
     ]
     assert told
-
-
-def test_local_parts_are_those_discovered(folder: Path) -> None:
-    inputs = [str(folder), str(folder / "deeper"), str(folder / "none.npz"), "x" * 5000 + ".npz"]
-    there = list_parts(inputs, photos=True, beside=True)
-    for one, other in zip(there, discover(inputs, photos=True, beside=True), strict=True):
-        files = (other.height_map, other.scan, other.photo)
-        assert (one.name, one.files) == (other.name, tuple(str(f) for f in files if f is not None))
-        assert str(one.problem) == str(other.problem)
 
 
 def test_a_file_named_by_a_url_is_not_asked_after() -> None:
@@ -150,7 +142,7 @@ _FOLDERS = st.sampled_from(["", "/", "lot", "x/lot", "/x/lot", "y/lot", "s3://x/
 @given(st.lists(st.tuples(_FOLDERS, _STEMS), max_size=12))
 def test_names_made_apart_are_unique_and_end_as_they_were(found: list[tuple[str, str]]) -> None:
     parts = [
-        ListedPart(stem, f"{folder}/{number}.npz" if folder else f"{number}.npz")
+        PartFiles(stem, f"{folder}/{number}.npz" if folder else f"{number}.npz")
         for number, (folder, stem) in enumerate(found)
     ]
     apart = named_apart(parts)
@@ -179,7 +171,7 @@ def test_what_a_name_says() -> None:
     assert without_secrets("https://me:secret@h/a.npz?X-Signature=secret") == "https://***@h/a.npz"
     assert without_secrets("abfs://box@account/a?b") == "abfs://box@account/a?b"
     with pytest.raises(ValueError, match="without a name"):
-        ListedPart("")
+        PartFiles("")
 
 
 @settings(deadline=None)
@@ -194,7 +186,7 @@ def test_no_name_leads_out_of_its_folder(name: str) -> None:
 
 
 def test_a_part_is_words_alone_and_small() -> None:
-    part = ListedPart("a", "/maps/a.npz")
+    part = PartFiles("a", "/maps/a.npz")
     assert pickle.loads(pickle.dumps(part)) == part
     assert not hasattr(part, "__dict__")
     # header, and a word for each of nine fields: a million parts are a hundred megabytes and their names

@@ -20,9 +20,9 @@ from pyarrow import parquet
 
 from glyphs.errors import FileError
 from pipeline.common.row import Row
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.find_parts import discover
 from pipeline.formats.manifest import COLUMNS, is_manifest, read_manifest
-from pipeline.formats.parts import discover
+from pipeline.formats.part_files import PartFiles
 from pipeline.runs.quarantine import Quarantine
 
 
@@ -50,8 +50,8 @@ def test_every_column_is_read(tmp_path: Path) -> None:
     )
     one, other, several = read_manifest(source)
     files = [str(tmp_path / name) for name in ("a.npz", "a.h5", "a.png")]
-    assert one == ListedPart("A1", *files, "KB74", "AA99,x", "block")
-    assert other == ListedPart("A2", photo="s3://lots/7/b.jpg")
+    assert one == PartFiles("A1", *files, "KB74", "AA99,x", "block")
+    assert other == PartFiles("A2", photo="s3://lots/7/b.jpg")
     assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
 
 
@@ -63,8 +63,8 @@ def test_csv_as_spreadsheets_write_it(tmp_path: Path, delimiter: str, mark: byte
     text = end + end.join(delimiter.join(line) for line in lines) + end
     parts = read_manifest(table(tmp_path, mark + text.encode()))
     assert parts == [
-        ListedPart("A 1", str(tmp_path / "ö.npz")),
-        ListedPart("B", str(tmp_path / "b.npz")),
+        PartFiles("A 1", str(tmp_path / "ö.npz")),
+        PartFiles("B", str(tmp_path / "b.npz")),
     ]
 
 
@@ -84,7 +84,7 @@ def test_parquet_says_the_same(tmp_path: Path, kind: pyarrow.DataType) -> None:
     )
     parts = read_manifest(source)
     assert len(parts) == 20_000  # the empty row is passed over
-    assert parts[-1] == ListedPart("19999", str(tmp_path / "m/19999.npz"), font="block")
+    assert parts[-1] == PartFiles("19999", str(tmp_path / "m/19999.npz"), font="block")
 
 
 def test_a_part_without_a_name_is_called_as_its_first_file(tmp_path: Path) -> None:
@@ -154,9 +154,9 @@ def test_what_is_written_is_read(
             source = table(folder, text.getvalue())
         parts = read_manifest(source)
         assert parts == [
-            ListedPart(r["part"].strip(), str(folder / r["height_map"].strip()), "", "")
+            PartFiles(r["part"].strip(), str(folder / r["height_map"].strip()), "", "")
             if not (r["expected"].strip() or r["format"].strip())
-            else ListedPart(
+            else PartFiles(
                 r["part"].strip(),
                 str(folder / r["height_map"].strip()),
                 expected=r["expected"].strip(),
@@ -266,13 +266,13 @@ def test_manifests_are_told_by_their_ends() -> None:
 
 
 BAD = [
-    ListedPart("lot/a", "maps/a.npz", photo="s3://lots/a.png", expected="KB,74", format='A"9"', font="block"),
-    ListedPart("b", scan="https://host/b.h5?sign=1,2"),
-    ListedPart("ü;c", "/maps/ü;c.npz"),
+    PartFiles("lot/a", "maps/a.npz", photo="s3://lots/a.png", expected="KB,74", format='A"9"', font="block"),
+    PartFiles("b", scan="https://host/b.h5?sign=1,2"),
+    PartFiles("ü;c", "/maps/ü;c.npz"),
 ]
 
 
-def quarantined(path: Path, parts: Iterable[ListedPart], *, keep: bool = False) -> Quarantine:
+def quarantined(path: Path, parts: Iterable[PartFiles], *, keep: bool = False) -> Quarantine:
     book = Quarantine(path, keep=keep)
     for part in parts:
         book.add(part, f"{part.files[0]}: is damaged,\nor worse; copy it again")
@@ -290,7 +290,7 @@ def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
         assert len(read_manifest(str(path))) == number == book.count
     book.close()
     again = read_manifest(str(path))
-    assert again[0] == ListedPart(
+    assert again[0] == PartFiles(
         "lot/a", os.path.abspath("maps/a.npz"), "", "s3://lots/a.png", "KB,74", 'A"9"', "block"
     )
     assert again[1:] == BAD[1:]
@@ -320,7 +320,7 @@ def test_a_new_run_begins_a_new_list(tmp_path: Path) -> None:
 
 
 def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path) -> None:
-    path, odd = tmp_path / "bad.csv", ListedPart("n\new", "a,b.npz")
+    path, odd = tmp_path / "bad.csv", PartFiles("n\new", "a,b.npz")
     quarantined(path, [*BAD, odd])
     whole = path.read_bytes()
     for cut in range(len(whole) + 1):
@@ -340,11 +340,11 @@ def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
 
 def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
-    quarantined(path, [ListedPart("x\ny", "x\ny.npz"), ListedPart("\udcff", "\udcff.npz"), BAD[1]])
+    quarantined(path, [PartFiles("x\ny", "x\ny.npz"), PartFiles("\udcff", "\udcff.npz"), BAD[1]])
     assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
     (part,) = discover(["x" * 5000 + ".npz"])
     book = Quarantine(tmp_path / "long.csv")
-    book.add(ListedPart(part.name, problem=part.problem), str(part.problem))
+    book.add(PartFiles(part.name, problem=part.problem), str(part.problem))
     book.close()
     assert read_manifest(str(tmp_path / "long.csv"))[0].height_map.endswith("x.npz")
 

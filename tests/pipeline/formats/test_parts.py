@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.formats.parts import NothingFoundError, discover
+from pipeline.formats.find_parts import NothingFoundError, discover
 
 
 @pytest.fixture
@@ -23,8 +23,8 @@ def folder(tmp_path: Path) -> Path:
 
 def test_files_of_one_stem_are_one_part(folder: Path) -> None:
     a, b, d = discover([folder])
-    assert (a.name, a.scan, a.height_map, a.photo) == ("a", folder / "a.h5", folder / "a.npz", None)
-    assert (b.name, b.scan, b.height_map, b.photo) == ("b", None, folder / "b.npz", folder / "b.png")
+    assert (a.name, a.scan, a.height_map, a.photo) == ("a", folder / "a.h5", folder / "a.npz", "")
+    assert (b.name, b.scan, b.height_map, b.photo) == ("b", "", folder / "b.npz", folder / "b.png")
     assert d.height_map == folder / "d.SUR"
     assert not any(p.problem for p in (a, b, d))
 
@@ -77,7 +77,7 @@ def test_a_photograph_alone_is_a_part_where_it_is_meant(folder: Path) -> None:
 
 
 def test_the_photograph_beside_a_file_named_is_its_own_where_wanted(folder: Path) -> None:
-    assert discover([folder / "b.npz"])[0].photo is None
+    assert discover([folder / "b.npz"])[0].photo == ""
     (b,) = discover([folder / "b.npz"], beside=True)
     assert (b.height_map, b.photo) == (folder / "b.npz", folder / "b.png")
     (c,) = discover([folder / "c.png"], beside=True)
@@ -116,8 +116,7 @@ def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
     (tmp_path / os.fsdecode(b"st\xfcck.npz")).write_bytes(b"x")
     (part,) = discover([tmp_path])
     assert part.name.encode() == b"st?ck"
-    assert part.height_map is not None
-    assert part.height_map.read_bytes() == b"x"
+    assert Path(part.height_map).read_bytes() == b"x"
 
 
 def test_photographs_beside_are_found_by_their_stems(tmp_path: Path) -> None:
@@ -127,7 +126,7 @@ def test_photographs_beside_are_found_by_their_stems(tmp_path: Path) -> None:
         if number % 2:
             file.with_suffix(".jpg").write_bytes(b"x")
     parts = discover(files, beside=True)
-    assert [p.photo for p in parts] == [f.with_suffix(".jpg") if n % 2 else None for n, f in enumerate(files)]
+    assert [p.photo for p in parts] == [f.with_suffix(".jpg") if n % 2 else "" for n, f in enumerate(files)]
 
 
 def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,13 +20,13 @@ import pytest
 
 from glyphs.errors import FileError, MissingExtraError
 from glyphs.surface.maps import HeightMap
+from pipeline.errors import UrlError
 from pipeline.formats import remote
-from pipeline.formats.listed import ListedPart, UrlError
-from pipeline.formats.listing import list_parts
+from pipeline.formats.find_parts import list_parts
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
-from pipeline.formats.parts import Part
-from pipeline.formats.remote import copied, fetched, list_remote, originally
+from pipeline.formats.part_files import PartFiles
+from pipeline.formats.remote import copied, fetched, list_remote
 from pipeline.formats.touch_file import read_height_map
 from pipeline.reading.part_reader import Mode, load_photo, senses_of
 
@@ -49,9 +49,8 @@ def copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def read(url: str, **more: Any) -> bytes:
-    with fetched(ListedPart("part", height_map=url), **more) as part:
-        assert part.height_map is not None
-        return part.height_map.read_bytes()
+    with fetched(PartFiles("part", height_map=url), **more) as part:
+        return Path(part.height_map).read_bytes()
 
 
 def refused(url: str, told: str) -> FileError:
@@ -85,29 +84,27 @@ def memory() -> Callable[[str, bytes], str]:
 def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
     (tmp_path / "a b%20.npz").write_bytes(b"x")
     for name in (f"{tmp_path}/a b%20.npz", f"file://{tmp_path}/a b%20.npz"):
-        with fetched(ListedPart("part", height_map=name, photo="b.png")) as part:
-            assert part == Part("part", height_map=tmp_path / "a b%20.npz", photo=Path("b.png"))
-    with pytest.raises(FileError, match="is not there"), fetched(ListedPart("p", "none.npz")) as part:
-        read_height_map(part.height_map or "")
+        with fetched(PartFiles("part", height_map=name, photo="b.png")) as part:
+            assert part == PartFiles("part", height_map=f"{tmp_path}/a b%20.npz", photo="b.png")
+    with pytest.raises(FileError, match="is not there"), fetched(PartFiles("p", "none.npz")) as part:
+        read_height_map(part.height_map)
 
 
 def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, bytes], str]) -> None:
     heights = np.random.default_rng(6).normal(0.0, 0.05, size=(30, 40)).astype(np.float32)
     write_npz(tmp_path / "a.npz", HeightMap(heights, 0.05))
     url = memory("lot/a.npz", (tmp_path / "a.npz").read_bytes())
-    with fetched(ListedPart("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
-        assert part.height_map is not None
-        assert part.scan is not None
+    with fetched(PartFiles("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
         np.testing.assert_array_equal(read_height_map(part.height_map).z_mm, heights)
-        assert (part.name, part.height_map.name, part.scan.name) == ("part", "a.npz", "a.h5")
-        kept = part.height_map
+        assert (part.name, Path(part.height_map).name, Path(part.scan).name) == ("part", "a.npz", "a.h5")
+        kept = Path(part.height_map)
     assert not kept.exists()
 
 
 def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], str]) -> None:
-    listed = ListedPart("part", height_map=memory("lot/bad.npz", b"no map"))
+    listed = PartFiles("part", height_map=memory("lot/bad.npz", b"no map"))
     with pytest.raises(UrlError, match=r"^memory://lot/bad.npz: ") as caught, fetched(listed) as part:
-        read_height_map(part.height_map or "")
+        read_height_map(part.height_map)
     assert tempfile.gettempdir() not in str(caught.value)
     with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, fetched(listed):
         raise FileError("other.npz", "is odd", "correct it")
@@ -116,26 +113,18 @@ def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], st
         raise KeyError("a fault of the program stays one")
 
 
-def test_words_about_a_copy_are_turned_to_its_url(memory: Callable[[str, bytes], str]) -> None:
-    listed = ListedPart("part", height_map=memory("lot/a.npz", b"x"), photo="here.png")
-    with fetched(listed) as part:
-        text = f"{part.height_map}: is odd beside {part.photo}"
-        assert originally(text, part, listed) == "memory://lot/a.npz: is odd beside here.png"
-
-
 def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], str]) -> None:
     problem = FileError("a.npz", "stands beside another", "rename one")
     url = memory("lot/a.npz", b"x")
-    with fetched(ListedPart("part", url, problem=problem)) as part:
+    with fetched(PartFiles("part", url, problem=problem)) as part:
         assert part.problem is problem
-    with fetched(ListedPart("part", url, photo=url, photo_problem=problem)) as part:
+    with fetched(PartFiles("part", url, photo=url, photo_problem=problem)) as part:
         assert part.photo_problem is problem
-        assert part.height_map is not None
-        assert part.height_map.read_bytes() == b"x"
+        assert Path(part.height_map).read_bytes() == b"x"
 
 
 def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
-    listed = ListedPart("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
+    listed = PartFiles("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
     with fetched(listed) as part:
         assert part.photo_problem is not None
         assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
@@ -143,8 +132,8 @@ def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[
         with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
             load_photo(part)
     with fetched(listed, photos=False) as part:
-        assert (part.photo, part.photo_problem) == (None, None)
-    alone = ListedPart("part", photo="memory://lot/none.png")
+        assert (part.photo, part.photo_problem) == ("", None)
+    alone = PartFiles("part", photo="memory://lot/none.png")
     with (
         pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"),
         fetched(alone, photos=False),
@@ -313,12 +302,12 @@ def test_every_object_listed_is_fetched(bucket: str) -> None:
             for kind in ("height_map", "photo"):
                 name = getattr(part, kind)
                 if name:
-                    assert getattr(local, kind).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
+                    assert Path(getattr(local, kind)).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
 
 
 def test_a_manifest_in_a_bucket(bucket: str) -> None:
     one, two, three = read_manifest(f"{bucket}/lot/list.csv")
-    assert one == ListedPart("A", height_map=f"{bucket}/lot/a.npz", photo=f"{bucket}/lot/a.png")
+    assert one == PartFiles("A", height_map=f"{bucket}/lot/a.npz", photo=f"{bucket}/lot/a.png")
     assert read(two.height_map) == b"map c"
     refused(three.height_map, "is not there; check the name")
 
@@ -492,11 +481,10 @@ def test_a_web_server(tmp_path: Path) -> None:
 
 def test_a_signed_address_is_fetched_and_not_told() -> None:
     with serving(_Signed) as url:
-        listed = ListedPart("a", f"{url}/lot/a.npz?X-Signature=secret")
+        listed = PartFiles("a", f"{url}/lot/a.npz?X-Signature=secret")
         with fetched(listed) as part:
-            assert part.height_map is not None
-            assert part.height_map.name == "a.npz"
-            assert part.height_map.read_bytes() == b"map a"
+            assert Path(part.height_map).name == "a.npz"
+            assert Path(part.height_map).read_bytes() == b"map a"
         with pytest.raises(FileError) as caught:
             read(f"{url}/lot/a.npz?X-Signature=secretly")
         assert "secret" not in str(caught.value)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.npz import write_npz
-from pipeline.formats.parts import Part
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.part_reader import Mode, PartReader
@@ -21,7 +21,7 @@ from whisker_array.scan.pass_log import PassLog
 HEIGHT_MM, BUDGET_S, LAND_MM = 3.0, 60.0, 12.0
 
 
-def on_more_land(spec: SynthSpec, folder: Path) -> Part:
+def on_more_land(spec: SynthSpec, folder: Path) -> PartFiles:
     """A part whose plate goes on above and below its line, and a photograph of it."""
     made = make_part(spec, 0)
     photo = made.photograph()
@@ -35,7 +35,7 @@ def on_more_land(spec: SynthSpec, folder: Path) -> Part:
     write_npz(folder / "part.npz", HeightMap(above_and_below(made.height_map.z_mm, pitch), pitch))
     pixels = above_and_below(photo.pixels, photo.pitch_mm)
     write_photo(folder / "part.png", Photo(pixels, photo.pitch_mm))
-    return Part("part", folder / "part.npz", None, folder / "part.png")
+    return PartFiles("part", str(folder / "part.npz"), "", str(folder / "part.png"))
 
 
 def test_the_camera_tells_touch_where_to_feel(tmp_path: Path) -> None:

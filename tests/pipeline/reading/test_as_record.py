@@ -19,8 +19,9 @@ from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import MapSettings, ReadSettings
 from pipeline.common.version import program_version
+from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import write_npz
-from pipeline.formats.parts import Part, discover
+from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
 from recognition.decision.flags import Finding, ReadingFlag
@@ -73,7 +74,7 @@ def fake_reader() -> PartReader:
     return PartReader(reader, maps=MapSettings(unit="mm"))
 
 
-def record_of(part: Part, reader: PartReader | None = None) -> ReadingRecord:
+def record_of(part: PartFiles, reader: PartReader | None = None) -> ReadingRecord:
     reader = reader or fake_reader()
     settings = ReadSettings(format=("99",))
     return record_of_part(part.name, str(part.height_map), lambda: (reader.read(part), settings, None))[0]

@@ -18,7 +18,7 @@ from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.limits import Limits
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.runs.task import RunOrder, read_listed
@@ -67,7 +67,7 @@ def test_whoever_reads_a_part_reads_the_same(
     given = {kind: files[kind] for kind in kinds}
     # the same settings for all, that templates are made once; the service reads by whatever files there are
     settings = SETTINGS.model_copy(update={"mode": mode})
-    listed = ListedPart("part", **{kind: str(path) for kind, path in given.items()})
+    listed = PartFiles("part", **{kind: str(path) for kind, path in given.items()})
     by_command = read_listed(RunOrder(settings), listed).record
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
@@ -107,8 +107,8 @@ def test_a_photograph_without_a_scale_is_measured_in_its_own_pixels(
 ) -> None:
     scaled = pipeline.read_photo(files["photo"])
     pipeline.write_photo(tmp_path / "bare.png", Photo(scaled.pixels))
-    bare = read_listed(RunOrder(SETTINGS), ListedPart("bare", photo=str(tmp_path / "bare.png"))).record
-    record = read_listed(RunOrder(SETTINGS), ListedPart("part", photo=str(files["photo"]))).record
+    bare = read_listed(RunOrder(SETTINGS), PartFiles("bare", photo=str(tmp_path / "bare.png"))).record
+    record = read_listed(RunOrder(SETTINGS), PartFiles("part", photo=str(files["photo"]))).record
     assert (bare.height_mm, record.height_px) == (None, None)
     assert all(c.box_mm is None and c.box_px is not None for c in bare.characters)
     assert scaled.pitch_mm is not None

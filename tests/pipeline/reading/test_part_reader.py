@@ -14,8 +14,9 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
+from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import soil_members, write_npz
-from pipeline.formats.parts import Part, discover
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, Sense, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
@@ -113,7 +114,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def part(folder: Path, name: str) -> Part:
+def part(folder: Path, name: str) -> PartFiles:
     (found,) = discover([str(folder / f"{name}.*")])
     return found
 

@@ -20,9 +20,9 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.serial_rules import ProductionOrder
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.formats.listed import ListedPart, settings_of
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
+from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.journal import RunJournal
 from pipeline.runs.lot_check import LotCheck
@@ -36,10 +36,10 @@ from pipeline.store.store import Store
 from pipeline.workers.executors import Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
-PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
+PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
 
 
-def record(part: ListedPart, text: str, confidence: float = 0.9) -> ReadingRecord:
+def record(part: PartFiles, text: str, confidence: float = 0.9) -> ReadingRecord:
     return ReadingRecord("tactile", text, "accept", confidence, part=part.name)
 
 
@@ -122,33 +122,33 @@ def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> Non
 
 def test_parts_with_formats_and_fonts_of_their_own() -> None:
     base = ReadSettings(font=("gothic",), format=("AA99",), height_mm=5.0)
-    own = settings_of(base, ListedPart("a", "a.npz", font="romans, timesrb", format="9999"))
+    own = settings_of(base, PartFiles("a", "a.npz", font="romans, timesrb", format="9999"))
     assert (own.font, own.format, own.height_mm) == (("romans", "timesrb"), ("9999",), 5.0)
-    assert settings_of(base, ListedPart("a", "a.npz")) is base
+    assert settings_of(base, PartFiles("a", "a.npz")) is base
 
 
 def test_a_format_that_cannot_be_is_the_parts_own_error(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
-        read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz"), **own))
+        read = read_listed(ORDER, PartFiles("a", str(tmp_path / "a.npz"), **own))
         assert "correct its format or font in the manifest" in read.record.error, read.record.error
-    read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz")))
+    read = read_listed(ORDER, PartFiles("a", str(tmp_path / "a.npz")))
     assert (read.record.error, read.record.decision) == ("", "reject")
 
 
 def test_a_text_expected_that_the_format_forbids_is_told(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
-    listed = ListedPart("a", str(tmp_path / "a.npz"), expected="A1", format="99")
+    listed = PartFiles("a", str(tmp_path / "a.npz"), expected="A1", format="99")
     assert "text expected of a: is 'A1', but it does not fit" in read_listed(ORDER, listed).record.error
-    noted = read_listed(RunOrder(ORDER.settings, verify=True), ListedPart("a", str(tmp_path / "a.npz")))
+    noted = read_listed(RunOrder(ORDER.settings, verify=True), PartFiles("a", str(tmp_path / "a.npz")))
     assert "not verified" in noted.record.messages[-1]
 
 
 def test_a_url_is_read_and_its_error_names_it(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     there, gone = (tmp_path / name for name in ("a.npz", "b.npz"))
-    assert read_listed(ORDER, ListedPart("a", there.as_uri())).record.decision == "reject"
-    error = read_listed(ORDER, ListedPart("b", gone.as_uri())).record.error
+    assert read_listed(ORDER, PartFiles("a", there.as_uri())).record.decision == "reject"
+    error = read_listed(ORDER, PartFiles("b", gone.as_uri())).record.error
     assert error.endswith("b.npz: is not there; check the name")
 
 
@@ -243,7 +243,7 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end(
 ) -> None:
     pytest.importorskip("sqlalchemy")
     monkeypatch.chdir(tmp_path)
-    listed = [ListedPart("long", "a.npz", expected="A" * 300), ListedPart("odd \udcff", "b.npz"), PARTS[0]]
+    listed = [PartFiles("long", "a.npz", expected="A" * 300), PartFiles("odd \udcff", "b.npz"), PARTS[0]]
 
     class Read(FakeExecutor):
         def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
@@ -277,10 +277,10 @@ def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     write_part(SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
     settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
     order = RunOrder(settings, pictures=True)
-    plain = read_listed(order, ListedPart("a", f"{part}.npz"))
+    plain = read_listed(order, PartFiles("a", f"{part}.npz"))
     assert (plain.record.decision, plain.pictures) == ("accept", ())
     wrong = "Z9" if plain.record.text != "Z9" else "Y8"
-    refuted = read_listed(order, ListedPart("a", f"{part}.npz", expected=wrong))
+    refuted = read_listed(order, PartFiles("a", f"{part}.npz", expected=wrong))
     assert refuted.record.verdict == "refuted"
     assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
     assert refuted.pictures[0].content.startswith(b"\xff\xd8")

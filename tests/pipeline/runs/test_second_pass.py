@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart
 from pipeline.runs.journal import RunJournal
 from pipeline.runs.options import RunOptions
@@ -26,7 +26,7 @@ from pipeline.workers.executors import Outcome
 from recognition.learning.exemplars import ExemplarError
 
 ORDER = RunOrder(ReadSettings(format=("A9",)))
-PARTS = [ListedPart(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]
+PARTS = [PartFiles(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]
 TEXTS = {part.name: f"{'ABC'[k % 3]}{k % 2}" for k, part in enumerate(PARTS)}
 UNSURE = {"p03", "p05", "p08", "p11"}
 
@@ -59,7 +59,7 @@ class FakeExecutor:
         self.breaks_after, self.read = breaks_after, list[tuple[str, tuple[str, ...]]]()
 
     def calls(
-        self, function: Callable[[Any, Any], Any], order: RunOrder, tasks: Iterable[ListedPart]
+        self, function: Callable[[Any, Any], Any], order: RunOrder, tasks: Iterable[PartFiles]
     ) -> Iterator[Outcome[Any, Any]]:
         for part in tasks:
             if len(self.read) == self.breaks_after:
@@ -257,7 +257,7 @@ def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
     ],
 )
 def test_a_felt_lot_of_an_unknown_die_teaches_itself_unless_it_is_small(
-    options: dict[str, Any], settings: dict[str, Any], parts: Sequence[ListedPart], answer: bool
+    options: dict[str, Any], settings: dict[str, Any], parts: Sequence[PartFiles], answer: bool
 ) -> None:
     assert learns(RunOptions(**options), ReadSettings(**settings), parts) is answer
 

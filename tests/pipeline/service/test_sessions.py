@@ -15,7 +15,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.parts import Part
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
@@ -148,7 +148,7 @@ def test_a_driver_with_sessions_is_felt_until_the_serial_is_sure(
     # what is kept reads the same again, with every choice
     reader = open_reader(ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0))
     path = recording_of(served, part_id, tmp_path)
-    again = PartReader(reader).read(Part("part", scan=path))
+    again = PartReader(reader).read(PartFiles("part", scan=str(path)))
     assert again.text == part["text"]
     assert again.confidence == pytest.approx(reading["confidence"], abs=1e-6)  # a record has six digits
     log = load_scan(path).log

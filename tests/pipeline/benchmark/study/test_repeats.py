@@ -13,15 +13,15 @@ from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal
 from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import study_of
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.listed import ListedPart
+from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import InlineExecutor
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
 from recognition.marks.depth import MarkDepth
 
-MAP, RECORDED = ListedPart("m", height_map="m.npz"), ListedPart("r.1", scan="r.1.h5")
-SECOND = ListedPart("r.2", scan="r.2.h5")
+MAP, RECORDED = PartFiles("m", height_map="m.npz"), PartFiles("r.1", scan="r.1.h5")
+SECOND = PartFiles("r.2", scan="r.2.h5")
 
 
 def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
@@ -44,7 +44,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
     """Every measurement that is asked for."""
     given: list[tuple[str, Retake | None]] = []
 
-    def read(_: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
+    def read(_: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
         given.append((listed.name, again))
         if listed.name == "bad":
             raise MarksError("is broken")
@@ -57,7 +57,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
 
 
 def test_numbered_recordings_are_one_part_and_a_number_alone_is_none() -> None:
-    parts = studied_parts([SECOND, MAP, RECORDED, ListedPart("v.1", scan="v.1.h5")])
+    parts = studied_parts([SECOND, MAP, RECORDED, PartFiles("v.1", scan="v.1.h5")])
     assert [(p.name, [r.name for r in p.recordings]) for p in parts] == [
         ("r", ["r.1", "r.2"]), ("m", ["m"]), ("v.1", ["v.1"]),
     ]  # fmt: skip
@@ -93,7 +93,7 @@ def test_an_array_keeps_its_sensors_from_trial_to_trial(
 def test_what_cannot_be_read_is_a_trial_with_its_error(
     asked: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
-    parts = studied_parts([ListedPart("bad", scan="bad.h5"), ListedPart("faulty", scan="f.h5")])
+    parts = studied_parts([PartFiles("bad", scan="bad.h5"), PartFiles("faulty", scan="f.h5")])
     bad, faulty = measured(StudyPlan(ReadSettings(), 1, 1), parts, tmp_path)
     assert (bad.text, bad.error) == ("", "is broken")
     assert "please report it" in faulty.error
@@ -105,7 +105,7 @@ def test_a_study_goes_on_where_it_was_broken_off(
     plan = StudyPlan(ReadSettings(), repeats=2, arrays=1)
     first = measured(plan, studied_parts([MAP]), tmp_path)
     asked.clear()
-    both = measured(plan, studied_parts([MAP, ListedPart("n", height_map="n.npz")]), tmp_path)
+    both = measured(plan, studied_parts([MAP, PartFiles("n", height_map="n.npz")]), tmp_path)
     assert both[:2] == first
     assert [name for name, _ in asked] == ["n", "n"]
     with pytest.raises(FileError, match=r"another study \(repeats was 2, now 3\)"):

@@ -1,8 +1,10 @@
-"""Which parts a command line means: files of one stem in one folder are one part.
+"""Which parts a run means, by name alone: files of one stem in one folder are one part, and none is opened.
 
     part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, felt and photographed under two lights
 
-folder, glob, file --FoundFiles--> ListedPart (words) --discover--> Part (paths)
+files, folders, globs --.
+URLs of any of these ---+--FoundFiles--> PartFiles, names made unique
+manifests --------------'
 """
 
 from __future__ import annotations
@@ -12,21 +14,25 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from glyphs.errors import FileError, MarksError
+from glyphs.plain_text import visible
+from pipeline.errors import is_url, is_web, problem_of
 from pipeline.formats.kinds import (
     CORE_SUFFIXES,
     FORMATS_SUFFIXES,
     HEIGHT_IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
+    READ_NAMES,
     SCAN_SUFFIXES,
+    TABLE_SUFFIXES,
     UNREAD_PICTURE_SUFFIXES,
 )
-from pipeline.formats.listed import ListedPart, problem_of, split_name
-from pipeline.formats.part_list import PartList
-from pipeline.formats.passed_over import PassedOver
+from pipeline.formats.names import has_magic, local_name, split_name
+from pipeline.formats.part_files import PartFiles, PartList
 
 _KINDS = {
     **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
@@ -37,34 +43,12 @@ _KINDS = {
 _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
 """Stem of one of several photographs of a part."""
 _MOST_NAME = 80
-
-
-@dataclass(frozen=True)
-class Part:
-    """One part and the files that tell of it.
-
-    Attributes:
-        name: stem of its files; with the folder's name before it where the stem alone is not unique.
-        height_map: file of its height map.
-        scan: file of its recorded scan.
-        photo: file of its photograph.
-        problem: why it cannot be read, found before any file was opened.
-        photo_problem: why its photograph cannot be used, likewise.
-        more_photos: files of others of it, from the same place.
-    """
-
-    name: str
-    height_map: Path | None = None
-    scan: Path | None = None
-    photo: Path | None = None
-    problem: FileError | None = None
-    photo_problem: FileError | None = None
-    more_photos: tuple[Path, ...] = ()
-
-    @property
-    def felt(self) -> bool:
-        """Whether there is anything to be felt."""
-        return self.height_map is not None or self.scan is not None
+_MOST_NAMES = 20
+_HINTS = (
+    (PHOTO_SUFFIXES, "lone photographs are read with --mode auto, heights in pictures with --height-image"),
+    (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
+    (TABLE_SUFFIXES, "tables of heights are read where they are named"),
+)
 
 
 class NothingFoundError(MarksError):
@@ -78,44 +62,116 @@ class NothingFoundError(MarksError):
         )
 
 
+class PassedOver:
+    """Files of folders that no part is made of: counts by suffix, and the first names."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.names: list[str] = []
+
+    def add(self, file: str) -> None:
+        """Count a file."""
+        name = split_name(file)[1]
+        self.counts[os.path.splitext(name)[1].lower()[:20] or "no suffix"] += 1
+        if len(self.names) < _MOST_NAMES:
+            self.names.append(name)
+
+    def describe(self) -> str:
+        """One line for a person; empty where nothing was passed over."""
+        total = self.counts.total()
+        if not total:
+            return ""
+        kinds = ", ".join(f"{n} {suffix}" for suffix, n in sorted(self.counts.items()))
+        more = f" and {total - len(self.names):,} more" if total > len(self.names) else ""
+        hints = [hint for suffixes, hint in _HINTS if not self.counts.keys().isdisjoint(suffixes)]
+        files = "1 file" if total == 1 else f"{total:,} files"
+        return visible("; ".join([f"passed over {files} ({kinds}): {', '.join(self.names)}{more}", *hints]))
+
+
+class Listing(PartList):
+    """Parts, and the files of their folders that are none.
+
+    Attributes:
+        passed_over: files that no part is made of.
+    """
+
+    def __init__(self, parts: Iterable[PartFiles], passed_over: PassedOver) -> None:
+        super().__init__(parts)
+        self.passed_over = passed_over
+
+
 def discover(
     inputs: Sequence[str | Path], *, photos: bool = False, beside: bool = False, height_images: bool = False
-) -> list[Part]:
-    """The parts that files, folders and globs of this machine name, in the order given, a folder's by name.
+) -> list[PartFiles]:
+    """As `list_parts`, with the files of this machine as paths.
+
+    Raises:
+        NothingFoundError: no file at all.
+        FileError: a manifest that cannot be used, or a folder that cannot be listed.
+    """
+    listed = list_parts(inputs, photos=photos, beside=beside, height_images=height_images)
+    return [part.with_paths() for part in listed]
+
+
+def list_parts(
+    inputs: Sequence[str | Path],
+    *,
+    manifests: Sequence[str] = (),
+    photos: bool = False,
+    beside: bool = False,
+    height_images: bool = False,
+) -> Listing:
+    """The parts that the inputs name, in the order given, a folder's by name.
 
     In a folder or glob files of other kinds are passed over; named on their own they are parts with a problem,
     as are files that are not there. Beside height maps or scans, a photograph that is none of theirs may be any
-    picture.
+    picture. A URL that ends as a file of a known kind does is taken for one and not asked after; any other is listed.
 
     Args:
-        inputs: files, folders and globs.
-        photos: take those for parts, too.
-        beside: photographs of the same stem beside a file named belong to its part.
+        inputs: files, folders and globs, of this machine or by URL; manifests (.csv, .parquet).
+        manifests: more manifests, whatever they are called.
+        photos: photographs in folders are parts of their own, too, beside height maps and scans.
+        beside: photographs of the same stem beside a file named belong to its part (on this machine).
         height_images: .png and .tif are height maps, and no photographs.
 
     Raises:
         NothingFoundError: no file at all.
-        FileError: a folder that cannot be listed.
+        FileError: a manifest that cannot be used, or a folder that cannot be listed.
+        MissingExtraError: a library that URLs need is not installed.
     """
+    from pipeline.formats.manifest import names_no_files, read_manifest
+    from pipeline.formats.remote import list_remote
+
+    names = [local_name(str(given)) for given in inputs]
+    if len(names) + len(manifests) == 1 and (manifests or _is_manifest(names[0])):
+        return Listing(read_manifest((*names, *manifests)[0]), PassedOver())
     found = FoundFiles(photos=photos, height_images=height_images)
-    for given in inputs:
-        found.add_local(given, beside=beside)
+    for name in names:
+        if len(names) > 1 and names_no_files(name):
+            continue  # of a folder that the shell has spelled out
+        if _is_manifest(name):
+            found.add_told(read_manifest(name))
+        elif not is_url(name):
+            found.add_local(name, beside=beside)
+        elif not has_magic(name) and not name.endswith("/") and (is_web(name) or key_and_kind(name)[1]):
+            found.add([name], named=True)
+        else:
+            files = list_remote(name)
+            found.add(files, named=files == [name])
+    for manifest in manifests:
+        found.add_told(read_manifest(manifest))
     parts = found.parts()
     if not parts:
-        raise NothingFoundError(inputs, found.passed_over.describe())
-    return [_part_of(p) for p in named_apart(parts)]
+        raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
+    return Listing(named_apart(parts), found.passed_over)
 
 
-def _part_of(listed: ListedPart) -> Part:
-    return Part(
-        listed.name,
-        height_map=Path(listed.height_map) if listed.height_map else None,
-        scan=Path(listed.scan) if listed.scan else None,
-        photo=Path(listed.photo) if listed.photo else None,
-        more_photos=tuple(map(Path, listed.more_photos)),
-        problem=listed.problem,
-        photo_problem=listed.photo_problem,
-    )
+def _is_manifest(name: str) -> bool:
+    """Whether an input is a table of parts, and no folder of that name or table of heights."""
+    from pipeline.formats.manifest import is_manifest
+    from pipeline.formats.number_table import is_number_table
+
+    return is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name))
 
 
 class FoundFiles:
@@ -134,11 +190,11 @@ class FoundFiles:
         """
         self._photos, self._height_images = photos, height_images
         self.passed_over = PassedOver()
-        self._parts: dict[tuple[str, ...], ListedPart] = {}
+        self._parts: dict[tuple[str, ...], PartFiles] = {}
         self._meant: set[tuple[str, ...]] = set()
         self._beside: dict[str, dict[str, list[str]]] = {}
 
-    def add_local(self, given: str | Path, *, beside: bool = False) -> None:
+    def add_local(self, given: str, *, beside: bool = False) -> None:
         """What a file, a folder or a glob of this machine names.
 
         Raises:
@@ -150,14 +206,14 @@ class FoundFiles:
         except (OSError, ValueError) as error:
             problem = FileError(path, f"is not a file name ({error})", "check the name")
             key = split_name(str(path))
-            self._parts[key] = ListedPart(_stem_name(key[1] or str(path)), problem=problem)
+            self._parts[key] = PartFiles(_stem_name(key[1] or str(path)), problem=problem)
             return
         if folder:
             self.add(_files_in(str(path)))
-        elif exists or not glob.has_magic(str(given)):
+        elif exists or not glob.has_magic(given):
             self.add([str(path), *(self._photos_of(str(path)) if beside else ())], named=True, there=exists)
         else:
-            self.add(sorted(str(Path(p)) for p in glob.glob(str(given)) if os.path.isfile(p)))
+            self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
 
     def add(self, files: Sequence[str], *, named: bool = False, there: bool = True) -> None:
         """Files of one folder or glob, or one named on its own with what belongs to it.
@@ -175,29 +231,30 @@ class FoundFiles:
         for key, kind, file in seen:
             if named and kind == "photo" and not there:
                 kind = "height_map"
-            if not kind:
-                self.passed_over.add(file)
-                continue
-            self._parts[key] = _with(self._parts.get(key) or ListedPart(_stem_name(key[1])), kind, file)
-
-    def add_told(self, parts: Iterable[ListedPart]) -> None:
-        """Parts that a manifest tells of; one told twice in the same words is one part."""
-        for part in parts:
-            key = ("", part.name, *part.files)
-            self._parts[key] = _fuller(self._parts.get(key), part)
-            if part.photo:
-                self._meant.add(key)
-
-    def parts(self) -> list[ListedPart]:
-        """The parts in the order in which their first files were found; one found and told alike stands once."""
-        parts: dict[tuple[str, ...], ListedPart] = {}
-        for key, part in self._parts.items():
-            if part.height_map or part.scan or part.problem or (part.photo and key in self._meant):
-                same = (part.name, *(part.files or (str(part.problem),)))
-                parts[same] = _fuller(parts.get(same), part)
+            if kind:
+                self._parts[key] = _with(self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file)
             else:
+                self.passed_over.add(file)
+
+    def add_told(self, parts: Iterable[PartFiles]) -> None:
+        """Parts that a manifest tells of."""
+        for part in parts:
+            key = ("", "", str(len(self._parts)))
+            self._parts[key] = part
+            self._meant.add(key)
+
+    def parts(self) -> list[PartFiles]:
+        """The parts in the order in which their first files were found; one found and told alike stands once."""
+        parts: dict[tuple[str, ...], PartFiles] = {}
+        for key, part in self._parts.items():
+            if not (part.felt or part.problem or key in self._meant):
                 for file in part.files:
                     self.passed_over.add(file)
+                continue
+            same = (part.name, *(part.files or (str(part.problem),)))
+            # of one part told twice the one that says more
+            if same not in parts or (_says_more(part) and not _says_more(parts[same])):
+                parts[same] = part
         return list(parts.values())
 
     def _key_and_kind(self, file: str) -> tuple[tuple[str, str] | None, str]:
@@ -210,12 +267,11 @@ class FoundFiles:
             return []
         folder = str(Path(path).parent)
         if folder not in self._beside:
-            stems: dict[str, list[str]] = {}
+            stems = self._beside[folder] = {}
             for found in _files_in(folder):
                 other, kind = self._key_and_kind(found)
                 if other is not None and kind == "photo":
                     stems.setdefault(other[1], []).append(found)
-            self._beside[folder] = stems
         return self._beside[folder].get(key[1], [])
 
 
@@ -226,9 +282,8 @@ def _files_in(folder: str) -> list[str]:
         with os.scandir(folder) as entries:
             return [before + name for name in sorted(e.name for e in entries if e.is_file())]
     except OSError as error:
-        raise FileError(
-            folder, f"cannot be listed ({error.strerror or error})", "check its permissions"
-        ) from error
+        what = f"cannot be listed ({error.strerror or error})"
+        raise FileError(folder, what, "check its permissions") from error
 
 
 def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
@@ -239,8 +294,7 @@ def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, 
     stem, suffix = os.path.splitext(last)
     if height_images and suffix.lower() in HEIGHT_IMAGE_SUFFIXES:
         return (folder, stem), "height_map"
-    kind = _KINDS.get(suffix.lower(), "")
-    return (folder, set_of(file) or stem), kind
+    return (folder, set_of(file) or stem), _KINDS.get(suffix.lower(), "")
 
 
 def _kind_of_named(file: str) -> str:
@@ -249,23 +303,22 @@ def _kind_of_named(file: str) -> str:
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 
 
-def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
+def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
     """The part with one more file; two different files of one kind: which is meant, nobody can tell.
 
     Photographs that are numbered (part.light-2.png) are all meant.
     """
-    first: str = getattr(part, kind)
+    first = str(getattr(part, kind))
     if kind == "photo" and first and file not in (first, *part.more_photos) and set_of(file):
         return replace(part, more_photos=(*part.more_photos, file))
     problem = None
     if first and first != file:
-        beside = split_name(first)[1]
-        problem = problem_of(file, f"stands beside {beside}, so which is the part's is unclear", "rename one")
+        what = f"stands beside {split_name(first)[1]}, so which is the part's is unclear"
+        problem = problem_of(file, what, "rename one")
     if kind == "photo":
         return replace(part, photo=first or file, photo_problem=part.photo_problem or problem)
-    if kind == "scan":
-        return replace(part, scan=file, problem=part.problem or problem)
-    return replace(part, height_map=file, problem=part.problem or problem)
+    files: dict[str, Any] = {kind: file}
+    return replace(part, **files, problem=part.problem or problem)
 
 
 def set_of(file: str) -> str:
@@ -280,18 +333,12 @@ def _stem_name(stem: str) -> str:
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
 
 
-def _fuller(known: ListedPart | None, part: ListedPart) -> ListedPart:
-    """Of one part told twice the one that says more; else the first."""
-    if known is None or (not _told(known) and _told(part)):
-        return part
-    return known
-
-
-def _told(part: ListedPart) -> bool:
+def _says_more(part: PartFiles) -> bool:
+    """Whether a manifest has said more of a part than its files."""
     return bool(part.expected or part.format or part.font)
 
 
-def named_apart(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
+def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     """The parts with names that are unique: as much of its folder before a name as that takes.
 
     Parts of one name and one folder, which only manifests can tell of, are numbered.
@@ -299,21 +346,14 @@ def named_apart(parts: Sequence[ListedPart]) -> Sequence[ListedPart]:
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts
-
-    def folders(part: ListedPart) -> list[str]:
-        return split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
-
-    depth = 0
-    while clash := _not_unique(names):
-        depth += 1
-        deeper = False
+    depth, deeper = 0, True
+    while deeper and (clash := _not_unique(names)):
+        depth, deeper = depth + 1, False
         for i in clash:
             part = parts[i]
-            above = folders(part)
+            above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
             deeper |= len(above) >= depth
             names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
-        if not deeper:
-            break
     taken = set(names)
     seen: set[str] = set()
     for i, name in enumerate(names):

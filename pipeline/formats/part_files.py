@@ -1,0 +1,137 @@
+"""One part of a run before any of its files is opened: words only, to be listed by the million and sent around."""
+
+from __future__ import annotations
+
+import pickle
+from array import array
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+from glyphs.errors import FileError
+from glyphs.plain_text import visible
+from pipeline.errors import is_url
+from pipeline.formats.names import absolute
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+
+
+@dataclass(frozen=True, slots=True)
+class PartFiles:
+    """One part by its files, each a path or URL; empty where there is none.
+
+    Attributes:
+        name: unique in its list; control characters are written as words.
+        height_map: file of its height map.
+        scan: file of its recorded scan.
+        photo: file of its photograph.
+        expected: text that it should read; empty where none is known.
+        format: of its serial; empty where the run's is meant.
+        font: font of its mark; empty where the run's are meant.
+        problem: why it cannot be read, found before any file was opened.
+        photo_problem: why its photograph cannot be used, likewise.
+        more_photos: files of others of it, under other lights or at other exposures.
+
+    Raises:
+        ValueError: a part without a name.
+    """
+
+    name: str
+    height_map: str | Path = ""
+    scan: str | Path = ""
+    photo: str | Path = ""
+    expected: str = ""
+    format: str = ""
+    font: str = ""
+    problem: FileError | None = None
+    photo_problem: FileError | None = None
+    more_photos: tuple[str | Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise ValueError("a part without a name; give it one")
+        # tables, terminals and logs show names; a file's name may hold control characters
+        object.__setattr__(self, "name", visible(self.name))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Those named: height map, scan, photographs."""
+        files = (self.height_map, self.scan, self.photo, *self.more_photos)
+        return tuple(str(file) for file in files if file)
+
+    @property
+    def felt(self) -> bool:
+        """Whether there is anything to be felt."""
+        return bool(self.height_map or self.scan)
+
+    def absolute(self) -> PartFiles:
+        """The part with local files named as on any machine that shares the disk."""
+        return self._each(absolute)
+
+    def with_paths(self) -> PartFiles:
+        """The part with local files as paths."""
+        return self._each(lambda file: file if is_url(file) else Path(file))
+
+    def _each(self, change: Callable[[str], str | Path]) -> PartFiles:
+        height_map, scan, photo, *more = (
+            change(str(file)) if file else ""
+            for file in (self.height_map, self.scan, self.photo, *self.more_photos)
+        )
+        return replace(self, height_map=height_map, scan=scan, photo=photo, more_photos=tuple(more))
+
+
+def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
+    """The settings that a part is read with: its own format and fonts go before the run's."""
+    own: dict[str, tuple[str, ...]] = {}
+    if part.format:
+        own["format"] = (part.format,)
+    if part.font:
+        own["font"] = tuple(name.strip() for name in part.font.split(",") if name.strip())
+    return settings.model_copy(update=own) if own else settings
+
+
+class PartList(Sequence[PartFiles]):
+    """Parts in their order, about 150 bytes each with names of usual length; `append` adds one."""
+
+    def __init__(self, parts: Iterable[PartFiles] = ()) -> None:
+        self._data = bytearray()
+        self._ends = array("Q", [0])
+        self._faulty: dict[int, PartFiles] = {}  # parts with a problem, as they are
+        for part in parts:
+            self.append(part)
+
+    def append(self, part: PartFiles) -> None:
+        """Add a part at the end."""
+        if part.problem is None and part.photo_problem is None:
+            self._data += pickle.dumps(tuple(getattr(part, name) for name in PartFiles.__slots__), protocol=5)
+        else:
+            self._faulty[len(self)] = part
+        self._ends.append(len(self._data))
+
+    def __len__(self) -> int:
+        return len(self._ends) - 1
+
+    @overload
+    def __getitem__(self, at: int) -> PartFiles: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[PartFiles]: ...
+
+    def __getitem__(self, at: int | slice) -> PartFiles | Sequence[PartFiles]:
+        if isinstance(at, slice):
+            return [self[k] for k in range(*at.indices(len(self)))]
+        place = at + len(self) if at < 0 else at
+        if not 0 <= place < len(self):
+            raise IndexError(at)
+        if place in self._faulty:
+            return self._faulty[place]
+        return PartFiles(*pickle.loads(self._data[self._ends[place] : self._ends[place + 1]]))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sequence):
+            return NotImplemented
+        return len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]
