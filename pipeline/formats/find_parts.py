@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import glob
 import os
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -22,26 +21,16 @@ from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
 from pipeline.errors import is_url, is_web, problem_of
 from pipeline.formats.kinds import (
-    CORE_SUFFIXES,
-    FORMATS_SUFFIXES,
-    HEIGHT_IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
     READ_NAMES,
-    SCAN_SUFFIXES,
     TABLE_SUFFIXES,
     UNREAD_PICTURE_SUFFIXES,
 )
+from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
 from pipeline.formats.names import has_magic, local_name, split_name
-from pipeline.formats.part_files import PartFiles, PartList
+from pipeline.formats.number_table import is_number_table
+from pipeline.formats.part_files import PartFiles, PartList, key_and_kind, named_apart, set_of
 
-_KINDS = {
-    **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
-    **dict.fromkeys(SCAN_SUFFIXES, "scan"),
-    **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
-}
-"""Attribute of a part that a file of each suffix is."""
-_SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
-"""Stem of one of several photographs of a part."""
 _MOST_NAME = 80
 _MOST_NAMES = 20
 _HINTS = (
@@ -139,7 +128,6 @@ def list_parts(
         FileError: a manifest that cannot be used, or a folder that cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
-    from pipeline.formats.manifest import names_no_files, read_manifest
     from pipeline.formats.remote import list_remote
 
     names = [local_name(str(given)) for given in inputs]
@@ -168,9 +156,6 @@ def list_parts(
 
 def _is_manifest(name: str) -> bool:
     """Whether an input is a table of parts, and no folder of that name or table of heights."""
-    from pipeline.formats.manifest import is_manifest
-    from pipeline.formats.number_table import is_number_table
-
     return is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name))
 
 
@@ -286,17 +271,6 @@ def _files_in(folder: str) -> list[str]:
         raise FileError(folder, what, "check its permissions") from error
 
 
-def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
-    """Folder and stem of a path or URL (None: hidden), and which attribute of a part its suffix means ("": none)."""
-    folder, last = split_name(file)
-    if not last or last.startswith("."):
-        return None, ""
-    stem, suffix = os.path.splitext(last)
-    if height_images and suffix.lower() in HEIGHT_IMAGE_SUFFIXES:
-        return (folder, stem), "height_map"
-    return (folder, set_of(file) or stem), _KINDS.get(suffix.lower(), "")
-
-
 def _kind_of_named(file: str) -> str:
     """The attribute of a part whose reader refuses a file that is named, but of no kind that is read."""
     suffix = os.path.splitext(split_name(file)[1])[1].lower()
@@ -321,13 +295,6 @@ def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
     return replace(part, **files, problem=part.problem or problem)
 
 
-def set_of(file: str) -> str:
-    """Stem of the set that one of several photographs belongs to (part.light-2.png); empty of others."""
-    stem, suffix = os.path.splitext(split_name(file)[1])
-    several = _SEVERAL.match(stem) if _KINDS.get(suffix.lower()) == "photo" else None
-    return several["stem"] if several else ""
-
-
 def _stem_name(stem: str) -> str:
     """A name that can be stored, whatever bytes the file's name is made of."""
     return stem.encode("utf-8", "replace").decode()[: _MOST_NAME if len(stem) > 255 else None]
@@ -336,35 +303,3 @@ def _stem_name(stem: str) -> str:
 def _says_more(part: PartFiles) -> bool:
     """Whether a manifest has said more of a part than its files."""
     return bool(part.expected or part.format or part.font)
-
-
-def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """The parts with names that are unique: as much of its folder before a name as that takes.
-
-    Parts of one name and one folder, which only manifests can tell of, are numbered.
-    """
-    names = [p.name for p in parts]
-    if len(set(names)) == len(names):
-        return parts
-    depth, deeper = 0, True
-    while deeper and (clash := _not_unique(names)):
-        depth, deeper = depth + 1, False
-        for i in clash:
-            part = parts[i]
-            above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
-            deeper |= len(above) >= depth
-            names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
-    taken = set(names)
-    seen: set[str] = set()
-    for i, name in enumerate(names):
-        number = 1
-        while names[i] in seen or (number > 1 and names[i] in taken):
-            number += 1
-            names[i] = f"{name} ({number})"
-        seen.add(names[i])
-    return PartList(replace(p, name=name) for p, name in zip(parts, names, strict=True))
-
-
-def _not_unique(names: Sequence[str]) -> list[int]:
-    counts = Counter(names)
-    return [] if len(counts) == len(names) else [i for i, name in enumerate(names) if counts[name] > 1]

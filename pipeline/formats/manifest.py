@@ -23,9 +23,8 @@ from typing import Any
 
 from glyphs.errors import FileError, require_file
 from pipeline.errors import DataError, is_url, naming
-from pipeline.formats.find_parts import key_and_kind, named_apart
 from pipeline.formats.names import beside, local_name, split_name
-from pipeline.formats.part_files import PartFiles, PartList
+from pipeline.formats.part_files import PartFiles, PartList, key_and_kind, named_apart
 from pipeline.formats.remote import copied
 from pipeline.formats.table_file import (
     PART_HEADINGS,

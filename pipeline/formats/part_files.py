@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import re
 from array import array
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,10 +15,27 @@ from typing import TYPE_CHECKING, overload
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.errors import is_url
-from pipeline.formats.names import absolute
+from pipeline.formats.kinds import (
+    CORE_SUFFIXES,
+    FORMATS_SUFFIXES,
+    HEIGHT_IMAGE_SUFFIXES,
+    PHOTO_SUFFIXES,
+    SCAN_SUFFIXES,
+)
+from pipeline.formats.names import absolute, split_name
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
+
+
+_KINDS = {
+    **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
+    **dict.fromkeys(SCAN_SUFFIXES, "scan"),
+    **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
+}
+"""Attribute of a part that a file of each suffix is."""
+_SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
+"""Stem of one of several photographs of a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +155,53 @@ class PartList(Sequence[PartFiles]):
         return len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
 
     __hash__ = None  # type: ignore[assignment]
+
+
+def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
+    """Folder and stem of a path or URL (None: hidden), and which attribute of a part its suffix means ("": none)."""
+    folder, last = split_name(file)
+    if not last or last.startswith("."):
+        return None, ""
+    stem, suffix = os.path.splitext(last)
+    if height_images and suffix.lower() in HEIGHT_IMAGE_SUFFIXES:
+        return (folder, stem), "height_map"
+    return (folder, set_of(file) or stem), _KINDS.get(suffix.lower(), "")
+
+
+def set_of(file: str) -> str:
+    """Stem of the set that one of several photographs belongs to (part.light-2.png); empty of others."""
+    stem, suffix = os.path.splitext(split_name(file)[1])
+    several = _SEVERAL.match(stem) if _KINDS.get(suffix.lower()) == "photo" else None
+    return several["stem"] if several else ""
+
+
+def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
+    """The parts with names that are unique: as much of its folder before a name as that takes.
+
+    Parts of one name and one folder, which only manifests can tell of, are numbered.
+    """
+    names = [p.name for p in parts]
+    if len(set(names)) == len(names):
+        return parts
+    depth, deeper = 0, True
+    while deeper and (clash := _not_unique(names)):
+        depth, deeper = depth + 1, False
+        for i in clash:
+            part = parts[i]
+            above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
+            deeper |= len(above) >= depth
+            names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
+    taken = set(names)
+    seen: set[str] = set()
+    for i, name in enumerate(names):
+        number = 1
+        while names[i] in seen or (number > 1 and names[i] in taken):
+            number += 1
+            names[i] = f"{name} ({number})"
+        seen.add(names[i])
+    return PartList(replace(p, name=name) for p, name in zip(parts, names, strict=True))
+
+
+def _not_unique(names: Sequence[str]) -> list[int]:
+    counts = Counter(names)
+    return [] if len(counts) == len(names) else [i for i, name in enumerate(names) if counts[name] > 1]

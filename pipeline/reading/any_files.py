@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.find_parts import key_and_kind
-from pipeline.formats.part_files import PartFiles
+from pipeline.formats.part_files import PartFiles, key_and_kind
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading

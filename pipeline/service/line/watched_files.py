@@ -24,7 +24,7 @@ import structlog
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.formats.find_parts import set_of
+from pipeline.formats.part_files import set_of
 from pipeline.runs.line_journal import LineJournal
 
 log = structlog.get_logger("tactile-marks")

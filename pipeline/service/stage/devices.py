@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.formats.find_parts import set_of
 from pipeline.formats.kinds import PHOTO_SUFFIXES
+from pipeline.formats.part_files import set_of
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
