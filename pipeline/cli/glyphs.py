@@ -55,7 +55,7 @@ def show(*font: str, out: Path | None = None, face: FaceName = "flat", height_mm
     with failures_reported():
         from glyphs.fonts.outlines import BUILTIN_FONTS
         from glyphs.stamping.faces import Face
-        from glyphs.stamping.sheet import sheet_figure
+        from pipeline.plots.font_sheet import sheet_figure
         from pipeline.plots.pictures import check_picture, save_figure
 
         out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")

@@ -29,8 +29,7 @@ from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import Fault, find_faults
-from whisker_array.estimation.left_out import without_faulty
+from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession, gathered
@@ -231,7 +230,7 @@ class _Part:
             return None
         raw = scan_of(self.fitting, self.felt)
         self.faults = find_faults(raw)
-        self.scan = without_faulty(raw, self.faults)
+        self.scan = flag_faults(raw, self.faults)
         try:
             self.edges = edge_map(self.scan, within_mm=self.region)
         except MapError:

@@ -47,8 +47,7 @@ from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, heights_view, relief_of
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import Fault, find_faults
-from whisker_array.estimation.left_out import without_faulty
+from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import SampleFlag
@@ -138,7 +137,7 @@ class TactileReader:
         timer = StepTimer()
         with timer.step("faults"):
             faults = find_faults(scan)
-            usable = without_faulty(scan, faults)
+            usable = flag_faults(scan, faults)
         return self._read(usable, timer).found(*bench_findings(faults))
 
     def _read(self, scan: Scan, timer: StepTimer) -> Reading:

@@ -86,7 +86,7 @@ def test_a_package_lists_its_vocabulary(package: object) -> None:
     [
         (("glyphs", "whisker_array"), {"numpy", "scipy", "numba", "cv2"}),
         (
-            ("glyphs.part", "glyphs.stamping.database", "glyphs.stamping.sheet"),
+            ("glyphs.part", "glyphs.stamping.database", "pipeline.plots.font_sheet"),
             {"numba", "h5py", "fontTools", "HersheyFonts", "matplotlib", "scipy"},
         ),
     ],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
-from whisker_array.estimation.land import whisker_gain
+from whisker_array.estimation.land import reconciled, whisker_gain
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 
@@ -39,7 +39,7 @@ _LOCKED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Felt:
+class SweepShares:
     """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
 
     Attributes:
@@ -55,7 +55,7 @@ class Felt:
     __repr__ = one_line
 
 
-def felt_shares(scan: Scan) -> list[Felt]:
+def sweep_shares(scan: Scan) -> list[SweepShares]:
     """The dragged sweeps of a scan of one kind of whisker."""
     land, found = scan.touch.land_moment_n_mm(), []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):
@@ -66,13 +66,13 @@ def felt_shares(scan: Scan) -> list[Felt]:
             air /= scan.calibration.gain[:, None]
         if air.shape[2]:
             air -= np.median(air, axis=2, keepdims=True)
-        found.append(Felt(sweep, share, air))
+        found.append(SweepShares(sweep, share, air))
     return found
 
 
-def levels(felt: list[Felt]) -> Floats:
+def levels(shares: list[SweepShares]) -> Floats:
     """(whiskers,) median of all that a whisker felt; NaN where it was hardly on the part."""
-    return np.array([_median(values) for values in _of_whiskers([f.share for f in felt])])
+    return np.array([_median(values) for values in _of_whiskers([f.share for f in shares])])
 
 
 def _of_whiskers(stacks: list[Floats]) -> list[Floats]:
@@ -84,25 +84,22 @@ def _median(values: Floats) -> float:
     return float(np.median(known)) if known.size >= _FEW else float("nan")
 
 
-def noises(felt: list[Felt]) -> tuple[Floats, Floats]:
+def noises(shares: list[SweepShares]) -> tuple[Floats, Floats]:
     """(whiskers,) rms of what is new in each sample, lifted and touching; NaN where there are too few samples."""
-    return tuple(  # type: ignore[return-value]  # two of them
-        np.array(
-            [
-                MAD * _median(np.abs(v)) / np.sqrt(6.0)
-                for v in _of_whiskers([np.diff(s, n=2, axis=2) for s in stacks])
-            ]
-        )
-        if stacks[0].shape[2] > 2
-        else np.full(stacks[0].shape[1], np.nan)
-        for stacks in ([f.air for f in felt], [f.share for f in felt])
-    )
+    return _noise([f.air for f in shares]), _noise([f.share for f in shares])
 
 
-def wander(felt: list[Felt]) -> Floats:
+def _noise(stacks: list[Floats]) -> Floats:
+    if stacks[0].shape[2] <= 2:
+        return np.full(stacks[0].shape[1], np.nan)
+    changes = _of_whiskers([np.diff(stack, n=2, axis=2) for stack in stacks])
+    return np.array([MAD * _median(np.abs(change)) / np.sqrt(6.0) for change in changes])
+
+
+def level_steps(shares: list[SweepShares]) -> Floats:
     """(whiskers,) rms step of the lead-in's level from a pass to the one beside it."""
     steps: list[Floats] = []
-    for f in felt:
+    for f in shares:
         n = f.sweep.plan.n_lead or f.share.shape[2] // 8
         lead = f.share[:, :, :n]
         known = np.isfinite(lead).sum(axis=2) > n // 2
@@ -119,7 +116,7 @@ def wander(felt: list[Felt]) -> Floats:
     return found
 
 
-def edges_kept(felt: list[Felt], *, line_pitch_mm: float) -> Floats:
+def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
     """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
 
     Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
@@ -130,9 +127,8 @@ def edges_kept(felt: list[Felt], *, line_pitch_mm: float) -> Floats:
         line_pitch_mm: of the grid: lines more than two of it apart, as in a part felt by a few passes, run over
             different marks and say nothing of the tips.
     """
-    n = felt[0].share.shape[1]
-    rows, target = [np.full(n, 1.0 / n)], [0.0]
-    for f in felt:
+    n, borders = shares[0].share.shape[1], []
+    for f in shares:
         lines, whisker, place = _lines(f)
         marks = lines / np.nanmedian(lines, axis=1, keepdims=True) - 1.0
         gaps = np.diff(place)
@@ -144,14 +140,12 @@ def edges_kept(felt: list[Felt], *, line_pitch_mm: float) -> Floats:
             (depth0, steps0), (depth1, steps1) = _contrast(marks[before]), _contrast(marks[after])
             if min(steps0, steps1) < _LEAST_STEPS or min(depth0, depth1) < _LEAST_DEPTH:
                 continue
-            row = np.zeros(n)
-            row[whisker[i + 1]] += 1.0
-            row[whisker[i]] -= 1.0
-            rows.append(row)
-            target.append(0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0)))
-    solution = np.linalg.lstsq(np.array(rows), np.array(target), rcond=None)[0]
-    solution[np.abs(rows[1:]).sum(axis=0) < 2.0 if len(rows) > 1 else np.ones(n, dtype=np.bool_)] = np.nan
-    return np.asarray(np.exp(solution))
+            step = 0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0))
+            borders.append((int(whisker[i]), int(whisker[i + 1]), step))
+    found = np.exp(reconciled(borders, n))
+    met = np.bincount([w for before, after, _ in borders for w in (before, after)], minlength=n)
+    found[met < 2] = np.nan
+    return np.asarray(found)
 
 
 def _contrast(marks: Floats) -> tuple[float, float]:
@@ -160,11 +154,11 @@ def _contrast(marks: Floats) -> tuple[float, float]:
     return -float(np.nanquantile(marks, 0.02)), steps
 
 
-def gains(felt: list[Felt]) -> Floats:
+def gains(shares: list[SweepShares]) -> Floats:
     """(whiskers,) gain of each over the others' where they meet, whatever the plate's form; NaN where not known."""
-    n = felt[0].share.shape[1]
+    n = shares[0].share.shape[1]
     logs: list[list[float]] = [[] for _ in range(n)]
-    for f in felt:
+    for f in shares:
         lines, whisker, _ = _lines(f)
         if np.unique(whisker).size < 2:
             continue
@@ -174,7 +168,7 @@ def gains(felt: list[Felt]) -> Floats:
     return np.array([np.exp(np.median(one)) if one else np.nan for one in logs])
 
 
-def _lines(f: Felt) -> tuple[Floats, NDArray[np.intp], Floats]:
+def _lines(f: SweepShares) -> tuple[Floats, NDArray[np.intp], Floats]:
     """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
     passes, n, samples = f.share.shape
     lead = f.sweep.plan.n_lead
@@ -194,14 +188,14 @@ class Form:
     sag_y_mm: float
 
 
-def plate_form(felt: list[Felt], preload_mm: float) -> Form:
+def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
     """Rise and sag of the land along the travel of the sweeps; zero where none ran.
 
     The middle of all lines at each place is land, and has no gain of one whisker in it; a parabola is laid through
     most of them. (The estimator's own land may settle on another form where a plate is far off.)
     """
     found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
-    for f in felt:
+    for f in shares:
         lines, _, _ = _lines(f)
         if lines.shape[0] < 8 or lines.shape[1] < 16:
             continue
@@ -235,14 +229,14 @@ class Tone:
     ratio: float
 
 
-def tone(felt: list[Felt], sample_rate_hz: float) -> Tone:
+def strongest_tone(shares: list[SweepShares], sample_rate_hz: float) -> Tone:
     """The strongest line in what changes from pass to pass: marks stand still, a vibration does not.
 
     Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers leaves what
     they share.
     """
     best = Tone(0.0, 0.0, 0.0)
-    for f in felt:
+    for f in shares:
         order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
         known = np.isfinite(f.share).mean(axis=2) > 0.9
         change = np.nan_to_num(np.diff(f.share[order], axis=0))
@@ -271,7 +265,7 @@ def tone(felt: list[Felt], sample_rate_hz: float) -> Tone:
     return best
 
 
-def spikes(f: Felt, *, least: float) -> NDArray[np.bool_]:
+def spikes(f: SweepShares, *, least: float) -> NDArray[np.bool_]:
     """(passes, whiskers, samples) single samples that stand out alone: neither their neighbours nor the pass beside do.
 
     Args:

@@ -1,14 +1,13 @@
-"""Worn and wrong: what a recording says is the matter with whiskers and bench, by name, and what to do about it.
+"""Find faulty whiskers and faults of the bench in a recording: their names, sizes, and what to do.
 
-fault_measures --limits, and the other whiskers--> faults --left_out--> the recording without what cannot be used
+fault_measures --limits, and the other whiskers--> faults --flag_faults--> the recording without unusable samples
 
 A whisker is compared with the others of its array: they meet the same part. What all of them share is the bench's.
-Limits stand well above what sound sensors, dies, plates and dirt do in simulated recordings of an exam's parts; that of
-a worn tip was set on the same recordings on which its false alarms are counted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -17,39 +16,16 @@ from numpy.typing import NDArray
 
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation.estimate import moment_per_lift
-from whisker_array.estimation.fault_measures import Felt, Floats
-from whisker_array.scan.scan import Scan
-from whisker_array.scan.scan import only as of_kind
+from whisker_array.estimation.fault_measures import Floats, SweepShares
+from whisker_array.scan.scan import Scan, only
+from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
 
 Mask = NDArray[np.bool_]
 
-DEAD_LEVEL = 0.2
-"""Of the land's moment: a whisker that gives less does not feel it."""
-NOISY_AIR, NOISY_LAND = 0.01, 0.03
-"""Noise of a sample, share of the land's moment, lifted and touching."""
-LOOSE_STEP = 0.02
-"""From one pass to the next."""
-TIMES_OTHERS = 4.0
-"""What a whisker's own noise and steps are above those of the others."""
-BENT_GAIN = 0.15
-"""Off the others: five standard deviations of usual gains."""
-BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.45, 5.0, 3
-"""Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
-ALIKE, ALIKE_BLUNT = 0.01, 0.8
-"""Spread on a test piece with grooves across all whiskers, and the share that is enough there."""
-HEIGHT_MARGIN = 0.2
-"""Of the land's moment, beyond what friction may make of it."""
-FRICTIONS = (0.05, 0.6)
-TILTED_RISE, BOWED_SAG = 0.25, 0.15
-"""Of the preload, over what was felt."""
-TONE_AMPLITUDE, TONE_RATIO = 0.008, 12.0
-SPIKE, FEW_SPIKES = 0.05, 12
-"""Of the land's moment; on bare land and in the air, where there is nothing to be felt."""
-
 
 class FaultKind(StrEnum):
-    """What may be the matter."""
+    """The faults."""
 
     DEAD = "dead whisker"
     NOISY = "noisy whisker"
@@ -65,33 +41,108 @@ class FaultKind(StrEnum):
     @property
     def hint(self) -> str:
         """What to do about it."""
-        return _HINTS[self]
+        return _TABLE[self][1]
 
 
-_HINTS = {
-    FaultKind.DEAD: "see whether it is broken, then to its gauge and wire",
-    FaultKind.NOISY: "see to its plug, solder joints and screen",
-    FaultKind.LOOSE: "tighten its clamp",
-    FaultKind.BENT: "straighten or replace it, then calibrate",
-    FaultKind.WORN: "look at its tip under a glass, grind or replace it",
-    FaultKind.HEIGHT: "set the stage to the height that the whisker file says, then calibrate",
-    FaultKind.TILTED: "seat the part flat, clean its rests",
-    FaultKind.BOWED: "clamp the part flat; a round part needs a stage that follows it",
-    FaultKind.VIBRATION: "stop the machine that shakes the bench, or see to mains hum in the amplifier",
-    FaultKind.SPIKES: "keep the signal wires away from motors and relays, screen and earth them",
+# what is measured, and what to do
+_TABLE = {
+    FaultKind.DEAD: (
+        "gives {:.0f} % of the moment of land",
+        "see whether it is broken, then to its gauge and wire",
+    ),
+    FaultKind.NOISY: (
+        "its noise is {:.1f} % of the moment of land",
+        "see to its plug, solder joints and screen",
+    ),
+    FaultKind.LOOSE: ("its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"),
+    FaultKind.BENT: (
+        "gives {:.0f} % of what the others give where they meet",
+        "straighten or replace it, then calibrate",
+    ),
+    FaultKind.WORN: (
+        "marks are {:.0f} % as deep and sharp as under the others",
+        "look at its tip under a glass, grind or replace it",
+    ),
+    FaultKind.HEIGHT: (
+        "land gives {:.0f} % of its moment, the stage is about {:.2f} mm too {}",
+        "set the stage to the height that the whisker file says, then calibrate",
+    ),
+    FaultKind.TILTED: (
+        "it rises by {:.2f} mm along {}, the preload is {:.2f} mm",
+        "seat the part flat, clean its rests",
+    ),
+    FaultKind.BOWED: (
+        "its middle stands off by {:.2f} mm along {}, the preload is {:.2f} mm",
+        "clamp the part flat; a round part needs a stage that follows it",
+    ),
+    FaultKind.VIBRATION: (
+        "all whiskers swing by {:.1f} % at {:.0f} Hz",
+        "stop the machine that shakes the bench, or see to mains hum in the amplifier",
+    ),
+    FaultKind.SPIKES: (
+        "{} single samples stand out where nothing is to be felt",
+        "keep the signal wires away from motors and relays, screen and earth them",
+    ),
 }
-UNUSABLE = (FaultKind.DEAD, FaultKind.NOISY)
-"""Of these nothing can be used."""
+
+
+@dataclass(frozen=True)
+class FaultLimits:
+    """Limits of sound recordings; they stand well above what sound sensors, dies, plates and dirt do in simulation.
+
+    That of a worn tip was set on the same recordings on which its false alarms are counted.
+
+    Attributes:
+        dead_level: least share of the land's moment that a whisker gives.
+        noise_air: noise of a sample with the array lifted, share of the land's moment.
+        noise_land: the same on land.
+        loose_step: step of the level from one pass to the next, share of the land's moment.
+        times_others: ratio of a whisker's own noise and steps to those of the others.
+        bent_gain: gain off the others': five standard deviations of usual gains.
+        blunt: least share of the depth and sharpness of marks under the others.
+        blunt_spreads: and spreads of the others below them: marks are not alike under all whiskers.
+        alike: spread of the others on a test piece with grooves across all whiskers.
+        alike_blunt: the share that is enough there.
+        fewest_others: whiskers that are needed to compare marks.
+        height_margin: of the land's moment, beyond what friction may make of it.
+        frictions: least and greatest friction of land.
+        rise: of a tilted plate over its length, preloads.
+        sag: of a bowed plate over its length, preloads.
+        tone: amplitude of a vibration, share of the land's moment.
+        tone_ratio: power of a vibration over that of frequencies beside it.
+        spike: height of a spike, share of the land's moment.
+        few_spikes: spikes on bare land and in the air, where there is nothing to be felt.
+    """
+
+    dead_level: float = 0.2
+    noise_air: float = 0.01
+    noise_land: float = 0.03
+    loose_step: float = 0.02
+    times_others: float = 4.0
+    bent_gain: float = 0.15
+    blunt: float = 0.45
+    blunt_spreads: float = 5.0
+    alike: float = 0.01
+    alike_blunt: float = 0.8
+    fewest_others: int = 3
+    height_margin: float = 0.2
+    frictions: tuple[float, float] = (0.05, 0.6)
+    rise: float = 0.25
+    sag: float = 0.15
+    tone: float = 0.008
+    tone_ratio: float = 12.0
+    spike: float = 0.05
+    few_spikes: int = 12
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is the matter.
+    """One fault.
 
     Attributes:
-        kind: what.
+        kind: which.
         text: with its size and place, and what to do.
-        whisker: which one, from 0; None where it is the bench's.
+        whisker: its number from 0; None for faults of the bench.
     """
 
     kind: FaultKind
@@ -99,167 +150,172 @@ class Fault:
     whisker: int | None = None
 
 
-def find_faults(scan: Scan) -> tuple[Fault, ...]:
-    """What a recording shows to be wrong; nothing for a sound one.
+def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, message: str = "") -> Fault:
+    place = kind.value if whisker is None else f"whisker {whisker}, {kind.value}"
+    return Fault(kind, f"{place}: {(message or _TABLE[kind][0]).format(*numbers)} ({kind.hint})", whisker)
+
+
+def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:
+    """Find what is wrong with whiskers and bench; nothing in a sound recording.
 
     Of a mixed array the first kind of whisker is looked at. Wear that all tips share, and gains that were set on this
-    very land, leave no mark here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
+    very land, leave no trace here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
 
     Args:
         scan: raw or calibrated.
+        limits: of sound recordings.
     """
     columns = np.flatnonzero(np.asarray(scan.kind) == 0)
     if all(s.plan.pushed for s in scan.sweeps):
         return ()
-    scan = of_kind(scan)
-    felt = measures.felt_shares(scan)
-    level = measures.levels(felt)
+    scan = only(scan)
+    shares = measures.sweep_shares(scan)
+    level = measures.levels(shares)
     touching = np.isfinite(level)
     if not touching.any():
         return ()
-    dead = touching & (np.abs(level) < DEAD_LEVEL)
+    dead = touching & (np.abs(level) < limits.dead_level)
     if dead.sum() > 0.5 * touching.sum():
-        share = 100.0 * float(np.median(level[touching]))
-        return (_bench(FaultKind.HEIGHT, f"the whiskers hardly touch, {share:.0f} % of the moment of land"),)
-    noisy = _noisy(felt, dead)
-    good = touching & ~dead
-    good[list(noisy)] = False
-    found: list[tuple[FaultKind, dict[int, float], str]] = [
-        (FaultKind.DEAD, _values(level, dead), "gives {:.0f} % of the moment of land"),
-        (FaultKind.NOISY, noisy, "its noise is {:.1f} % of the moment of land"),
-    ]
+        percent = 100.0 * float(np.median(level[touching]))
+        what = "the whiskers hardly touch, {:.0f} % of the moment of land"
+        return (_fault(FaultKind.HEIGHT, percent, message=what),)
+    # the size of a whisker's fault, NaN where it has none
+    in_air, on_land = (np.where(dead, np.nan, rms) for rms in measures.noises(shares))
+    noisy = np.fmax(
+        _above_others(in_air, limits.noise_air, limits), _above_others(on_land, limits.noise_land, limits)
+    )
+    found = {FaultKind.DEAD: np.where(dead, level, np.nan), FaultKind.NOISY: noisy}
     bench: list[Fault] = []
+    good = touching & ~dead & np.isnan(noisy)
     if good.any():
-        sound = _of_whiskers(felt, good)
-        n_spikes = spikes_on_land(sound)
-        if n_spikes >= FEW_SPIKES:
+        sound = _of_whiskers(shares, good)
+        n_spikes = _count_spikes(sound, limits.spike)
+        if n_spikes >= limits.few_spikes:
             sound = [
-                replace(f, share=np.where(measures.spikes(f, least=SPIKE), np.nan, f.share)) for f in sound
+                replace(f, share=np.where(measures.spikes(f, least=limits.spike), np.nan, f.share))
+                for f in sound
             ]
-        loose = _above_others(measures.wander(sound), LOOSE_STEP)
-        firm = good.copy()
-        firm[list(loose)] = False
+        loose = _above_others(measures.level_steps(sound), limits.loose_step, limits)
+        firm = good & np.isnan(loose)
         gain = measures.gains(_of_whiskers(sound, firm))
         gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
-        bent = _values(gain, np.abs(gain - 1.0) > BENT_GAIN)
-        firm[list(bent)] = False
-        blunt = _blunt(measures.edges_kept(_of_whiskers(sound, firm), line_pitch_mm=scan.line_pitch_mm))
-        found += [
-            (FaultKind.LOOSE, loose, "its level on land jumps by {:.1f} % from pass to pass"),
-            (FaultKind.BENT, bent, "gives {:.0f} % of what the others give where they meet"),
-            (FaultKind.WORN, blunt, "marks are {:.0f} % as deep and sharp as under the others"),
-        ]
-        bench = _of_the_bench(scan, sound, level[good])
-        if n_spikes >= FEW_SPIKES:
-            what = f"{n_spikes} single samples stand out where nothing is to be felt"
-            bench.append(_bench(FaultKind.SPIKES, what))
-    return (
-        *(
-            Fault(
-                kind,
-                _words(f"whisker {columns[w]}, {kind.value}", words.format(100.0 * value), kind),
-                int(columns[w]),
-            )
-            for kind, values, words in found
-            for w, value in values.items()
-        ),
-        *bench,
+        bent = np.where(np.abs(gain - 1.0) > limits.bent_gain, gain, np.nan)
+        straight = _of_whiskers(sound, firm & np.isnan(bent))
+        kept = measures.sharpness(straight, line_pitch_mm=scan.line_pitch_mm)
+        found |= {FaultKind.LOOSE: loose, FaultKind.BENT: bent, FaultKind.WORN: _blunt(kept, limits)}
+        bench = list(_bench_faults(scan, sound, level[good], limits))
+        if n_spikes >= limits.few_spikes:
+            bench.append(_fault(FaultKind.SPIKES, n_spikes))
+    of_whiskers = (
+        _fault(kind, 100.0 * values[w], whisker=int(columns[w]))
+        for kind, values in found.items()
+        for w in np.flatnonzero(np.isfinite(values))
     )
+    return (*of_whiskers, *bench)
 
 
-def _words(name: str, what: str, kind: FaultKind) -> str:
-    return f"{name}: {what} ({kind.hint})"
-
-
-def _bench(kind: FaultKind, what: str) -> Fault:
-    return Fault(kind, _words(kind.value, what, kind))
-
-
-def _values(values: Floats, chosen: Mask) -> dict[int, float]:
-    return {int(w): float(values[w]) for w in np.flatnonzero(chosen)}
-
-
-def _of_whiskers(felt: list[Felt], good: Mask) -> list[Felt]:
-    """What these whiskers felt, the others unknown."""
+def _of_whiskers(shares: list[SweepShares], good: Mask) -> list[SweepShares]:
+    """The same with all other whiskers unknown."""
     keep = good[:, None]
-    return [Felt(f.sweep, np.where(keep, f.share, np.nan), np.where(keep, f.air, np.nan)) for f in felt]
+    return [
+        replace(one, share=np.where(keep, one.share, np.nan), air=np.where(keep, one.air, np.nan))
+        for one in shares
+    ]
 
 
-def _noisy(felt: list[Felt], dead: Mask) -> dict[int, float]:
-    """Noise of whiskers that have much more than the others, lifted or touching."""
-    found: dict[int, float] = {}
-    for rms, least in zip(measures.noises(felt), (NOISY_AIR, NOISY_LAND), strict=True):
-        rms = np.where(dead, np.nan, rms)
-        found |= {w: max(v, found.get(w, 0.0)) for w, v in _above_others(rms, least).items()}
-    return found
+def _others(values: Floats) -> Iterator[Floats]:
+    """For each whisker the known values of the others."""
+    for w in range(values.size):
+        others = np.delete(values, w)
+        yield others[np.isfinite(others)]
 
 
-def _blunt(kept: Floats) -> dict[int, float]:
-    """Whiskers that feel less of marks than the others do, by more than the others differ."""
-    found = {}
-    logs = np.log(kept)
-    for w in np.flatnonzero(np.isfinite(logs)):
-        others = np.delete(logs, w)
-        others = others[np.isfinite(others)]
-        if others.size < FEWEST_OTHERS:
+def _above_others(values: Floats, least: float, limits: FaultLimits) -> Floats:
+    """The values above a limit and above the others'; NaN elsewhere."""
+    usual = np.array([np.median(others) if others.size else np.inf for others in _others(values)])
+    return np.where((values > least) & (values > limits.times_others * usual), values, np.nan)
+
+
+def _blunt(kept: Floats, limits: FaultLimits) -> Floats:
+    """Sharpness of whiskers that feel less of marks than the others do, by more than the others differ; else NaN."""
+    logs, found = np.log(kept), np.full(kept.size, np.nan)
+    for w, others in enumerate(_others(logs)):
+        if others.size < limits.fewest_others:
             continue
         middle = float(np.median(others))
         spread = measures.MAD * float(np.median(np.abs(others - middle)))
-        most = ALIKE_BLUNT if spread < ALIKE else BLUNT
-        if logs[w] - middle < -max(-np.log(most), BLUNT_SPREADS * spread):
-            found[int(w)] = float(np.exp(logs[w] - middle))
+        most = limits.alike_blunt if spread < limits.alike else limits.blunt
+        if logs[w] - middle < -max(-np.log(most), limits.blunt_spreads * spread):
+            found[w] = np.exp(logs[w] - middle)
     return found
 
 
-def _above_others(values: Floats, least: float) -> dict[int, float]:
-    """Whiskers above a limit and above the others."""
-    found = {}
-    for w in np.flatnonzero(values > least):
-        others = np.delete(values, w)
-        others = others[np.isfinite(others)]
-        if others.size and values[w] > TIMES_OTHERS * float(np.median(others)):
-            found[int(w)] = float(values[w])
-    return found
-
-
-def _of_the_bench(scan: Scan, felt: list[Felt], level: Floats) -> list[Fault]:
-    found, preload = [], scan.touch.preload_mm
-    low, high = _land_range(scan.touch)
+def _bench_faults(
+    scan: Scan, shares: list[SweepShares], level: Floats, limits: FaultLimits
+) -> Iterator[Fault]:
+    preload = scan.touch.preload_mm
+    low, high = _land_range(scan.touch, limits.frictions)
     share = float(np.median(level))
-    if not low - HEIGHT_MARGIN < share < high + HEIGHT_MARGIN:
-        off, way = abs(share - 1.0) * preload, "high" if share < 1.0 else "low"
-        what = f"land gives {100.0 * share:.0f} % of its moment, the stage is about {off:.2f} mm too {way}"
-        found.append(_bench(FaultKind.HEIGHT, what))
-    form = measures.plate_form(felt, preload)
-    rises, sags = (form.rise_x_mm, form.rise_y_mm), (form.sag_x_mm, form.sag_y_mm)
-    for kind, both, limit, words in (
-        (FaultKind.TILTED, rises, TILTED_RISE, "it rises by"),
-        (FaultKind.BOWED, sags, BOWED_SAG, "its middle stands off by"),
+    if not low - limits.height_margin < share < high + limits.height_margin:
+        way = "high" if share < 1.0 else "low"
+        yield _fault(FaultKind.HEIGHT, 100.0 * share, abs(share - 1.0) * preload, way)
+    form = measures.plate_form(shares, preload)
+    for kind, both, limit in (
+        (FaultKind.TILTED, (form.rise_x_mm, form.rise_y_mm), limits.rise),
+        (FaultKind.BOWED, (form.sag_x_mm, form.sag_y_mm), limits.sag),
     ):
         axis, mm = max(zip("xy", map(abs, both), strict=True), key=lambda pair: pair[1])
         if mm > limit * preload:
-            found.append(_bench(kind, f"{words} {mm:.2f} mm along {axis}, the preload is {preload:.2f} mm"))
-    tone = measures.tone(felt, scan.sample_rate_hz)
-    if tone.amplitude > TONE_AMPLITUDE and tone.ratio > TONE_RATIO:
-        swing = f"all whiskers swing by {100.0 * tone.amplitude:.1f} % at {tone.hz:.0f} Hz"
-        found.append(_bench(FaultKind.VIBRATION, swing))
-    return found
+            yield _fault(kind, mm, axis, preload)
+    tone = measures.strongest_tone(shares, scan.sample_rate_hz)
+    if tone.amplitude > limits.tone and tone.ratio > limits.tone_ratio:
+        yield _fault(FaultKind.VIBRATION, 100.0 * tone.amplitude, tone.hz)
 
 
-def spikes_on_land(felt: list[Felt]) -> int:
+def _count_spikes(shares: list[SweepShares], least: float) -> int:
     """Spikes in lead-ins and lead-outs, and in the air."""
     count = 0
-    for f in felt:
-        lead = f.sweep.plan.n_lead
-        at = measures.spikes(f, least=SPIKE)
+    for one in shares:
+        lead = one.sweep.plan.n_lead
+        at = measures.spikes(one, least=least)
         count += int(at[..., :lead].sum() + at[..., at.shape[2] - lead :].sum()) if lead else 0
-        count += int((np.abs(f.air) > SPIKE).sum())
+        count += int((np.abs(one.air) > least).sum())
     return count
 
 
-def _land_range(touch: Touch) -> tuple[float, float]:
-    """What friction may make of the land's moment, as a share of the nominal one."""
+def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:
+    """Moments of land at the least and greatest friction, as shares of the nominal one."""
     nominal = float(moment_per_lift(np.arctan(touch.friction), touch.tip))
-    ends = [float(moment_per_lift(np.arctan(mu), touch.tip)) / nominal for mu in FRICTIONS]
+    ends = [float(moment_per_lift(np.arctan(mu), touch.tip)) / nominal for mu in frictions]
     ends = [v for v in ends if np.isfinite(v)] or [1.0]
     return min(ends), max(ends)
+
+
+def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = FaultLimits()) -> Scan:
+    """Flag unusable samples as `SampleFlag.FAULTY`: dead and noisy whiskers, and spikes.
+
+    Args:
+        scan: as recorded.
+        faults: found in it.
+        limits: that they were found with.
+
+    Returns:
+        The scan with the flags; the scan itself where there is nothing to flag.
+    """
+    useless = (FaultKind.DEAD, FaultKind.NOISY)
+    whiskers = sorted({f.whisker for f in faults if f.kind in useless and f.whisker is not None})
+    spiked = {}
+    if any(f.kind is FaultKind.SPIKES for f in faults):
+        shares = measures.sweep_shares(only(scan))
+        spiked = {one.sweep.plan.direction: measures.spikes(one, least=limits.spike) for one in shares}
+    if not whiskers and not spiked:
+        return scan
+    bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)
+    sweeps = []
+    for sweep in scan.sweeps:
+        flags = sweep.flags.copy()
+        flags[:, whiskers] |= bad
+        if not sweep.plan.pushed and sweep.plan.direction in spiked:
+            flags[:, columns] |= np.where(spiked[sweep.plan.direction], bad, np.uint8(0))
+        sweeps.append(replace(sweep, flags=flags))
+    return replace(scan, sweeps=tuple(sweeps))

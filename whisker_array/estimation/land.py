@@ -8,6 +8,8 @@ looks at edges.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -123,7 +125,7 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
     middle = np.zeros(whisker.size - 1)
     middle[asked], known[asked] = _log_step(lines, asked)
     index = np.searchsorted(names, whisker)
-    rows, target = [np.full(names.size, 1.0 / names.size)], [0.0]
+    steps = []
     for i in border:
         if not known[i]:
             continue
@@ -131,14 +133,21 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
             j for j in (i - 1, i + 1) if 0 <= j < known.size and known[j] and whisker[j] == whisker[j + 1]
         ]
         slope = sum(float(middle[j]) for j in beside) / max(len(beside), 1)
-        row = np.zeros(names.size)
-        row[index[i + 1]] += 1.0
-        row[index[i]] -= 1.0
-        rows.append(row)
-        target.append(middle[i] - slope)
-    solution = np.linalg.lstsq(np.array(rows), np.array(target), rcond=None)[0]
+        steps.append((int(index[i]), int(index[i + 1]), float(middle[i] - slope)))
+    solution = reconciled(steps, names.size)
     gain: NDArray[np.float64] = np.exp(solution[index])
     return gain
+
+
+def reconciled(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[np.float64]:
+    """(n,) values of mean 0 that differ by given steps (from, to, step) as nearly as least squares allows."""
+    rows, target = np.zeros((1 + len(steps), n)), np.zeros(1 + len(steps))
+    rows[0] = 1.0 / n
+    for k, (before, after, step) in enumerate(steps, start=1):
+        rows[k, after] += 1.0
+        rows[k, before] -= 1.0
+        target[k] = step
+    return np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0])
 
 
 def _log_step(

@@ -14,8 +14,7 @@ from glyphs.surface.maps import TraceDirection
 from tests.factories import extruded
 from tests.support.bench_faults import recorded, with_whisker_of, worn
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import Fault, FaultKind, find_faults
-from whisker_array.estimation.left_out import without_faulty
+from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import default_plan
@@ -73,7 +72,7 @@ def test_a_worn_tip_is_named_on_a_test_piece_that_is_alike_under_all_whiskers() 
 def test_sound_recordings_are_left_alone(ideal: Scan, seed: int) -> None:
     scan = faulty(ideal, None, seed=seed)
     assert find_faults(scan) == ()
-    assert without_faulty(scan, ()) is scan
+    assert flag_faults(scan, ()) is scan
 
 
 def test_a_stage_too_high_is_not_eight_dead_whiskers(ideal: Scan) -> None:
@@ -100,7 +99,7 @@ def test_the_height_that_is_wrong_is_told_in_millimetres(ideal: Scan) -> None:
 def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal: Scan) -> None:
     """Against the same recording with all whiskers alive, under the dead one's lines and where no lines cross."""
     dead = faulty(ideal, FaultKind.DEAD)
-    usable = without_faulty(dead, find_faults(dead))
+    usable = flag_faults(dead, find_faults(dead))
     for sweep in usable.sweeps:
         assert (sweep.flags[:, 1] & SampleFlag.FAULTY == SampleFlag.FAULTY).all()
         assert not (np.delete(sweep.flags, 1, axis=1) & SampleFlag.FAULTY).any()
@@ -122,7 +121,7 @@ def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal
 
 def test_spikes_are_left_out_sample_by_sample(ideal: Scan) -> None:
     spiked = faulty(ideal, FaultKind.SPIKES)
-    usable = without_faulty(spiked, find_faults(spiked))
+    usable = flag_faults(spiked, find_faults(spiked))
     flagged = np.concatenate([(s.flags & SampleFlag.FAULTY != 0).ravel() for s in usable.sweeps])
     assert 3e-4 < flagged.mean() < 3e-3  # one in a thousand was made
     sound = edge_map(faulty(ideal, None)).enhancement
@@ -133,7 +132,7 @@ def test_spikes_are_left_out_sample_by_sample(ideal: Scan) -> None:
 def test_few_directions_leave_lines_out_without_inventing_them(ideal: Scan) -> None:
     dead = faulty(ideal, FaultKind.DEAD)
     along = replace(dead, sweeps=tuple(s for s in dead.sweeps if s.plan.direction.along_x))
-    usable = without_faulty(along, [Fault(FaultKind.DEAD, "", 1)])
+    usable = flag_faults(along, [Fault(FaultKind.DEAD, "", 1)])
     left = edge_map(usable)
     unknown = ~left.valid.any(axis=1)
     assert unknown.sum() * left.pitch_mm == pytest.approx(5.0, abs=0.5)  # the lines of one whisker

@@ -3,7 +3,7 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import Face
-from glyphs.stamping.sheet import sheet_figure
+from pipeline.plots.font_sheet import sheet_figure
 
 
 def test_sheet_shows_ink_and_relief_of_every_font():
