@@ -84,11 +84,11 @@ def study(
             "arrays": plan.arrays,
             "program": program_mark(),
         }
-        journal = StudyJournal.open(out, description)
-        measured = _measure(plan, parts, jobs, journal)
-        found = study_of(measured, reviews.answers, true)
-        written = write_study(found, out, notes=notes, command=command_line())
-        journal.path.unlink()
+        with StudyJournal.open(out, description) as journal:
+            measured = _measure(plan, parts, jobs, journal)
+            found = study_of(measured, reviews.answers, true)
+            written = write_study(found, out, notes=notes, command=command_line())
+            journal.remove()
     _print(found, notes)
     for path in written.files:
         print(f"wrote {path}")
@@ -134,10 +134,10 @@ def _measure(
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError
 
-    if journal.done:
-        print(f"continuing a broken-off study: {len(journal.done):,} parts are measured already")
+    if journal.names:
+        print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")
     with Progress() as progress:
-        progress.start(len(parts) - len(journal.done))
+        progress.start(len(parts) - len(journal.names))
         try:
             with ExecutorOptions(jobs).opened(len(parts)) as executor:
                 return measure(plan, parts, executor, journal, progress.advance)

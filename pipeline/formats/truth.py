@@ -17,7 +17,7 @@ from pathlib import Path, PurePath, PureWindowsPath
 from rapidfuzz.distance import Levenshtein
 
 from glyphs.errors import FileError, require_file
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.formats.kinds import is_height_map, is_photo, is_scan
 from pipeline.formats.table_file import (
     PART_HEADINGS,
@@ -181,21 +181,21 @@ def without_blanks(text: str) -> str:
 
 
 class Scores:
-    """Rows held against the truth, as they come."""
+    """Readings held against the truth, as they come."""
 
     def __init__(self, truth: Mapping[str, str]) -> None:
         self._truth = PartTexts(truth)
         self._seen: set[str] = set()
         self._parts = self._right = self._characters = self._edits = self._without = 0
 
-    def add(self, row: Row) -> None:
-        """Count one row."""
-        name = self._truth.name_of(row.part)
+    def add(self, record: ReadingRecord) -> None:
+        """Count one reading."""
+        name = self._truth.name_of(record.part)
         if name is None:
             self._without += 1
             return
         self._seen.add(name)
-        stamped, read = without_blanks(self._truth[name]), without_blanks(row.text)
+        stamped, read = without_blanks(self._truth[name]), without_blanks(record.text)
         distance = Levenshtein.distance(stamped, read)
         self._parts += 1
         self._right += distance == 0
@@ -203,14 +203,14 @@ class Scores:
         self._edits += distance
 
     def accuracy(self) -> Accuracy:
-        """Of the rows so far."""
+        """Of the readings so far."""
         not_read = len(self._truth) - len(self._seen)
         return Accuracy(self._parts, self._right, self._characters, self._edits, self._without, not_read)
 
 
-def score(rows: Iterable[Row], truth: Mapping[str, str]) -> Accuracy:
-    """Compare the rows with the truth."""
+def score(records: Iterable[ReadingRecord], truth: Mapping[str, str]) -> Accuracy:
+    """Compare the readings with the truth."""
     scores = Scores(truth)
-    for row in rows:
-        scores.add(row)
+    for record in records:
+        scores.add(record)
     return scores.accuracy()

@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.errors import FileError
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth, without_blanks
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
-from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.progress import Progress
+from pipeline.runs.run import lost_part
+from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.setup import absolute, parts_for
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.workers.options import ExecutorOptions
@@ -39,72 +42,33 @@ from recognition.decision.part_measures import Measure
 
 
 @dataclass(frozen=True)
-class HashedPart:
-    """A part as it was read, and the hash of its files.
+class LabelledPart:
+    """A part of known text, as it was read.
 
     Attributes:
-        text: as read.
-        decision: accept, review or reject.
-        confidence: that all of it is right.
-        source: of the reading.
-        error: why there is none; empty where there is one.
+        record: of its reading.
         measures: of the part, by name.
         sha256: of its files; empty with an error.
-    """
-
-    text: str
-    decision: str
-    confidence: float
-    source: str
-    error: str
-    measures: Mapping[str, float]
-    sha256: str
-
-    @classmethod
-    def of(cls, read: ReadPart, sha256: str) -> HashedPart:
-        """Of a part as it was read."""
-        r = read.record
-        measures = {str(name): value for name, value in read.measures.items()}
-        return cls(r.text, r.decision, r.confidence, r.source, r.error, measures, sha256)
-
-
-class CertificationJournal(LineJournal[HashedPart]):
-    """The parts that a broken-off certification has read."""
-
-    kind, version = "certification", 1
-
-    @classmethod
-    def at(cls, place: Path) -> Path:
-        """Beside the certificate."""
-        return place.with_name(f"{place.name}.unfinished")
-
-    def encoded(self, kept: HashedPart) -> dict[str, Any]:
-        """See `LineJournal`."""
-        return asdict(kept)
-
-    def decoded(self, line: Mapping[str, Any]) -> HashedPart:
-        """See `LineJournal`."""
-        return HashedPart(**{name: value for name, value in line.items() if name != "part"})
-
-
-@dataclass(frozen=True)
-class LabelledPart:
-    """A part of known text.
-
-    Attributes:
-        name: of the part.
-        read: as it was read.
         truth: what is stamped on it, without blanks.
     """
 
-    name: str
-    read: HashedPart
+    record: ReadingRecord
+    measures: Mapping[Measure, float]
+    sha256: str
     truth: str
 
     @property
     def right(self) -> bool:
         """Whether it was read without any error."""
-        return without_blanks(self.read.text) == self.truth
+        return without_blanks(self.record.text) == self.truth
+
+
+class CertificationJournal(Journal[LabelledPart]):
+    """The parts that a broken-off certification has read."""
+
+    kind: ClassVar[str] = "certification"
+    version: ClassVar[int] = 2
+    keeps: ClassVar[Any] = LabelledPart
 
 
 @dataclass(frozen=True)
@@ -174,12 +138,13 @@ def certify(
         )
     least = open_reader(settings).settings.accept_confidence
     labels = {name: without_blanks(text) for name, text in texts.items()}
-    journal = CertificationJournal.open(out, _description(inputs, settings, manifests))
-    read = _all_read(parts, labels, settings, executors, journal)
-    found_out = _certification(
-        read, len(found) - len(parts), settings, risk=risk, confidence=confidence, least=least
-    )
-    journal.path.unlink()
+    place = out.with_name(f"{out.name}.unfinished")
+    with CertificationJournal(place, _description(inputs, settings, manifests), output=out) as journal:
+        read = _all_read(parts, labels, settings, executors, journal)
+        found_out = _certification(
+            read, len(found) - len(parts), settings, risk=risk, confidence=confidence, least=least
+        )
+        journal.remove()
     return found_out
 
 
@@ -202,37 +167,22 @@ def _all_read(
     journal: CertificationJournal,
 ) -> list[LabelledPart]:
     """Every part with its label, by name; those that were read before are taken from the journal."""
-    from pipeline.runs.run import lost_part
-    from pipeline.runs.setting_files import files_to_send
+
+    def labelled(read: ReadPart) -> LabelledPart:
+        return LabelledPart(read.record, read.measures, read.sha256, labels[read.listed.name])
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
-    order = RunOrder(settings, measures=True, sent=sent)
-    missing = [part for part in parts if part.name not in journal.done]
-    tasks = absolute(missing) if executors.cluster is not None else missing
-    if len(missing) < len(parts):
-        print(f"continuing a broken-off certification: {len(parts) - len(missing):,} parts are read already")
+    order = RunOrder(settings, digests=True, measures=True, sent=sent)
+    known = len(journal.names)
+    if known:
+        print(f"continuing a broken-off certification: {known:,} parts are read already")
     with Progress() as progress, compiling_shown(progress.line), executors.opened(len(parts)) as executor:
-        progress.start(len(missing))
-        for outcome in executor.calls(_read_and_hashed, order, tasks):
-            read = outcome.result or HashedPart.of(lost_part(outcome.task, outcome.error), "")
-            journal.add(outcome.task.name, read)
+        progress.start(len(parts) - known)
+        tasks = absolute(parts) if executors.cluster is not None else parts
+        for _, part in resumable(journal, tasks, executor, read_listed, order, lost=lost_part, kept=labelled):
             part_done()
-            progress.advance(failed=bool(read.error))
-    return [LabelledPart(name, journal.done[name], labels[name]) for name in sorted(labels)]
-
-
-def _read_and_hashed(order: RunOrder, listed: PartFiles) -> HashedPart:
-    """A part as it was read, and the hash of its files."""
-    from pipeline.formats.remote import fetched
-
-    read = read_listed(order, listed)
-    if read.record.error:
-        return HashedPart.of(read, "")
-    digest = hashlib.sha256()
-    with fetched(listed) as part:
-        for path in part.files:
-            digest.update(Path(path).read_bytes())
-    return HashedPart.of(read, digest.hexdigest())
+            progress.advance(failed=bool(part.record.error))
+    return [replace(part, truth=labels[name]) for name, part in sorted(journal.done.items())]
 
 
 def _certification(
@@ -245,19 +195,19 @@ def _certification(
     least: float,
 ) -> Certification:
     """What the parts show of confidences from the least that the settings accept."""
-    accepted = [part for part in parts if part.read.decision == "accept"]
+    accepted = [part for part in parts if part.record.decision == "accept"]
     tests = threshold_tests(
-        [part.read.confidence for part in accepted],
+        [part.record.confidence for part in accepted],
         [part.right for part in accepted],
         risk=risk,
         confidence=confidence,
         thresholds=(*(t for t in THRESHOLDS if t > least), least),
     )
-    errors, chosen = sum(bool(part.read.error) for part in parts), certified(tests)
+    errors, chosen = sum(bool(part.record.error) for part in parts), certified(tests)
     if chosen is None:
         missing = parts_missing(tests, len(parts), risk=risk, confidence=confidence)
         return Certification(None, tests, len(parts), errors, without_truth, missing)
-    sure = [part.read for part in accepted if part.read.confidence >= chosen.threshold]
+    sure = [part.record for part in accepted if part.record.confidence >= chosen.threshold]
     sources = tuple(sorted({record.source for record in sure}))
     made = Certificate(
         made_at=datetime.now(UTC).replace(microsecond=0),
@@ -270,13 +220,7 @@ def _certification(
         wrong=chosen.wrong,
         bound=chosen.bound,
         tests=tests,
-        kind=KindOfParts.of(
-            [
-                {Measure(name): value for name, value in part.read.measures.items()}
-                for part in parts
-                if part.read.source in sources
-            ]
-        ),
+        kind=KindOfParts.of([part.measures for part in parts if part.record.source in sources]),
         data_sha256=_hash_of(parts),
         settings=settings_described(settings),
         versions=reader_versions(),
@@ -286,5 +230,5 @@ def _certification(
 
 def _hash_of(parts: Sequence[LabelledPart]) -> str:
     """Of all files and labels, by the names of the parts."""
-    lines = (f"{part.name}\t{part.truth}\t{part.read.sha256}\n" for part in parts)
+    lines = (f"{part.record.part}\t{part.truth}\t{part.sha256}\n" for part in parts)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

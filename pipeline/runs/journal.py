@@ -1,345 +1,345 @@
-"""The table of a run on the disk: a row a part, kept as soon as it is known; a run that breaks off is taken up again.
+"""The journal of a run: which parts are done, and what is kept of each, in an SQLite file beside the run's output.
 
-rows.csv                   the rows as they come; after `finish`, in the order of the parts
-rows.csv.unfinished        what is run, and its hash; locked by the process that writes; gone with `finish`
-rows.csv~                  the table that stood there before the run
-rows.parquet.rows.jsonl    to Parquet and Excel's workbooks nothing can be appended: their rows until `finish`
-rows.csv.second.jsonl      of parts that were read a second time, what came of it; until `finish`
+    parts --those that the journal lacks--> executor --> what is kept --> journal     (`resumable`)
 
-     open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
-                           \\--> forget          of a run whose rows are kept elsewhere: nothing stays
+Whatever ends the run, the same command goes on where it ended.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import os
-import weakref
-from collections.abc import Iterable, Iterator, Mapping, Set
-from io import FileIO
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
-from glyphs.atomic import replacing, sync_names
+from pydantic import TypeAdapter
+
+from glyphs.atomic import sync_names
 from glyphs.errors import FileError
-from pipeline.common.file_lock import lock
-from pipeline.common.parsed import json_of
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
-from pipeline.runs.row_files import RowFile, read_rows
-from pipeline.runs.second_readings import SecondReadings
-from pipeline.runs.tables import (
-    LINE_FORMS,
-    WORKBOOK,
-    check_output,
-    parquet_records,
-    record_of_json,
-    write_parquet,
-    write_records,
-)
-from pipeline.runs.workbook import write_workbook
+from pipeline.workers.executors import Executor
 
-FORMAT_VERSION = 3
-"""The first had flat JSON lines, and tables without height_px; the second knew no other lines."""
+Kept = TypeVar("Kept")
+O = TypeVar("O")  # noqa: E741 - an order
+T = TypeVar("T")
+R = TypeVar("R")
+
+_TABLES = """
+create table if not exists run (kind text, version integer, description text);
+create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
+"""
+_SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
+_DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
-class RunJournal:
-    """The rows of one run; for one thread of one process at a time.
+class Journal(Generic[Kept]):
+    """What is kept of the parts of one run.
+
+    A part that was added outlives any end of the process. One process has the journal at a time.
 
     Attributes:
-        path: the table.
+        kind: what is run, in a word.
+        version: of the form of what is kept.
+        keeps: type of what is kept of a part; pydantic writes and reads it.
+        file: name of the journal in the folder of its run; empty where the run's place is the journal.
+        shared: other connections may have it at the same time.
+        path: the file.
         description: what is run: plain JSON values.
-        resumed: whether a run that broke off was taken up.
-        kept: where the table that stood there before went; None where there was none with a row.
+        names: of the parts that are done.
+        resumed: whether a run that broke off is taken up.
     """
 
-    def __init__(self, path: Path, description: Mapping[str, Any]) -> None:
-        """Begin a run or take one up; as `open`."""
-        check_output(path)
-        self.path = path
-        self.description = description
-        self.resumed = False
+    kind: ClassVar[str]
+    version: ClassVar[int] = 1
+    keeps: ClassVar[Any]
+    file: ClassVar[str] = ""
+    shared: ClassVar[bool] = False
 
-        self.kept: Path | None = None
-        self._finished = False
-        appendable = path.suffix.lower() in LINE_FORMS
-        self._rows_path = path if appendable else _beside(path, ".rows.jsonl")
-        self._marker_path = _beside(path, ".unfinished")
-        with self._faults_told():
-            self._marker = _locked(self._marker_path, path)
-            try:
-                self._rows = self._taken_up()
-                self._second = SecondReadings(_beside(path, ".second.jsonl"), keep=self.resumed)
-            except BaseException:
-                if not os.fstat(self._marker.fileno()).st_size:
-                    self._marker_path.unlink(missing_ok=True)
-                self._marker.close()
-                raise
+    def __init__(
+        self,
+        path: Path,
+        description: Mapping[str, Any] | None,
+        *,
+        output: Path | None = None,
+        make_place: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Take up the journal, or begin it.
 
-    @classmethod
-    def open(cls, path: Path, description: Mapping[str, Any]) -> RunJournal:
-        """Take up the run that broke off there, or begin one.
+        Args:
+            path: of the file.
+            description: what is run; None to read whatever there is, and change nothing.
+            output: file that errors name; the journal unless given.
+            make_place: called before a new run is begun.
 
         Raises:
-            FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
+            FileError: it is of another run, another process has it, or it cannot be used.
         """
+        self.path, self._output = path, output or path
+        self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
+        self._synced_s = time.monotonic()
+        with self._faults():
+            self._db = self._opened()
+        try:
+            with self._faults():
+                held = self._held()
+                self.resumed = held is not None
+                if held is None and description is None:
+                    raise self._unusable(f"is no journal of a {self.kind}")
+                self.description = dict(held if description is None else description)  # type: ignore[arg-type]
+                if held is None:
+                    self._begin(make_place)
+                elif key_of(held) != key_of(self.description):
+                    what = f"holds another {self.kind} ({differences(held, self.description)})"
+                    raise self._unusable(what, f"name another one, or remove {path.name} to start again")
+                self.names = {_text(name) for (name,) in self._db.execute("select name from parts")}
+        except BaseException:
+            self.close()
+            raise
+
+    @classmethod
+    def open(cls, place: Path, description: Mapping[str, Any]) -> Self:
+        """Take up the journal of the run in a place, or begin one; a folder is made if need be."""
+        path = place / cls.file if cls.file else place
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            hint = "name another folder"
+            raise FileError(path.parent, f"cannot be made ({error.strerror})", hint) from error
         return cls(path, description)
 
-    def __enter__(self) -> RunJournal:
-        """The book."""
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """What the journal in a folder holds; the journal itself is closed again.
+
+        Raises:
+            FileError: there is none.
+        """
+        path = folder / cls.file
+        if not path.is_file():
+            raise FileError(path, "is not there", f"name the folder of a {cls.kind} (--out)")
+        with cls(path, None) as journal:
+            journal.done  # noqa: B018 - read while it is open
+        return journal
+
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close it."""
         self.close()
 
-    @property
-    def done(self) -> Set[str]:
-        """Names of the parts whose rows are kept; grows with `add`."""
-        return self._rows.names
+    @cached_property
+    def done(self) -> dict[str, Kept]:
+        """What is kept, by the part's name; grows with `add`."""
+        rows = self._db.execute("select name, kept from parts order by number")
+        return {_text(name): self._parsed(kept) for name, kept in rows}
 
-    def add(self, record: ReadingRecord) -> None:
-        """Keep a record; of two of one part the first counts, and the second is not written.
-
-        When it returns, the row outlives any end of the process; a loss of power may take the last rows.
-
-        Raises:
-            FileError: it cannot be written; the rows before stay.
-            ValueError: a record that no table holds, see `pipeline.runs.tables.plain_values`.
-        """
-        with self._faults_told():
-            self._rows.append(record)
-
-    def add_second(self, record: ReadingRecord) -> None:
-        """Keep the second reading of a part; the better of the two counts (`recognition.learning.lot.is_better`).
-
-        Raises:
-            FileError: it cannot be written.
-            ValueError: a record that no table holds.
-        """
-        with self._faults_told():
-            self._second.add(record)
-
-    @property
-    def read_again(self) -> Set[str]:
-        """Names of the parts that were read a second time."""
-        return self._second.names
-
-    def rows(self) -> Iterator[Row]:
-        """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
-
-        After `finish` the rows of a workbook are no longer kept.
-
-        Raises:
-            FileError: the file was damaged or replaced meanwhile.
-        """
-        return read_rows(self.path) if self._finished else self._second.rows(self._rows.rows())
-
-    def first_rows(self) -> Iterator[Row]:
-        """As `rows` before `finish`, whatever second readings said."""
-        return self._rows.rows()
-
-    def finish(self, order: Iterable[str]) -> None:
-        """Put the rows in order, those of parts not named last, and end the run.
+    def add(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
+        """Keep what came of a part, and return it; of two of one part the last counts.
 
         Args:
-            order: names of the parts; names without a row are passed over.
-
-        Raises:
-            FileError: it cannot be written; the same command takes the run up and ends it.
-        """
-        numbers = self._rows.numbers_in(order)
-        with self._faults_told():
-            self._rows.sync()
-            # an error of the disk after the end would be told of a run that is whole; and Windows neither removes
-            # nor replaces a file that is open
-            self._rows.close()
-            if self._rows_path != self.path:
-                records = map(record_of_json, self._records(numbers))
-                with replacing(self.path) as temporary:
-                    if self.path.suffix.lower() == WORKBOOK:
-                        write_workbook(records, temporary, self.description)
-                    else:
-                        write_parquet(records, temporary)
-                if self.path.suffix.lower() != WORKBOOK:  # what a workbook holds cannot be taken up again
-                    self._rows_path.unlink()
-            elif self.read_again or not self._rows.holds_just(numbers):
-                with replacing(self.path) as temporary, temporary.open("wb") as table:
-                    table.write(self._rows.form.head)
-                    table.writelines(self._records(numbers))
-            self._second.remove()
-            self._end()
-            if self._rows_path != self.path:
-                self._rows_path.unlink(missing_ok=True)
-        self._finished = True
-        self.close()
-
-    def keep_private(self) -> None:
-        """Let nobody but the owner read what is kept; for rows that are no table of the user's.
-
-        Raises:
-            FileError: the disk refuses.
-        """
-        with self._faults_told():
-            for path in (self._rows_path, self._marker_path):
-                path.chmod(0o600)
-
-    def forget(self) -> None:
-        """End the run and remove its rows, for they are kept elsewhere.
-
-        Raises:
-            FileError: the disk refuses.
-        """
-        with self._faults_told():
-            self._rows.close()
-            self._rows_path.unlink(missing_ok=True)
-            self._second.remove()
-            self._end()
-        self.close()
-
-    def _end(self) -> None:
-        sync_names(self.path.parent)
-        if os.name == "nt":
-            self._marker.close()  # which does not remove a file that is open
-        self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
-
-    def _records(self, numbers: Iterable[int]) -> Iterator[bytes]:
-        return self._second.records(self._rows.records(numbers), self._rows.form)
-
-    def close(self) -> None:
-        """Let go of the table; a run that is not finished can be taken up again.
+            name: of the part.
+            kept: what came of it.
+            again: when it was done a second time, which does not replace the first.
 
         Raises:
             FileError: it cannot be written.
         """
-        try:
-            with self._faults_told():
-                self._rows.close()
-                self._second.close()
-        finally:
-            self._marker.close()
+        text = json.dumps(
+            self._adapter.dump_python(kept, mode="json")
+        )  # in ASCII: a file's name may be no text
+        statement = (
+            "update parts set again = ?2 where name = ?1"
+            if again
+            else "insert into parts (name, kept) values (?1, ?2) on conflict (name) do update set kept = ?2"
+        )
+        with self._faults():
+            late = time.monotonic() >= self._synced_s + _SYNC_S
+            self._write(statement, (_blob(name), text), synced=late)
+        self.names.add(name)
+        if "done" in vars(self):
+            self.done[name] = kept
+        return kept
 
-    def _taken_up(self) -> RowFile:
-        held = self._held()
-        if held is None:
-            self._make_place()
-        else:
-            self._check_same(held)
-            self.resumed = True
-            if self._rows_path != self.path and self.path.exists() and not self._rows_path.exists():
-                write_records(parquet_records(self.path), self._rows_path)  # broke off within `finish`
-        rows = RowFile(self._rows_path)
-        try:
+    def keep_only(self, names: Iterable[str]) -> None:
+        """Forget all other parts.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        gone = self.names.difference(names)
+        with self._faults():
+            self._db.executemany("delete from parts where name = ?", [(_blob(name),) for name in gone])
+        self.names -= gone
+        for name in gone:
+            self.done.pop(name, None)
+
+    def entries(self, order: Iterable[str] | None = None) -> Iterator[tuple[Kept, Kept | None]]:
+        """What is kept of every part, and of its second time, streamed.
+
+        Args:
+            order: names of the parts that come first, each once; those without an entry are passed over.
+        """
+        select = "select number, kept, again from parts"
+        seen = bytearray(self._db.execute("select coalesce(max(number), 0) + 1 from parts").fetchone()[0])
+        for name in order or ():
+            row = self._db.execute(f"{select} where name = ?", (_blob(name),)).fetchone()
+            if row is not None and not seen[row[0]]:
+                seen[row[0]] = 1
+                yield self._parsed(row[1]), self._parsed(row[2]) if row[2] else None
+        for number, kept, again in self._db.execute(f"{select} order by number"):
+            if number < len(seen) and not seen[number]:
+                yield self._parsed(kept), self._parsed(again) if again else None
+
+    def close(self) -> None:
+        """Let go of it; what SQLite keeps beside it is gone then."""
+        with contextlib.suppress(sqlite3.Error):
+            # a file that is no longer written can be read wherever it is copied to
+            self._db.execute("pragma journal_mode = delete")
+        self._db.close()
+
+    def remove(self) -> None:
+        """End the run: its output is complete.
+
+        Raises:
+            FileError: the disk refuses.
+        """
+        self.close()
+        with self._faults():
             sync_names(self.path.parent)
-            if held is None:
-                # only now: until here, what stands there may be the table before the run
-                self._marker.write(self._heading())
-                os.fsync(self._marker.fileno())
-        except BaseException:
-            rows.close()
-            raise
-        return rows
+            self.path.unlink()
 
-    def _held(self) -> Mapping[str, Any] | None:
-        """What the marker tells; None where it is new, or its run had no row yet."""
-        self._marker.seek(0)
-        text = self._marker.read()
-        try:
-            held = json_of(text)
-        except ValueError:
-            held = None
-        if isinstance(held, dict):
-            if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
-                what = "is of a run of another version of the program, whose rows are kept otherwise"
-                raise FileError(self._marker_path, what, self._hint())
-            if isinstance(held.get("description"), dict):
-                return held
-        if text and self._has_rows(self._rows_path):
-            raise FileError(self._marker_path, "is damaged", self._hint())
-        self._marker.truncate(0)
-        return None
+    def _opened(self) -> sqlite3.Connection:
+        while True:
+            self.path.touch()
+            before = self.path.stat()
+            # threads of a service take turns: SQLite locks each statement
+            db = sqlite3.connect(
+                self.path, timeout=5.0 * self.shared, isolation_level=None, check_same_thread=False
+            )
+            try:
+                if not self.shared:
+                    db.execute("pragma locking_mode = exclusive")
+                db.execute("pragma journal_mode = wal")
+                db.execute("pragma synchronous = normal")
+                db.execute("select * from sqlite_schema").fetchall()  # takes the lock
+                if self._is(before):
+                    return db
+            except BaseException as error:
+                db.close()
+                if self._is(before) or not isinstance(error, sqlite3.Error):
+                    raise
+            db.close()  # the run before removed it as it ended
 
-    def _check_same(self, held: Mapping[str, Any]) -> None:
-        if held.get("key") == key_of(self.description):
-            return
-        what = differences(held["description"], self.description)
-        raise FileError(self.path, f"is of another run, not finished ({what})", self._hint())
+    def _is(self, before: os.stat_result) -> bool:
+        """Whether the file is still the one that was opened."""
+        with contextlib.suppress(FileNotFoundError):
+            return os.path.samestat(before, self.path.stat())
+        return False
 
-    def _make_place(self) -> None:
-        for path in {self._rows_path: None, self.path: None}:
-            if self._has_rows(path):
-                self.kept = _beside(path, "~")
-                os.replace(path, self.kept)
-            else:
-                path.unlink(missing_ok=True)
+    def _held(self) -> dict[str, Any] | None:
+        """Description of the run that broke off; None where none was begun."""
+        if not self._db.execute("select 1 from sqlite_schema where name = 'run'").fetchone():
+            return None
+        row = self._db.execute("select kind, version, description from run").fetchone()
+        if row is None:
+            return None
+        if row[:2] != (self.kind, self.version):
+            raise self._unusable(f"is of a {row[0]} of version {row[1]}, not a {self.kind} of {self.version}")
+        held: dict[str, Any] = json.loads(row[2])
+        return held
 
-    def _has_rows(self, path: Path) -> bool:
-        # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
-        form = LINE_FORMS.get(path.suffix.lower())
-        return path.exists() and path.stat().st_size > len(form.head if form else b"")
+    def _begin(self, make_place: Callable[[], None]) -> None:
+        make_place()
+        self._db.executescript(_TABLES)
+        run = (self.kind, self.version, json.dumps(self.description))
+        # until here the output may be of the run before: this line has to be on the disk before any row
+        self._write("insert into run values (?, ?, ?)", run, synced=True)
+        sync_names(self.path.parent)
 
-    def _heading(self) -> bytes:
-        heading = {
-            "format_version": FORMAT_VERSION,
-            "description": dict(self.description),
-            "key": key_of(self.description),
-        }
-        return (json.dumps(heading, indent=1) + "\n").encode()
+    def _write(self, statement: str, values: tuple[Any, ...], *, synced: bool) -> None:
+        if synced:
+            self._db.execute("pragma synchronous = full")
+        self._db.execute(statement, values)
+        if synced:
+            self._db.execute("pragma synchronous = normal")
+            self._synced_s = time.monotonic()
+
+    def _parsed(self, text: str) -> Kept:
+        return self._adapter.validate_python(json.loads(text))
+
+    def _unusable(self, what: str, hint: str = "") -> FileError:
+        return FileError(self._output, what, hint or f"name another one, or remove {self.path.name}")
 
     @contextlib.contextmanager
-    def _faults_told(self) -> Iterator[None]:
-        """Tell an OSError, and what `replacing` made of one, as what it means to the run."""
+    def _faults(self) -> Iterator[None]:
+        """Name the output in errors of SQLite and the disk."""
         try:
             yield
-        except (OSError, FileError) as problem:
-            fault = problem.__cause__ if isinstance(problem, FileError) else problem
-            if not isinstance(fault, OSError):
-                raise
-            full = fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-            hint = "make room" if full else "see to the disk and its permissions"
-            what = f"cannot be written ({fault.strerror or fault})"
-            raise FileError(self.path, what, f"{hint} and start the same command again") from fault
-
-    def _hint(self) -> str:
-        return f"name another file, or remove {self._marker_path.name} to start again"
+        except (sqlite3.Error, OSError) as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code == sqlite3.SQLITE_BUSY:
+                raise FileError(
+                    self._output, "is being written by another run", "wait for it or name another file"
+                ) from error
+            if code in _DAMAGED:
+                raise self._unusable(f"has a damaged journal ({error})") from error
+            raise cannot_be_written(self._output, error) from error
 
 
-_HELD: weakref.WeakSet[FileIO] = weakref.WeakSet()
+def resumable(
+    journal: Journal[Kept],
+    parts: Iterable[T],
+    executor: Executor,
+    work: Callable[[O, T], R],
+    order: O,
+    *,
+    lost: Callable[[T, Exception], R],
+    kept: Callable[[R], Kept] = lambda result: result,  # type: ignore[assignment, return-value]
+    name: str = "name",
+) -> Iterator[tuple[T, Kept]]:
+    """Do the parts that the journal lacks, keep what came of each, and yield it as it is done.
+
+    Args:
+        journal: what is done.
+        parts: all of them.
+        executor: who works.
+        work: makes a result of (order, part).
+        order: for all parts.
+        lost: makes the result of a part whose work failed or whose worker was lost.
+        kept: makes what is kept of a result; the result unless given.
+        name: attribute that names a part.
+    """
+    named = attrgetter(name)
+    for outcome in executor.calls(work, order, (p for p in parts if named(p) not in journal.names)):
+        task, result = outcome.task, outcome.result
+        if outcome.error is not None:
+            result = lost(task, outcome.error)
+        yield task, journal.add(named(task), kept(result))  # type: ignore[arg-type]
 
 
-def _let_go() -> None:
-    # a lock is its holder's and its children's: a worker that outlives a killed run would keep the next one out
-    for marker in tuple(_HELD):
-        marker.close()
+def cannot_be_written(path: Path, error: Exception) -> FileError:
+    """The error of an output that the disk refuses; the same command takes the run up."""
+    import errno
+
+    full = getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    full = full or getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+    hint = "make room" if full else "see to the disk and its permissions"
+    why = getattr(error, "strerror", None) or error
+    return FileError(path, f"cannot be written ({why})", f"{hint} and start the same command again")
 
 
-if hasattr(os, "register_at_fork"):  # Windows forks no process
-    os.register_at_fork(after_in_child=_let_go)
+def _blob(name: str) -> bytes:
+    return name.encode("utf-8", "surrogatepass")  # a file's name may be no text
 
 
-def _locked(marker: Path, table: Path) -> FileIO:
-    """The marker, made if it is missing, locked by this process alone."""
-    while True:
-        stream: FileIO = open(marker, "a+b", buffering=0)  # noqa: SIM115
-        try:
-            if not lock(stream.fileno(), wait=False):
-                raise FileError(table, "is being written by another run", "wait for it or name another file")
-            if os.path.samestat(os.fstat(stream.fileno()), os.stat(marker)):
-                _HELD.add(stream)
-                return stream
-        except FileNotFoundError:
-            pass
-        except BaseException:
-            stream.close()
-            raise
-        stream.close()  # the run before removed it as it ended
-
-
-def _beside(path: Path, ending: str) -> Path:
-    return path.with_name(path.name + ending)
+def _text(name: bytes) -> str:
+    return name.decode("utf-8", "surrogatepass")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.row import Row
 from pipeline.common.serial_rules import ProductionOrder
 
 
@@ -24,10 +23,10 @@ class LotCheck:
     order: ProductionOrder
     bearers: dict[str, str] = field(default_factory=dict)
 
-    def known(self, row: Row) -> None:
-        """Take a row of an earlier sitting into account."""
-        if row.decision == "accept":
-            self.bearers.setdefault(_plain(row.text), row.part)
+    def known(self, record: ReadingRecord) -> None:
+        """Take a record of an earlier sitting into account."""
+        if record.decision == "accept":
+            self.bearers.setdefault(_plain(record.text), record.part)
 
     def checked(self, record: ReadingRecord) -> ReadingRecord:
         """The record, to be reviewed where something speaks against its serial."""

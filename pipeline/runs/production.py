@@ -13,7 +13,7 @@ from glyphs.atomic import replacing
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
@@ -73,27 +73,27 @@ def run_batch(
     order = order_for(settings, options, executors, verify=expected is not None)
     learning = learns(options, settings, parts)
 
-    shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
+    shown: dict[str, ReadingRecord] | None = {} if len(parts) <= MOST_SHOWN else None
     description = _description(inputs, settings, options, learning, certificate)
     with opened(options, description, learns=learning) as run:
-        done = len(run.book.done) if run.book is not None else 0
+        done = len(run.book.done)
         _print_begun(run, options)
         with Progress() as progress:
             progress.start(len(parts), done)
 
-            def on_row(row: Row) -> None:
+            def on_row(record: ReadingRecord) -> None:
                 part_done()
-                progress.advance(failed=bool(row.error))
+                progress.advance(failed=bool(record.error))
 
             run.on_row = on_row
             run.lot = LotCheck(production) if production is not None else None
             run.watch = None if certificate is None else DriftWatch(certificate)
 
-            def on_any_row(row: Row) -> None:
+            def on_any_row(record: ReadingRecord) -> None:
                 if shown is not None:
-                    shown[row.part] = row
+                    shown[record.part] = record
                 if scores is not None:
-                    scores.add(row)
+                    scores.add(record)
 
             run.on_any_row = on_any_row
             if run.second is not None:
@@ -146,8 +146,6 @@ def _description(
 
 
 def _print_begun(run: Run, options: RunOptions) -> None:
-    if run.book is None:
-        return
     if run.book.resumed:
         print(f"continuing an interrupted run: {len(run.book.done):,} parts are read already")
     if run.book.kept is not None:

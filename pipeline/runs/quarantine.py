@@ -15,7 +15,7 @@ from pipeline.common.spreadsheet import harmless
 from pipeline.formats.manifest import COLUMNS, FILES
 from pipeline.formats.names import absolute
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.table_file import table_lines
+from pipeline.runs.journal import cannot_be_written
 
 _HEAD = ",".join((*COLUMNS, "problem")) + "\n"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
@@ -30,12 +30,12 @@ class Quarantine:
     """
 
     def __init__(self, path: Path, *, keep: bool = False) -> None:
-        """Begin the list, or go on with one.
+        """Begin the list.
 
         Args:
             path: of the CSV.
-            keep: go on with what is there, without a last line that was not written to its end; else a list
-                that is there is moved to the same name with a ~.
+            keep: whether a list that is there is of this run, which tells all its parts again; else it is moved to
+                the same name with a ~.
 
         Raises:
             FileError: what is there is no such list, or cannot be moved or read.
@@ -47,7 +47,7 @@ class Quarantine:
             if not path.exists() or not self._is_ours():
                 return
             if keep:
-                self._names = self._taken_up()
+                path.unlink()
             else:
                 self.kept = path.with_name(path.name + "~")
                 os.replace(path, self.kept)
@@ -99,29 +99,12 @@ class Quarantine:
         self.path.unlink()
         return False
 
-    def _taken_up(self) -> set[str]:
-        """Cut off what is not whole, and give the names of the rest."""
-        whole = position = quotes = 0
-        with self.path.open("rb") as stream:
-            for line in stream:
-                position += len(line)
-                quotes += line.count(b'"')
-                if line.endswith(b"\n") and quotes % 2 == 0:
-                    whole = position
-        os.truncate(self.path, whole)
-        _, *lines = table_lines(self.path)
-        return {line.cells[0] for line in lines}
-
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            raise FileError(
-                self.path,
-                f"cannot be written ({error.strerror or error})",
-                "make room or check its permissions, and start the same command again",
-            ) from error
+            raise cannot_be_written(self.path, error) from error
 
 
 def _one_line(cell: str) -> str:

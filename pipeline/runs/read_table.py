@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from rich.cells import cell_len
 
 from glyphs.plain_text import visible
-from pipeline.common.row import Row
+from pipeline.common.reading_records import CharacterRecord, ReadingRecord
+from pipeline.common.row import Row, state_text
 
 _RIGHT = ("confidence", "depth mm", "seconds")
 _SPARE = ("seconds", "source", "depth mm", "grade", "confidence")
@@ -27,20 +28,15 @@ _GAP = "  "
 _LEAST_WIDTH = 20
 _SHORT_NAME = 8
 _PLACES = re.compile(r"\bplaces? ((?:\d+(?:, | and | to )?)+)")
-_STATES = (
-    (re.compile(r"(\d+):confused (.)/(.)"), r"place \1: \2 or \3?"),
-    (re.compile(r"(\d+):mismatch (.)/(.)"), r"place \1: \2 where \3 is expected"),
-    (re.compile(r"(\d+):not read"), r"place \1: not read"),
-)
 
 
-def print_table(rows: Sequence[Row]) -> None:
-    """Print the rows: as wide as the terminal, elsewhere as wide as they are, for a script reads them."""
+def print_table(records: Sequence[ReadingRecord]) -> None:
+    """Print a row a part: as wide as the terminal, elsewhere as wide as they are, for a script reads them."""
     from rich.console import Console
     from rich.text import Text
 
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
-    for line in table_lines(rows, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
+    for line in table_lines(records, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
         text = Text(line)
         # words of the program, which stand apart from what is read
         for word, colour in _COLOUR.items():
@@ -48,14 +44,14 @@ def print_table(rows: Sequence[Row]) -> None:
         console.print(text)
 
 
-def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
+def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[str]:
     """The table.
 
     Args:
-        rows: of the parts.
+        records: of the parts.
         width: columns of the terminal; None: as many as are needed.
     """
-    cells = [_cells(row) for row in rows]
+    cells = [_cells(Row.of(record)) for record in records]
     # of a column that says nothing of any part only those stay that everybody looks for
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
@@ -67,12 +63,12 @@ def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
         widths["part"] = max((n for n in names if n <= room), default=0)
         widths["part"] = max(widths["part"], cell_len("part"))
     lines = [_line({h: h for h in shown}, shown, widths)]
-    for row, cell in zip(rows, cells, strict=True):
+    for record, cell in zip(records, cells, strict=True):
         if cell_len(cell["part"]) > widths["part"]:
             lines.append(cell["part"])
             cell["part"] = ""
         lines.append(_line(cell, shown, widths))
-        if remarks := visible(" ".join((row.error or notes(row)).split())):
+        if remarks := visible(" ".join((record.error or notes(record)).split())):
             lines += (
                 [f"{_GAP}{remarks}"]
                 if width is None
@@ -136,16 +132,19 @@ def _places_in(text: str) -> set[str]:
     return named
 
 
-def notes(row: Row) -> str:
+def notes(record: ReadingRecord) -> str:
     """What a person should know of a part that was read."""
-    found = [row.flags]
-    if not row.verdict:  # a verification names its places itself
-        # a place that the flags ask about is not asked about twice
-        asked = _places_in(row.flags)
-        states = ", ".join(s for s in row.states.split(", ") if s.partition(":")[0] not in asked)
-        for pattern, words in _STATES:
-            states = pattern.sub(words, states)
-        found.append(states)
+    found = list(record.messages)
+    if not record.verdict:  # a verification names its places itself
+        # a place that the messages ask about is not asked about twice
+        asked = _places_in("; ".join(record.messages))
+        states = (
+            f"place {k}: {_state(c)}"
+            for k, c in enumerate(record.characters, start=1)
+            if c.state not in ("", "read") and str(k) not in asked
+        )
+        found.append(", ".join(states))
+    row = Row.of(record)
     if row.verdict == "refuted":
         found.append(f"expected {row.expected}")
     if row.verdict == "undecided":
@@ -154,3 +153,14 @@ def notes(row: Row) -> str:
         found.append(f"may also be {row.rivals}")
     found.append(row.action)
     return "; ".join(part for part in found if part)
+
+
+def _state(place: CharacterRecord) -> str:
+    chars = [char or "-" for char in place.state_chars]
+    if place.state == "confused":
+        return f"{' or '.join(chars)}?"
+    return (
+        " where ".join(chars) + " is expected"
+        if place.state == "mismatch"
+        else state_text(place.state, chars)
+    )

@@ -1,6 +1,6 @@
 """A night's production: many parts, read by an executor, every row on the disk before the next one counts.
 
-    listed parts --not done yet--> executor --> store --> table (RunJournal) --> quarantine, summary
+    listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine, summary
                                                             --> what was not accepted, read again (SecondPass)
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
@@ -9,14 +9,13 @@ that the store has and the table has not is read again, and the store takes it o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
-from glyphs.errors import fault_of
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.row import Row
 from pipeline.formats.part_files import PartFiles
+from pipeline.runs.journal import resumable
 from pipeline.runs.summary import Summary
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.errors import UnfitError
@@ -24,9 +23,9 @@ from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
-    from pipeline.runs.journal import RunJournal
     from pipeline.runs.lot_check import LotCheck
     from pipeline.runs.quarantine import Quarantine
+    from pipeline.runs.run_journal import RunJournal
     from pipeline.runs.second_pass import SecondPass
 
 
@@ -46,7 +45,7 @@ class Run:
     """Where the rows of a run go.
 
     Attributes:
-        book: the table on the disk; None: rows go to `on_row` alone.
+        book: the run on the disk.
         quarantine: list of the parts that could not be read.
         store: keeps them as well.
         second: what has the lot teach itself; needs a book.
@@ -61,21 +60,21 @@ class Run:
         finished: whether every part has been.
     """
 
-    book: RunJournal | None = None
+    book: RunJournal
     quarantine: Quarantine | None = None
     store: Store | None = None
     second: SecondPass | None = None
     lot: LotCheck | None = None
     watch: DriftWatch | None = None
-    on_row: Callable[[Row], None] | None = None
-    on_any_row: Callable[[Row], None] | None = None
+    on_row: Callable[[ReadingRecord], None] | None = None
+    on_any_row: Callable[[ReadingRecord], None] | None = None
     summary: Summary = field(default_factory=Summary)
     read_now: int = 0
     known: int = 0
     finished: bool = False
 
     def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
-        """Read every part whose row the book does not hold, and put the table in the order of the parts.
+        """Read every part that the book does not hold, and put the table in the order of the parts.
 
         Beside a store the book is no result: it stays, unfinished, until whoever opened the run is done with it.
 
@@ -83,64 +82,61 @@ class Run:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
-        for row in self.book.rows() if self.book is not None else ():
+        failed: dict[str, str] = {}
+        for record in self.book.records():
             if self.lot is not None:
-                self.lot.known(row)
+                self.lot.known(record)
             if self.second is None:
-                self._count(row)
-        for outcome in executor.calls(read_listed, order, self.missing(parts)):
-            self._take(outcome.result or lost_part(outcome.task, outcome.error))
-        if self.book is not None and self.second is not None:
+                self._count(record)
+            if record.error:
+                failed[record.part] = record.error
+        if self.quarantine is not None and failed:
+            for part in parts:
+                if part.name in failed:
+                    self.quarantine.add(part, failed[part.name])
+        done = resumable(
+            self.book.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
+        )
+        for part, record in done:
+            if record.error and self.quarantine is not None:
+                self.quarantine.add(part, record.error)
+            self.read_now += 1
+            if self.second is None:
+                self._count(record)
+            if self.on_row is not None:
+                self.on_row(record)
+        if self.second is not None:
             self.second.checked = self.lot.checked if self.lot is not None else None
             self.second.work(self.book, parts, order, executor)
-            for row in self.book.rows():
-                self._count(row)
-        if self.book is not None and self.store is None:
+            for record in self.book.records():
+                self._count(record)
+        if self.store is None:
             self.book.finish(part.name for part in parts)
         self.finished = True
 
-    def missing(self, parts: Sequence[PartFiles]) -> Iterator[PartFiles]:
-        """The parts that are to be read still."""
-        done = self.book.done if self.book is not None else set()
-        return (part for part in parts if part.name not in done)
-
-    def _take(self, read: ReadPart) -> None:
+    def _record(self, read: ReadPart) -> ReadingRecord:
+        """The record of a part, which lot, store and certificate have had a look at."""
         if self.lot is not None:
             read = replace(read, record=self.lot.checked(read.record))
+        record = read.record
         if self.store is not None:
             try:
                 self.known += not self.store.add(read)
             # what no store holds may not end the run, now and whenever it goes on
             except UnfitError as error:
-                problem = f"{read.record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
-                read = ReadPart(read.listed, ReadingRecord.failed(read.record.part, problem))
-        record = read.record
+                problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
+                record = ReadingRecord.failed(record.part, problem)
         if self.watch is not None:
             self.watch.add(record.source, read.measures)
-        if record.error and self.quarantine is not None:
-            # before the row: a part too many in the list does no harm, one too few is lost
-            self.quarantine.add(read.listed, record.error)
-        if self.book is not None:
-            try:
-                self.book.add(record)
-            except ValueError as error:  # a fault of the program, which may not end the night
-                problem = f"{record.part}: {fault_of(error)}; please report it"
-                record = ReadingRecord.failed(record.part, problem)
-                self.book.add(record)
-        row = Row.of(record)
-        self.read_now += 1
-        if self.second is None:
-            self._count(row)
-        if self.on_row is not None:
-            self.on_row(row)
+        return record
 
-    def _count(self, row: Row) -> None:
-        self.summary.add(row)
+    def _count(self, record: ReadingRecord) -> None:
+        self.summary.add(record)
         if self.on_any_row is not None:
-            self.on_any_row(row)
+            self.on_any_row(record)
 
 
-def lost_part(listed: PartFiles, error: Exception | None) -> ReadPart:
+def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
     """A part that no worker has read, with what became of the worker."""
     file = listed.files[0] if listed.files else listed.name
     reason = " ".join(str(error).split()) or type(error).__name__

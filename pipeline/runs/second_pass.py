@@ -13,19 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError
-from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.errors import is_url
 from pipeline.formats.names import split_name
 from pipeline.formats.part_files import PartFiles
 from pipeline.runs.options import RunOptions
-from pipeline.runs.task import ReadPart, RunOrder, read_listed
+from pipeline.runs.task import RunOrder, read_listed
 from pipeline.workers.executors import Executor, ordered_map
 
 if TYPE_CHECKING:
     from pipeline.common.reading_records import ReadingRecord
     from pipeline.reading.enrolment import EnrolReport
-    from pipeline.runs.journal import RunJournal
+    from pipeline.runs.run_journal import RunJournal
 
 
 def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
@@ -84,7 +83,7 @@ class SecondPass:
     say: Callable[[str], None] = print
     checked: Callable[[ReadingRecord], ReadingRecord] | None = None
     on_again: Callable[[int], None] | None = None
-    on_row: Callable[[Row], None] | None = None
+    on_row: Callable[[ReadingRecord], None] | None = None
     learned: EnrolReport | None = field(default=None, init=False)
     again: int = field(default=0, init=False)
 
@@ -99,10 +98,9 @@ class SecondPass:
         """
         from recognition.learning.lot import needs_another
 
-        unsure = {row.part for row in book.first_rows() if needs_another(row)}
-        waiting = [
-            p for p in parts if p.name in unsure and p.name not in book.read_again and _learns_or_teaches(p)
-        ]
+        entries = book.journal.entries()
+        unsure = {first.part for first, again in entries if again is None and needs_another(first)}
+        waiting = [p for p in parts if p.name in unsure and _learns_or_teaches(p)]
         if not (waiting or self.always):
             return
         name = _font_name(parts)
@@ -115,16 +113,12 @@ class SecondPass:
             self.again += 1
             if outcome.result is None:
                 continue  # its first reading stays; taken up again, the run tries it once more
-            self._keep(book, outcome.result)
-
-    def _keep(self, book: RunJournal, read: ReadPart) -> None:
-        record = read.record if self.checked is None else self.checked(read.record)
-        try:
-            book.add_second(record)
-        except ValueError:  # what no table holds is no better than what it has
-            return
-        if self.on_row is not None:
-            self.on_row(Row.of(record))
+            record = outcome.result.record
+            record = book.journal.add(
+                record.part, record if self.checked is None else self.checked(record), again=True
+            )
+            if self.on_row is not None:
+                self.on_row(record)
 
     def _taught(
         self,
@@ -139,7 +133,7 @@ class SecondPass:
         from recognition.learning.lot import LEAST_AGREEMENT, teachers
 
         able = {part.name: part for part in parts if _learns_or_teaches(part) and _is_here(part)}
-        texts = teachers(row for row in book.first_rows() if row.part in able)
+        texts = teachers(first for first, _ in book.journal.entries() if first.part in able)
         reviewed = [
             ReviewedPart(part, text, _path(able[part].scan), _path(able[part].height_map))
             for part, text in texts.items()

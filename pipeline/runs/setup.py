@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from pipeline.workers.options import ExecutorOptions
 if TYPE_CHECKING:
     from pipeline.formats.find_parts import Listing
     from pipeline.reading.expected import Expected
-    from pipeline.runs.journal import RunJournal
+    from pipeline.runs.run_journal import RunJournal
     from pipeline.runs.second_pass import SecondPass
 
 
@@ -38,18 +38,16 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         StoreError: a store that cannot be opened.
     """
     from pipeline.common.run_description import key_of
-    from pipeline.runs.journal import RunJournal
     from pipeline.runs.quarantine import Quarantine
+    from pipeline.runs.run_journal import RunJournal
     from pipeline.runs.store_target import RunStore
 
     if options.out is None:
-        with tempfile.TemporaryDirectory(prefix="tactile-marks-") if learns else nullcontext() as folder:
-            if folder is None:
-                yield Run()
-                return
-            # the second pass asks what the first one read, however many parts there are
-            with RunJournal.open(Path(folder) / "rows.jsonl", description) as book:
-                yield Run(book, second=_second_pass(book, options))
+        with (
+            tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder,
+            RunJournal.open(Path(folder) / "rows.jsonl", description) as book,
+        ):
+            yield Run(book, second=_second_pass(book, options) if learns else None)
         return
     table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
     key = key_of({**description, "store": options.store})

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
 
 DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 MOST_REASONS = 8
@@ -17,7 +17,6 @@ _MOST_KINDS = 500
 _SLOWEST = 5
 _NUMBER = re.compile(r"(?P<kept>\bformat \S+|(?<!\w)\w or \w(?!\w))|\d+(?:[.,]\d+)*")
 """A number; digits of a format, and those that stand for characters (0 or O), are kept."""
-_BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
 _OTHER_TEXT = re.compile(r"(?<=\w): \S+(?= \(set )")  # what a part reads as well, mirrored or upside down
 _PLACES = re.compile(
     r"(?<=low confidence): .*|(?<=\d): (?:.*\?|.* least sure)$|: [^“]*\bplaces? \d.*"
@@ -48,24 +47,24 @@ class Summary:
     seconds: float = 0.0
     _slowest: list[tuple[float, str]] = field(default_factory=list)
 
-    def add(self, row: Row) -> None:
+    def add(self, record: ReadingRecord) -> None:
         """Count one more part."""
         self.parts += 1
-        self.seconds += row.seconds
-        heapq.heappush(self._slowest, (row.seconds, row.part))
+        self.seconds += record.seconds
+        heapq.heappush(self._slowest, (record.seconds, record.part))
         if len(self._slowest) > _SLOWEST:
             heapq.heappop(self._slowest)
-        if row.error:
+        if record.error:
             self.errors += 1
-            _count(self.faults, _kind(row.error.partition(": ")[2] or row.error))
+            _count(self.faults, _kind(record.error.partition(": ")[2] or record.error))
             return
-        self.decisions[row.decision] += 1
-        if row.verdict:
-            self.verdicts[row.verdict] += 1
-        if row.decision != "accept":
-            for reason in dict.fromkeys(_kind(flag) for flag in _BETWEEN.split(row.flags) if flag):
+        self.decisions[record.decision] += 1
+        if record.verdict:
+            self.verdicts[record.verdict] += 1
+        if record.decision != "accept":
+            for reason in dict.fromkeys(map(_kind, record.messages)):
                 _count(self.reasons, reason)
-            if not row.flags:
+            if not record.messages:
                 _count(self.reasons, "not sure enough")
 
     @property

@@ -1,39 +1,38 @@
-"""Tables of records: `.csv`, `.jsonl` or `.parquet`; all that goes to and from the disk passes through here.
+"""Tables of records: `.csv`, `.jsonl`, `.parquet` and `.xlsx`.
 
-    ReadingRecord --+-- Row --> CSV line    flat; a newline of a text stands within quotes, so that quotes are counted
-                    +-- JSON line           lists and objects a character; ends in LF, which JSON allows within no text
-                    +-- Parquet             lists and structs likewise, some hundred records at a time
+    ReadingRecord --+-- Row --> CSV line     flat
+                    +-- JSON line            lists and objects a character
+                    +-- Parquet              the same, from some hundred JSON lines at a time
 
 A character of a JSON line or of Parquet has `char`, `probability` and `score`, its `alternatives` with the same, and
-the other fields of `pipeline.common.records.CharacterRecord`.
+the other fields of `CharacterRecord`.
 
-What is not known is an empty field or null. A character that is none of UTF-8, as names of files may have one, and
-NUL, at which many programs stop, are written as the words \\udcff and \\u0000; a backslash that would begin such a
-word is written \\u005c. In CSV what a spreadsheet would take for a formula has an apostrophe in front. So any text
-comes back as it was, and any program can open the table.
+What is not known is an empty field or null. A character that UTF-8 lacks, as names of files may have one, and NUL, at
+which many programs stop, are written as the words \\udcff and \\u0000; a backslash that would begin such a word is
+written \\u005c. In CSV what a spreadsheet would take for a formula has an apostrophe in front.
 """
 
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, is_dataclass
 from datetime import datetime
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from glyphs.atomic import check_writable, replacing
-from glyphs.errors import FileError, damage_reported
-from pipeline.common.parsed import json_of
+from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.record_json import to_json
 from pipeline.common.row import Row
-from pipeline.common.spreadsheet import harmless, original
+from pipeline.common.spreadsheet import harmless
 
 CSV_COLUMNS = tuple(f.name for f in fields(Row))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
@@ -43,10 +42,24 @@ MOST_TEXT = 100_000
 """Characters of one text, escaped; Python's own reader of CSV takes up to 131,072."""
 _GROUP_RECORDS = 500  # of Parquet; some megabytes while they are made
 _ODD = re.compile(r"[\x00\ud800-\udfff]|\\(?=u(?:0000|005c|d[89a-f][0-9a-f]{2}))")
-_ODD_WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
-_LINE_BREAKS = {c: f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"}  # to some readers of lines, not to JSON
-_BEST = tuple(f.name for f in fields(CandidateRecord))
-_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
+_LINE_BREAKS = {
+    ord(c): f"\\u{ord(c):04x}" for c in "\x85\u2028\u2029"
+}  # to some readers of lines, not to JSON
+_dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+_NOBODY = {f.name: f.default for f in fields(CandidateRecord)} | {"char": "", "probability": 0.0}
+
+
+@dataclass(frozen=True, slots=True)
+class LineForm:
+    """A kind of table that lines can be appended to.
+
+    Attributes:
+        head: first line.
+        encode: makes the line of a record; a ValueError for a record that no table holds.
+    """
+
+    head: bytes
+    encode: Callable[[ReadingRecord], bytes]
 
 
 def check_output(path: Path) -> None:
@@ -61,212 +74,94 @@ def check_output(path: Path) -> None:
 
 
 def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
-    """Write the records as they come; the file appears whole or not at all.
+    """Write a table of lines or Parquet; the file appears whole or not at all.
 
     Raises:
         FileError: unknown suffix, or it cannot be written.
-        ValueError: a record that no table holds, see `plain_values`.
+        ValueError: a record that no table holds.
     """
     check_output(path)
     with replacing(path) as temporary:
         form = LINE_FORMS.get(path.suffix.lower())
         if form is None:
-            write_parquet(records, temporary)
+            _write_parquet(records, temporary)
             return
         with temporary.open("wb") as stream:
             stream.write(form.head)
             stream.writelines(map(form.encode, records))
 
 
-@dataclass(frozen=True, slots=True)
-class LineForm:
-    """How a kind of file that records can be appended to holds them.
-
-    Attributes:
-        head: what the file begins with.
-        encode: a record's line; a ValueError for a record that no table holds.
-        decode: the row of a line; a ValueError for what is no line of this form.
-        quoted: whether a newline within double quotes ends no line.
-    """
-
-    head: bytes
-    encode: Callable[[ReadingRecord], bytes]
-    decode: Callable[[bytes], Row]
-    quoted: bool
-
-    def ended(self, data: bytes) -> bool:
-        """Whether a line was written to its end."""
-        return data.endswith(b"\n") and not (self.quoted and data.count(b'"') % 2)
-
-
-# ------------------------------------------------------------------------------------------ values, by their types
-
-
-def plain_values(record: ReadingRecord | Row) -> dict[str, Any]:
-    """What a table holds of a record or row: texts, numbers, times, lists and dicts of them.
+def csv_cells(record: ReadingRecord) -> list[Any]:
+    """The cells of a record's row.
 
     Raises:
-        ValueError: a number that is not finite, or a text over 100,000 characters.
+        ValueError: a number that is not finite, or a text that is too long.
     """
-    names = CSV_COLUMNS if isinstance(record, Row) else COLUMNS
-    values = {}
-    for name in names:
-        try:
-            values[name] = _plain(getattr(record, name))
-        except ValueError as error:
-            raise ValueError(f"{name} of part {record.part[:80]!r} {error}") from None
-    return values
+    cells: list[Any] = _fitting(list(vars(Row.of(record)).values()), record.part)
+    return cells
 
 
-def _plain(value: Any) -> Any:
+def _fitting(value: Any, part: str) -> Any:
+    """A value as a table holds it."""
     if isinstance(value, str):
-        kept = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value)
-        if len(kept) > MOST_TEXT:
-            raise ValueError(f"has {len(kept)} characters; a table holds {MOST_TEXT} of a text")
-        return kept
-    if isinstance(value, float):
-        return _number(value)
-    if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, CharacterRecord):
-        best, *others = value.candidates or (CandidateRecord("", 0.0),)
-        rest = {
-            name: _plain(getattr(value, name)) for name in _hints(CharacterRecord) if name != "candidates"
-        }
-        return {**_plain(best), "alternatives": [_plain(c) for c in others], **rest}
-    if is_dataclass(value):
-        return {name: _plain(getattr(value, name)) for name in _hints(type(value))}
+        text = _ODD.sub(lambda m: f"\\u{ord(m[0]):04x}", value)
+        if len(text) > MOST_TEXT:
+            raise ValueError(
+                f"part {part[:80]!r} has a text of {len(text)} characters; a table holds {MOST_TEXT}"
+            )
+        return text
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"part {part[:80]!r} has the number {value}; a table holds finite ones")
+    if isinstance(value, list):
+        return [_fitting(v, part) for v in value]
+    if isinstance(value, dict):
+        return {name: _fitting(v, part) for name, v in value.items()}
     return value
 
 
-def _made(kind: Any, value: Any) -> Any:
-    """A value of that type out of what a table holds of it."""
-    args = get_args(kind)
-    if get_origin(kind) is UnionType:
-        return None if value is None or value == "" else _made(args[0], value)
-    if kind is str:
-        if not isinstance(value, str):
-            raise ValueError(f"{value!r} is not text")
-        return _ODD_WORD.sub(lambda m: chr(int(m[1], 16)), value)
-    if kind is float:
-        return _number(value)
-    if kind is int:
-        return int(_number(value))
-    if kind is bool:
-        if value not in (True, False, "True", "False"):
-            raise ValueError(f"{value!r} is neither True nor False")
-        return value in (True, "True")
-    if kind is datetime:
-        return value if isinstance(value, datetime) else datetime.fromisoformat(str(value))
-    if get_origin(kind) is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise ValueError(f"{value!r} is no list")
-        kinds = args[:1] * len(value) if args[-1] is Ellipsis else args
-        return tuple(_made(k, v) for k, v in zip(kinds, value, strict=True))
-    return _of_type(kind, value)
-
-
-def _of_type(kind: type[Any], values: Any) -> Any:
-    if not isinstance(values, Mapping):
-        raise ValueError(f"{values!r} has no fields")
-    values = dict(values)
-    if kind is CharacterRecord:
-        best, others = {name: values.pop(name, None) for name in _BEST}, values.pop("alternatives", ())
-        values["candidates"] = [best, *others] if best["char"] else []
-    hints = _hints(kind)
-    if values.keys() != hints.keys():
-        raise ValueError(
-            f"the fields are not those of a {'row' if kind in (Row, ReadingRecord) else 'character'}"
-        )
-    return kind(**{name: _made(hint, values[name]) for name, hint in hints.items()})
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or value is None:
-        raise ValueError(f"{value!r} is not a number")
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"is {number}; a table holds finite numbers")
-    return number
-
-
-# ------------------------------------------------------------------------------------------------ CSV, JSON lines
-
-
-class _Echo:
-    def write(self, text: str) -> str:
-        return text
-
-
-def _csv_line(values: Iterable[Any]) -> bytes:
-    cells = [harmless(value) if isinstance(value, str) else value for value in values]
-    line: Any = csv.writer(_Echo()).writerow(cells)  # gives what `write` gives
-    return str(line).encode()
-
-
-def _row_of_csv(data: bytes) -> Row:
-    try:
-        (values,) = csv.reader([data.decode()], strict=True)
-    except csv.Error as error:
-        raise ValueError(str(error)) from error
-    if len(values) != len(CSV_COLUMNS):
-        raise ValueError(f"{len(values)} fields, not {len(CSV_COLUMNS)}")
-    row: Row = _made(Row, dict(zip(CSV_COLUMNS, map(original, values), strict=True)))
-    return row
-
-
-_dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False, default=datetime.isoformat).encode
+def _csv_line(cells: Iterable[Any]) -> bytes:
+    line = io.StringIO()
+    csv.writer(line).writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
+    return line.getvalue().encode()
 
 
 def _json_line(record: ReadingRecord) -> bytes:
-    line = _dumps(plain_values(record))
-    if not line.isascii():
-        for character, word in _LINE_BREAKS.items():
-            line = line.replace(character, word)
-    return f"{line}\n".encode()
+    told = to_json(record)
+    values = {name: told[name] for name in COLUMNS}
+    values["characters"] = [_flat(place) for place in values["characters"]]
+    line = _dumps(values)
+    if len(line) > MOST_TEXT or _ODD.search(line):
+        line = _dumps(_fitting(values, record.part))
+    return f"{line.translate(_LINE_BREAKS)}\n".encode()
 
 
-def record_of_json(data: bytes) -> ReadingRecord:
-    """The record of a JSON line.
-
-    Raises:
-        ValueError: it is none.
-    """
-    record: ReadingRecord = _made(ReadingRecord, json_of(data))
-    return record
+def _flat(place: dict[str, Any]) -> dict[str, Any]:
+    """A character with its best candidate beside its other fields."""
+    best, *others = place.pop("candidates") or (_NOBODY,)
+    return {**best, "alternatives": others, **place}
 
 
-CSV = LineForm(
-    _csv_line(CSV_COLUMNS),
-    lambda record: _csv_line(plain_values(Row.of(record)).values()),
-    _row_of_csv,
-    quoted=True,
-)
-JSON_LINES = LineForm(b"", _json_line, lambda data: Row.of(record_of_json(data)), quoted=False)
-LINE_FORMS = {".csv": CSV, ".jsonl": JSON_LINES}
+LINE_FORMS = {
+    ".csv": LineForm(_csv_line(CSV_COLUMNS), lambda record: _csv_line(csv_cells(record))),
+    ".jsonl": LineForm(b"", _json_line),
+}
 WORKBOOK = ".xlsx"
 """Made at the end of a run, see `pipeline.runs.workbook`."""
 SUFFIXES = (*LINE_FORMS, ".parquet", WORKBOOK)
 
 
-# ------------------------------------------------------------------------------------------------------- Parquet
-
-
-def write_parquet(records: Iterable[ReadingRecord], path: Path) -> None:
-    """Write records as they come, a group at a time.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    import pyarrow
+def _write_parquet(records: Iterable[ReadingRecord], path: Path) -> None:
+    import pyarrow.json
     import pyarrow.parquet
 
-    hints = _hints(ReadingRecord)
+    hints = get_type_hints(ReadingRecord)
     schema = pyarrow.schema([(name, _arrow(hints[name])) for name in COLUMNS])
+    parsing = pyarrow.json.ParseOptions(explicit_schema=schema)
     remaining = iter(records)
     with pyarrow.parquet.ParquetWriter(path, schema) as writer:
-        while group := [plain_values(record) for record in islice(remaining, _GROUP_RECORDS)]:
-            writer.write_table(pyarrow.Table.from_pylist(group, schema=schema))
+        while lines := b"".join(map(_json_line, islice(remaining, _GROUP_RECORDS))):
+            reading = pyarrow.json.ReadOptions(block_size=len(lines))
+            writer.write_table(pyarrow.json.read_json(io.BytesIO(lines), reading, parsing))
 
 
 def _arrow(kind: Any) -> Any:
@@ -279,10 +174,10 @@ def _arrow(kind: Any) -> Any:
     if get_origin(kind) is tuple:
         return pyarrow.list_(_arrow(args[0]))
     if is_dataclass(kind):
-        named = dict(_hints(kind))
+        named = get_type_hints(kind)
         if kind is CharacterRecord:
             candidates = named.pop("candidates")
-            named = {**_hints(CandidateRecord), "alternatives": candidates, **named}
+            named = {**get_type_hints(CandidateRecord), "alternatives": candidates, **named}
         return pyarrow.struct([(name, _arrow(hint)) for name, hint in named.items()])
     plain: dict[Any, Any] = {
         str: pyarrow.string(),
@@ -292,20 +187,3 @@ def _arrow(kind: Any) -> Any:
         datetime: pyarrow.timestamp("us", tz="UTC"),
     }
     return plain[kind]
-
-
-def parquet_records(path: Path) -> Iterator[ReadingRecord]:
-    """The records of a Parquet file, a group in memory at a time.
-
-    Raises:
-        FileError: the file is damaged or none of records.
-    """
-    with damage_reported(path, kind="Parquet"):
-        import pyarrow.parquet
-
-        with pyarrow.parquet.ParquetFile(path) as file:
-            if tuple(file.schema_arrow.names) != COLUMNS:
-                raise FileError(path, "has not the columns of this version", "name another file")
-            for batch in file.iter_batches(batch_size=_GROUP_RECORDS):
-                for values in batch.to_pylist():
-                    yield _made(ReadingRecord, values)

@@ -20,9 +20,8 @@ from typing import Any
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.row import Row
 from pipeline.runs.read_table import notes
-from pipeline.runs.tables import CSV_COLUMNS, WORKBOOK, plain_values
+from pipeline.runs.tables import CSV_COLUMNS, WORKBOOK, csv_cells
 
 MOST_PARTS = 1_048_575
 """Lines of a sheet below its headings, a limit of Excel."""
@@ -71,13 +70,13 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
     characters = _Sheet(book, "Characters", _CHARACTERS)
     times: list[datetime] = []
     for record in records:
-        row = Row.of(record)
         if record.at is not None:
             times = [min([*times, record.at]), max([*times, record.at])]
-        decision = row.decision or "error"
-        confidence = None if row.error else record.confidence
-        parts.add((row.part, row.text, decision, confidence, row.error or notes(row)), decision=decision)
-        columns.add(tuple(plain_values(row).values()))
+        decision = record.decision or "error"
+        confidence = None if record.error else record.confidence
+        told = record.error or notes(record)
+        parts.add((record.part, record.text, decision, confidence, told), decision=decision)
+        columns.add(csv_cells(record))
         for cells in _characters(record):
             if characters.lines < MOST_PARTS:
                 characters.add(cells)

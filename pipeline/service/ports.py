@@ -141,6 +141,7 @@ class Ports:
                     most_bytes=settings.max_upload_mb * 1_000_000,
                     at_once=settings.jobs,
                 )
+                stack.callback(self._watch_journal.close)
                 watched.start()
                 stack.push_async_callback(watched.stop, grace_s=grace_s)
                 log.info("watched folder", folder=str(watched.folder), every_s=settings.watch_every_s)

@@ -239,7 +239,7 @@ class ServiceSettings(Settings):
     @property
     def watch_journal(self) -> Path:
         """What became of the files of the watched folder."""
-        return self.folder / "watched.jsonl"
+        return self.folder / "watched.db"
 
     @property
     def databases_folder(self) -> Path:

@@ -25,9 +25,8 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.journal import RunJournal
 from pipeline.runs.options import RunOptions
-from pipeline.runs.row_files import read_rows
+from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setup import opened
 from pipeline.runs.task import Picture, ReadPart, RunOrder
 from pipeline.service.job_folder import JobFolder
@@ -39,6 +38,7 @@ from pipeline.service.web.uploads import Upload
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store, StoreError
 from pipeline.workers.executors import InlineExecutor
+from tests.support.run_tables import read_rows
 from tests.support.store_samples import reading
 
 Say = Callable[[str], None]

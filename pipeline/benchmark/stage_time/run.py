@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.stage_time.trial import TouchPlan, TouchTrial, failed, tried_on
 from pipeline.common.version import program_mark
-from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.journal import Journal, resumable
 from pipeline.workers.executors import Executor
-
-JOURNAL_FILE = "active.jsonl"
 
 
 @dataclass(frozen=True)
@@ -43,23 +41,13 @@ class Comparison:
         }
 
 
-class TouchJournal(LineJournal[tuple[TouchTrial, ...]]):
+class TouchJournal(Journal[tuple[TouchTrial, ...]]):
     """The trials of one comparison: those of a part by its name."""
 
-    kind, version = "comparison of plans", 1
-
-    @classmethod
-    def at(cls, place: Path) -> Path:
-        """In the comparison's folder."""
-        return place / JOURNAL_FILE
-
-    def encoded(self, kept: tuple[TouchTrial, ...]) -> dict[str, Any]:
-        """See `LineJournal`."""
-        return {"trials": [asdict(trial) for trial in kept]}
-
-    def decoded(self, line: Mapping[str, Any]) -> tuple[TouchTrial, ...]:
-        """See `LineJournal`."""
-        return tuple(TouchTrial(**values) for values in line["trials"])
+    kind: ClassVar[str] = "comparison of plans"
+    version: ClassVar[int] = 2
+    keeps: ClassVar[Any] = tuple[TouchTrial, ...]
+    file: ClassVar[str] = "active.db"
 
 
 def compare(
@@ -86,17 +74,16 @@ def compare(
         FileError: the folder holds another comparison or cannot be written.
     """
     items = comparison.parts.items()
-    book = TouchJournal.open(folder, comparison.description())
-    missing = [item for item in items if item.part not in book.done]
-    on_start(len(items), len(items) - len(missing))
-    for outcome in executor.calls(_try_part, comparison, missing):
-        trials = outcome.result
-        if trials is None:
-            assert outcome.error is not None
-            trials = failed(outcome.task, comparison.plans, outcome.error)
-        book.add(outcome.task.part, trials)
-        on_part(trials)
-    return [trial for item in items for trial in book.done[item.part]]
+
+    def lost(item: Item, error: Exception) -> tuple[TouchTrial, ...]:
+        return failed(item, comparison.plans, error)
+
+    with TouchJournal.open(folder, comparison.description()) as book:
+        on_start(len(items), sum(item.part in book.names for item in items))
+        for _, trials in resumable(book, items, executor, _try_part, comparison, lost=lost, name="part"):
+            on_part(trials)
+        done = book.done
+    return [trial for item in items for trial in done[item.part]]
 
 
 def _try_part(comparison: Comparison, item: Item) -> tuple[TouchTrial, ...]:

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from glyphs.errors import MarksError, fault_of
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
-from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.journal import Journal, resumable
 
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
@@ -95,23 +95,13 @@ class Measured:
     error: str = ""
 
 
-class StudyJournal(LineJournal[tuple[Measured, ...]]):
+class StudyJournal(Journal[tuple[Measured, ...]]):
     """The trials of a broken-off study."""
 
-    kind, version = "study", 1
-
-    @classmethod
-    def at(cls, place: Path) -> Path:
-        """In the study's folder."""
-        return place / "study.unfinished"
-
-    def encoded(self, kept: tuple[Measured, ...]) -> dict[str, Any]:
-        """See `LineJournal`."""
-        return {"trials": [asdict(trial) for trial in kept]}
-
-    def decoded(self, line: Mapping[str, Any]) -> tuple[Measured, ...]:
-        """See `LineJournal`."""
-        return tuple(Measured(**values) for values in line["trials"])
+    kind: ClassVar[str] = "study"
+    version: ClassVar[int] = 2
+    keeps: ClassVar[Any] = tuple[Measured, ...]
+    file: ClassVar[str] = "study.unfinished"
 
 
 def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
@@ -147,42 +137,33 @@ def measure(
         journal: what is measured already, and is kept.
         on_part: told of every part as it is done.
     """
-    from glyphs.errors import fault_of
 
-    missing = [part for part in parts if part.name not in journal.done]
-    for outcome in executor.calls(measure_part, plan, missing):
-        part, error = outcome.task, outcome.error
-        trials = outcome.result
-        if trials is None:
-            assert error is not None
-            trials = tuple(
-                Measured(part.name, plan.appraiser(array), trial, False, error=fault_of(error))
-                for array in range(plan.arrays)
-                for trial in range(1, plan.repeats + 1)
-            )
-        journal.add(part.name, trials)
+    def lost(part: StudiedPart, error: Exception) -> tuple[Measured, ...]:
+        return tuple(_failed(blank, fault_of(error)) for _, blank in _blanks(plan, part))
+
+    for _ in resumable(journal, parts, executor, measure_part, plan, lost=lost):
         on_part()
-    return [m for part in parts for m in journal.done[part.name]]
+    done = journal.done
+    return [m for part in parts for m in done[part.name]]
 
 
 def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Measured, ...]:
     """Every trial of one part."""
-    return tuple(
-        _measured(plan, part, array, trial)
-        for array in range(plan.arrays)
-        for trial in range(1, plan.repeats + 1)
-    )
+    return tuple(_measured(plan, part, array, blank) for array, blank in _blanks(plan, part))
 
 
-def _measured(plan: StudyPlan, part: StudiedPart, array: int, trial: int) -> Measured:
-    from glyphs.errors import MarksError, fault_of
+def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Measured]]:
+    """The trials of a part before it is read, each with the number of its array."""
+    several = len(part.recordings) if len(part.recordings) > 1 else 0
+    for array in range(plan.arrays):
+        for trial in range(1, plan.repeats + 1):
+            yield array, Measured(part.name, plan.appraiser(array), trial, recorded=trial <= several)
 
-    number = trial - 1
-    recorded = len(part.recordings) > 1 and number < len(part.recordings)
-    recording = part.recordings[number % len(part.recordings)]
-    seed = zlib.crc32(f"{part.name} {array} {trial}".encode())
-    again = None if recorded else Retake(ANEW, seed, array=array)
-    blank = Measured(part.name, plan.appraiser(array), trial, recorded)
+
+def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Measured) -> Measured:
+    recording = part.recordings[(blank.trial - 1) % len(part.recordings)]
+    seed = zlib.crc32(f"{part.name} {array} {blank.trial}".encode())
+    again = None if blank.recorded else Retake(ANEW, seed, array=array)
     try:
         reading = _read(plan.settings, recording, again)
     except MarksError as error:
@@ -191,8 +172,8 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, trial: int) -> Mea
     except Exception as error:
         return _failed(blank, f"{fault_of(error)}; please report it")
     touch = reading.touch
-    return Measured(
-        *(blank.part, blank.appraiser, trial, recorded),
+    return replace(
+        blank,
         text="".join(reading.text.split()),
         decision=reading.decision.value,
         confidence=round(float(reading.confidence), 6),
@@ -201,7 +182,7 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, trial: int) -> Mea
 
 
 def _failed(blank: Measured, error: str) -> Measured:
-    return Measured(blank.part, blank.appraiser, blank.trial, blank.recorded, error=error)
+    return replace(blank, error=error)
 
 
 def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:

@@ -1,21 +1,17 @@
-"""What a benchmark keeps of every part: one trial a mode and what it was given, in a journal of lines."""
+"""What a benchmark keeps of every part: one trial a mode and what it was given, in a journal."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
-from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.journal import Journal
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
-TRIALS_FILE = "trials.jsonl"
-FORMAT_VERSION = 3
-"""2 had severity, font and format in place of the levels; 1 no version, nor simulated_s."""
 _SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
 
 
@@ -129,30 +125,10 @@ def answer_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-class TrialJournal(LineJournal[tuple[Trial, ...]]):
+class TrialJournal(Journal[tuple[Trial, ...]]):
     """The trials of one benchmark in its folder: trials of a part by its name."""
 
-    kind, version = "benchmark", FORMAT_VERSION
-
-    @classmethod
-    def at(cls, place: Path) -> Path:
-        """The journal of a benchmark's folder."""
-        return place / TRIALS_FILE
-
-    def encoded(self, kept: tuple[Trial, ...]) -> dict[str, Any]:
-        """See `LineJournal`."""
-        return {"trials": [asdict(trial) for trial in kept]}
-
-    def decoded(self, line: Mapping[str, Any]) -> tuple[Trial, ...]:
-        """See `LineJournal`."""
-        return tuple(_trial(values) for values in line["trials"])
-
-
-_FIELDS = frozenset(f.name for f in fields(Trial))
-
-
-def _trial(values: Mapping[str, Any]) -> Trial:
-    if not _FIELDS - {"measures"} <= set(values) <= _FIELDS:
-        raise ValueError("the fields are not those of a trial")
-    characters = tuple(ReadCharacter(**c) for c in values["characters"])
-    return Trial(**{**values, "characters": characters})
+    kind: ClassVar[str] = "benchmark"
+    version: ClassVar[int] = 4
+    keeps: ClassVar[Any] = tuple[Trial, ...]
+    file: ClassVar[str] = "trials.db"

@@ -1,6 +1,6 @@
 """The run of a benchmark: every part made once, read by every mode, kept at once, by several workers.
 
-    Parts.items --missing from the book--> workers: make, read by each mode --> trials.jsonl
+    Parts.items --missing from the book--> workers: make, read by each mode --> trials.db
                                                      \\--perturb, read again--/
 
 A part depends on nothing but what it is made from, so the answer is the same whatever the number of workers, their
@@ -10,9 +10,9 @@ order, and how often the run was broken off.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
+from pipeline.runs.journal import resumable
 from pipeline.workers.executors import Executor, InlineExecutor
 from recognition.belief.calibration import SOURCES, calibration_of
 from recognition.decision.part_measures import measures_of
@@ -119,25 +120,18 @@ def run_benchmark(
     for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
         for mode in benchmark.modes:
             open_mode(mode, Reader(settings))
-    book = TrialJournal.open(folder, benchmark.description())
-    missing = [item for item in items if item.part not in book.done]
-    if on_start is not None:
-        on_start(len(items), len(items) - len(missing))
-    for trials in _tried(benchmark, missing, executor or InlineExecutor()):
-        book.add(trials[0].part, trials)
-        if on_part is not None:
-            on_part(trials)
-    return [trial for item in items for trial in book.done[item.part]]
 
-
-def _tried(benchmark: Benchmark, items: Sequence[Item], executor: Executor) -> Iterator[tuple[Trial, ...]]:
-    """The trials of every part, as they are done."""
-    for outcome in executor.calls(try_part, benchmark, items):
-        if outcome.result is not None:
-            yield outcome.result
-        else:
-            assert outcome.error is not None
-            yield _failed(benchmark, outcome.task, outcome.error)
+    with TrialJournal.open(folder, benchmark.description()) as book:
+        if on_start is not None:
+            on_start(len(items), sum(item.part in book.names for item in items))
+        work = executor or InlineExecutor()
+        for _, trials in resumable(
+            book, items, work, try_part, benchmark, lost=partial(_failed, benchmark), name="part"
+        ):
+            if on_part is not None:
+                on_part(trials)
+        done = book.done
+    return [trial for item in items for trial in done[item.part]]
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:

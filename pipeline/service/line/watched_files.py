@@ -15,17 +15,16 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import structlog
 
-from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.formats.part_files import set_of
-from pipeline.runs.line_journal import LineJournal
+from pipeline.runs.journal import Journal
 
 log = structlog.get_logger("tactile-marks")
 _SPARE = 1000
@@ -60,35 +59,13 @@ class Handled:
     problem: str = ""
 
 
-class WatchJournal(LineJournal[Handled]):
+class WatchJournal(Journal[Handled]):
     """What became of the files of a watched folder, by their paths."""
 
     kind: ClassVar[str] = "watched folder"
-    version: ClassVar[int] = 1
-
-    def encoded(self, kept: Handled) -> dict[str, Any]:
-        """The entries of a file's line."""
-        state = {"n_bytes": kept.state.n_bytes, "mtime_ns": kept.state.mtime_ns}
-        return {**state, "part_id": kept.part_id, "problem": kept.problem}
-
-    def decoded(self, line: Mapping[str, Any]) -> Handled:
-        """The same, read."""
-        state = FileState(int(line["n_bytes"]), int(line["mtime_ns"]))
-        return Handled(state, str(line["part_id"]), str(line["problem"]))
-
-    def keep_only(self, paths: Iterable[str]) -> None:
-        """Forget all others.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        kept = {path: self.done[path] for path in paths if path in self.done}
-        with replacing(self.path) as temporary:
-            temporary.write_text(self._heading(), encoding="utf-8")
-            fresh = type(self)(temporary, self.description)
-            for path, one in kept.items():
-                fresh.add(path, one)
-        self.done = kept
+    version: ClassVar[int] = 2
+    keeps: ClassVar[Any] = Handled
+    shared: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ import errno
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, fields, replace
 from datetime import UTC, datetime
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.common.file_lock import lock
 from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
@@ -35,9 +34,9 @@ from pipeline.common.reading_records import (
 )
 from pipeline.common.row import Row
 from pipeline.common.spreadsheet import harmless
-from pipeline.runs.journal import RunJournal
-from pipeline.runs.row_files import read_rows
-from pipeline.runs.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
+from pipeline.runs.run_journal import RecordJournal, RunJournal
+from pipeline.runs.tables import MOST_TEXT, write_records
+from tests.support.run_tables import TableRow, read_rows, record_of, record_of_json
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
 RUN = {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3}
@@ -106,18 +105,8 @@ def rows_of(n: int, start: int = 0) -> list[ReadingRecord]:
     return [row(f"part-{i}") for i in range(start, start + n)]
 
 
-def seen(records: Iterable[ReadingRecord]) -> list[Row]:
-    """As a reader of tables has them."""
-    return [Row.of(r) for r in records]
-
-
-def names(rows: Sequence[Row | ReadingRecord]) -> list[str]:
+def names(rows: Iterable[TableRow | ReadingRecord]) -> list[str]:
     return [r.part for r in rows]
-
-
-def growing(table: Path) -> Path:
-    """The file that the rows of a run go to."""
-    return table.with_name(table.name + ".rows.jsonl") if table.suffix == ".parquet" else table
 
 
 def begun(table: Path, rows: Sequence[ReadingRecord]) -> Path:
@@ -149,13 +138,11 @@ def test_a_run_ends_in_order_and_leaves_just_its_table(table: Path) -> None:
         for i in (3, 0, 4, 1, 2):
             book.add(rows[i])
             assert rows[i].part in book.done
-        assert [r.part for r in book.rows()] == ["part-3", "part-0", "part-4", "part-1", "part-2"]
+        assert names(book.records()) == ["part-3", "part-0", "part-4", "part-1", "part-2"]
         # part-1 is named twice and part-9 has no row; part-4 is not named and comes last
         book.finish(["part-2", "part-1", "part-9", "part-1", "part-0", "part-3"])
-        in_order = [rows[i] for i in (2, 1, 0, 3, 4)]
-        assert list(book.rows()) == seen(in_order)
     assert [p.name for p in table.parent.iterdir()] == [table.name]
-    assert list(read_rows(table)) == seen(in_order)
+    assert names(read_rows(table)) == [f"part-{i}" for i in (2, 1, 0, 3, 4)]
     assert table.stat().st_mode & 0o777 == 0o666 & ~_umask()
 
 
@@ -188,16 +175,19 @@ def test_two_rows_of_one_part_are_one(table: Path) -> None:
         book.add(row("p", grade="A"))
         book.add(row("p", grade="F"))
         book.add(row("q"))
-        assert [(r.part, r.grade) for r in book.rows()] == [("p", "A"), ("q", "")]
-    # as a file has them that was put together by hand
-    written = growing(table).with_name("twice" + growing(table).suffix)
-    write_records([row("p", grade="A"), row("p", grade="F"), row("q")], written)
-    written.replace(growing(table))
-    with RunJournal.open(table, RUN) as book:
-        assert set(book.done) == {"p", "q"}
-        assert [r.grade for r in book.rows()] == ["A", ""]
+        assert [len(r.characters) for r in book.records()] == [1, 0]
         book.finish(["p", "q"])
-    assert [(r.part, r.grade) for r in read_rows(table)] == [("p", "A"), ("q", "")]
+    assert names(read_rows(table)) == ["p", "q"]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+def test_a_table_can_be_read_while_it_grows(suffix: str, tmp_path: Path) -> None:
+    table = tmp_path / f"rows{suffix}"
+    with RunJournal.open(table, RUN) as book:
+        assert read_rows(table) == []
+        for k in range(3):
+            book.add(row(f"part-{k}", error='two\nlines, "quoted"'))
+            assert names(read_rows(table)) == [f"part-{i}" for i in range(k + 1)]
 
 
 # ------------------------------------------------------------------------------------------------- every field
@@ -213,11 +203,19 @@ def test_every_field_comes_back_from_every_file(
         table = begun(folder / f"t{suffix}", rows)
         with RunJournal.open(table, RUN) as book:
             assert book.done == set(names(rows))
-            assert list(book.rows()) == seen(rows)
+            assert list(book.records()) == rows
             book.finish(reversed(names(rows)))
-        assert list(read_rows(table)) == seen(rows[::-1])
+        found = read_rows(table)
+        if suffix == ".csv":
+            assert [(r.part, r.text) for r in found] == [(r.part, r.text) for r in map(in_csv, rows[::-1])]
+        else:
+            assert [record_of(r.columns) for r in found] == rows[::-1]
         if suffix != ".parquet":
             table.read_bytes().decode("utf-8")  # strictly
+
+
+def in_csv(record: ReadingRecord) -> ReadingRecord:
+    return replace(record, part=harmless(record.part), text=harmless(record.text))
 
 
 PLAIN_TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\x00\\"), max_size=12)
@@ -237,7 +235,7 @@ def test_other_programs_read_the_same(
                 k: "" if v is None else harmless(v) if isinstance(v, str) else str(v)
                 for k, v in asdict(r).items()
             }
-            for r in seen(rows)
+            for r in map(Row.of, rows)
         ]
     # `splitlines` takes more for ends of lines than JSON does, as many programs do
     lines = (folder / "t.jsonl").read_text(encoding="utf-8").splitlines()
@@ -272,33 +270,31 @@ def test_what_utf8_has_not_is_told_in_words(suffix: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    "wrong",
     [
-        ({"confidence": float("nan")}, "confidence of part 'bad' is nan"),
-        ({"height_mm": float("inf")}, "height_mm of part 'bad' is inf"),
-        ({"messages": ("x" * (MOST_TEXT + 1),)}, "(messages|flags) of part 'bad' has 100001 characters"),
-        ({"error": "\x00" * (MOST_TEXT // 6 + 1)}, "error of part 'bad' has 100002 characters"),
+        {"confidence": float("nan")},
+        {"height_mm": float("inf")},
+        {"messages": ("x" * (MOST_TEXT + 1),)},
+        {"error": "\x00" * (MOST_TEXT // 6 + 1)},
     ],
 )
-def test_a_row_that_no_table_holds_is_refused_and_harms_none(
-    wrong: dict[str, Any], told: str, table: Path
-) -> None:
+def test_a_record_that_no_table_holds_is_an_error_and_harms_none(wrong: dict[str, Any], table: Path) -> None:
     with RunJournal.open(table, RUN) as book:
-        book.add(row("a"))
-        with pytest.raises(ValueError, match=told):
-            book.add(replace(row("bad"), **wrong))
-        book.add(row("b"))
+        for record in (row("a"), replace(row("bad"), **wrong), row("b")):
+            book.add(record)
         book.finish([])
-    assert names(list(read_rows(table))) == ["a", "b"]
+    told = read_rows(table)
+    assert names(told) == ["a", "bad", "b"]
+    assert [r.part for r in told if "please report it" in r.error] == ["bad"]
 
 
 def test_the_longest_texts_come_back(table: Path) -> None:
     texts = [f.name for f in fields(ReadingRecord) if f.type == "str" and f.name != "part"]
     longest = replace(row("p"), **dict.fromkeys(texts, "\x01" * MOST_TEXT))
     with RunJournal.open(begun(table, [longest]), RUN) as book:
-        assert list(book.rows()) == seen([longest])
+        assert list(book.records()) == [longest]
         book.finish([])
-    assert list(read_rows(table)) == seen([longest])
+    assert [r.text for r in read_rows(table)] == [longest.text]
 
 
 # -------------------------------------------------------------------------------------------------- broken off
@@ -307,7 +303,7 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.runs.journal import RunJournal
+from pipeline.runs.run_journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 if os.fork() == 0:
     os.close(1)
@@ -321,7 +317,7 @@ while True:
 """
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])  # rows of the last are lines of JSON until the end
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])  # the last has no table until the end
 def test_a_killed_run_is_taken_up_without_a_row_lost(suffix: str, tmp_path: Path) -> None:
     """Twice killed while it adds; whatever `add` returned for is there once, and the lock is free."""
     table = tmp_path / f"rows{suffix}"
@@ -344,7 +340,7 @@ def test_a_killed_run_is_taken_up_without_a_row_lost(suffix: str, tmp_path: Path
             told += [line for line in process.stdout.read().decode().split("\n")[:-1] if line]
             process.wait()
             with RunJournal.open(table, RUN) as book:  # the worker still waits
-                kept = names(list(book.rows()))
+                kept = names(book.records())
                 assert book.resumed
                 assert book.done == set(kept)
             assert len(set(kept)) == len(kept)
@@ -356,96 +352,61 @@ def test_a_killed_run_is_taken_up_without_a_row_lost(suffix: str, tmp_path: Path
             process.stdout.close()
     with RunJournal.open(table, RUN) as book:
         book.finish(told)
-    assert names(list(read_rows(table))) == told
-
-
-@pytest.mark.usefixtures("_no_sync")
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_last_row_cut_anywhere_is_read_again(suffix: str, tmp_path: Path) -> None:
-    rows = [row("p0"), row("p1", messages=('a "q",\r\n b\n',)), row("p2", error='x\n"y"\nü')]
-    table = begun(tmp_path / f"t{suffix}", rows)
-    whole = growing(table).read_bytes()
-    form = LINE_FORMS[growing(table).suffix]
-    ends = [len(form.head) + n for n in accumulate(len(form.encode(r)) for r in rows)]
-    assert ends[-1] == len(whole)
-    # JSON lines are long, and alike but for their last
-    for cut in range(0 if suffix == ".csv" else ends[-2] - 3, len(whole)):
-        growing(table).write_bytes(whole[:cut])
-        with RunJournal.open(table, RUN) as book:
-            assert list(book.rows()) == seen(r for r, end in zip(rows, ends, strict=True) if end <= cut)
-            for r in rows:
-                book.add(r)
-        assert growing(table).read_bytes() == whole
-    with RunJournal.open(table, RUN) as book:
-        book.finish(names(rows))
-    assert list(read_rows(table)) == seen(rows)
-
-
-@pytest.mark.parametrize("tail", [b"\x00" * 5000, b'{"part": "x"', b'"', b"\xff\xfe"])
-def test_what_a_loss_of_power_leaves_at_the_end_is_cut_off(tail: bytes, table: Path) -> None:
-    begun(table, rows_of(3))
-    with growing(table).open("ab") as stream:
-        stream.write(tail)
-    with RunJournal.open(table, RUN) as book:
-        book.add(row("part-3"))
-        book.finish([])
-    assert list(read_rows(table)) == seen(rows_of(4))
+    assert names(read_rows(table)) == told
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
 @pytest.mark.parametrize(
     "harm",
     [
-        lambda line: b"rubbish" + line[-2:],
-        lambda line: line.replace(b"0.97", b"zero"),
-        lambda line: line.replace(b"0.97", b"NaN"),
-        lambda line: line.replace(b"gothic", b"\xff\xff"),
-        lambda line: line.replace(b"AB12", b'A"12'),
-        lambda line: line.replace(b",AB12", b"").replace(b'"messages"', b'"message"'),
-        lambda line: line.replace(b"False", b"no").replace(b"false", b"3"),
+        lambda whole: whole[:-5],
+        lambda whole: b"",
+        lambda whole: whole + b"\x00" * 5000,
+        lambda whole: whole + b'"',
+        lambda whole: whole.replace(b"0.97", b"zero"),
+        lambda whole: None,
     ],
 )
-def test_a_line_damaged_before_the_last_is_told_by_its_number(
-    harm: Callable[[bytes], bytes], suffix: str, tmp_path: Path
+def test_a_table_that_was_harmed_is_written_anew_from_the_journal(
+    harm: Callable[[bytes], bytes | None], suffix: str, tmp_path: Path
 ) -> None:
-    table = begun(tmp_path / f"t{suffix}", [row("p0", messages=("x",)), row("p1"), row("p2"), row("p3")])
-    lines = table.read_bytes().splitlines(keepends=True)
-    damaged = 2 if suffix == ".csv" else 1  # p1; a CSV has a head
-    harmed = harm(lines[damaged])
-    assert harmed != lines[damaged]
-    table.write_bytes(b"".join([*lines[:damaged], harmed, *lines[damaged + 1 :]]))
-    before = table.read_bytes()
-    with pytest.raises(FileError, match=rf"line {damaged + 1} is damaged .*remove that line") as caught:
-        RunJournal.open(table, RUN)
-    assert caught.value.path == table
-    assert table.read_bytes() == before
-    # as told
-    table.write_bytes(b"".join(lines[:damaged] + lines[damaged + 1 :]))
+    rows = [row("p0"), row("p1", messages=('a "q",\r\n b\n',)), row("p2", error='x\n"y"\nü')]
+    table = begun(tmp_path / f"t{suffix}", rows)
+    whole = table.read_bytes()
+    harmed = harm(whole)
+    table.unlink()
+    if harmed is not None:
+        table.write_bytes(harmed)
     with RunJournal.open(table, RUN) as book:
-        assert set(book.done) == {"p0", "p2", "p3"}
+        assert table.read_bytes() == whole
+        book.add(row("p3"))
+        assert names(read_rows(table)) == ["p0", "p1", "p2", "p3"]
 
 
-def test_a_quote_never_closed_does_not_swallow_the_rows_after_it(tmp_path: Path) -> None:
-    table = begun(tmp_path / "t.csv", rows_of(8_000))
-    data = table.read_bytes().replace(b"part-7,", b'"part-7,')
-    table.write_bytes(data)
-    with pytest.raises(FileError, match="line 9 is damaged"):
-        RunJournal.open(table, RUN)
-    assert table.read_bytes() == data
-
-
-def test_a_table_of_other_columns_is_no_run_of_this_version(tmp_path: Path) -> None:
-    table = begun(tmp_path / "t.csv", rows_of(2))
-    table.write_bytes(table.read_bytes().replace(b"part,", b"piece,", 1))
-    with pytest.raises(FileError, match="line 1 does not name the columns"):
-        RunJournal.open(table, RUN)
+@pytest.mark.parametrize("tail", [b"", b"\x00" * 5000, b"x"])
+def test_a_journal_torn_by_a_loss_of_power_keeps_what_is_whole(tail: bytes, table: Path) -> None:
+    """The last page of what SQLite writes ahead is cut off, or rubbish."""
+    with RunJournal.open(table, RUN) as book:
+        for r in rows_of(3):
+            book.add(r)
+        log = table.with_name(f"{table.name}.unfinished-wal")
+        left = {p: p.read_bytes() for p in (log, log.with_name(log.name.removesuffix("-wal")))}
+    left[log] = left[log][:-100] + tail
+    for path, data in left.items():
+        path.write_bytes(data)
+    with RunJournal.open(table, RUN) as book:
+        assert names(book.records()) == ["part-0", "part-1"]
+        for r in rows_of(3):
+            book.add(r)
+        book.finish([])
+    assert names(read_rows(table)) == names(rows_of(3))
 
 
 class Kill(BaseException):
     """Ends the program."""
 
 
-@pytest.mark.parametrize("step", ["replace", "unlink-rows", "unlink-marker"])
+@pytest.mark.parametrize("step", ["replace", "unlink"])
 def test_a_run_that_breaks_off_as_it_finishes_is_finished(
     step: str, table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -458,13 +419,10 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
         raise Kill
 
     def kill_unlink(path: Path, missing_ok: bool = False) -> None:
-        if path.name.endswith(".unfinished" if step == "unlink-marker" else ".rows.jsonl"):
+        if path.name.endswith(".unfinished"):
             raise Kill
         os.unlink(path) if path.exists() or not missing_ok else None
 
-    if step == "unlink-rows" and table.suffix != ".parquet":
-        assert growing(table) == table  # there is no such step
-        return
     with monkeypatch.context() as patched:
         if step == "replace":
             patched.setattr("glyphs.atomic.os.replace", kill_replace)
@@ -478,31 +436,26 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
         assert again.kept is None
         assert set(again.done) == set(names(rows))
         again.finish(reversed(names(rows)))
-    assert list(read_rows(table)) == seen(rows[::-1])
+    assert names(read_rows(table)) == names(rows[::-1])
     assert [p.name for p in table.parent.iterdir()] == [table.name]
 
 
-@pytest.mark.parametrize("step", ["make place", "head", "marker"])
+@pytest.mark.parametrize("step", ["make_place", "_write"])
 def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
     step: str, table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_records(rows_of(3), table)
     old, kept = table.read_bytes(), table.with_name(table.name + "~")
-    broken = {"make place": "_make_place", "head": "_taken_up", "marker": "_heading"}[step]
-    real = getattr(RunJournal, broken)
 
-    def kill(book: RunJournal) -> None:
-        if step == "head":
-            real(book)
-            os.truncate(book._marker_path, 0)  # the marker is written last
-        # a kill runs no handler: what the handler would remove is put there again
+    def kill(*_: object, **__: object) -> None:
         raise Kill
 
     with monkeypatch.context() as patched:
-        patched.setattr(RunJournal, broken, kill)
+        patched.setattr(
+            *((RunJournal, "_make_place") if step == "make_place" else (RecordJournal, step)), kill
+        )
         with pytest.raises(Kill):
             RunJournal.open(table, RUN)
-    table.with_name(table.name + ".unfinished").touch()
     with RunJournal.open(table, RUN) as book:
         assert not book.resumed
         assert set(book.done) == set()
@@ -520,23 +473,23 @@ def test_a_finished_table_is_kept(table: Path) -> None:
             assert book.kept == (kept if run else None)
             book.add(row(f"run-{run}"))
             book.finish([])
-        assert names(list(read_rows(table))) == [f"run-{run}"]
+        assert names(read_rows(table)) == [f"run-{run}"]
         if run:
             old = kept.rename(table.with_name("old" + table.suffix))
-            assert names(list(read_rows(old))) == [f"run-{run - 1}"]
+            assert names(read_rows(old)) == [f"run-{run - 1}"]
 
 
 def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     begun(table, rows_of(2))
-    before = {p: p.read_bytes() for p in table.parent.iterdir()}
+    before = table.read_bytes() if table.exists() else b""
     other = {**RUN, "font": "roman", "lexicon": "x" * 200}
-    with pytest.raises(FileError, match="is of another run, not finished") as caught:
+    with pytest.raises(FileError, match="holds another run") as caught:
         RunJournal.open(table, other)
     assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
-    assert f"name another file, or remove {table.name}.unfinished to start again" in str(caught.value)
+    assert f"name another one, or remove {table.name}.unfinished to start again" in str(caught.value)
     assert "depth_mm" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(table))
-    assert {p: p.read_bytes() for p in table.parent.iterdir()} == before
+    assert (table.read_bytes() if table.exists() else b"") == before
     # the order of the entries is no matter, nor are tuples for lists
     with RunJournal.open(table, {"depth_mm": 0.3, "formats": ("AA99",), "font": "gothic"}) as book:
         assert book.resumed
@@ -544,7 +497,7 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     table.with_name(table.name + ".unfinished").unlink()
     with RunJournal.open(table, other) as book:
         assert not book.resumed
-        assert book.kept == growing(table).with_name(growing(table).name + "~")
+        assert book.kept == (None if table.suffix == ".parquet" else table.with_name(table.name + "~"))
         assert set(book.done) == set()
 
 
@@ -565,17 +518,17 @@ def test_a_second_writer_is_refused_while_the_first_lives(table: Path) -> None:
 def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
     table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The one before removes the marker after the next has opened it and before it has locked it."""
-    marker = table.with_name(table.name + ".unfinished")
-    calls = []
+    """The one before removes its journal after the next has opened it and before it has locked it."""
+    marker, real, calls = table.with_name(table.name + ".unfinished"), sqlite3.connect, list[Path]()
 
-    def locked_late(handle: int, *, wait: bool) -> bool:
-        calls.append(handle)
+    def connected_late(path: Path, **how: Any) -> sqlite3.Connection:
+        calls.append(path)
+        connection = real(path, **how)
         if len(calls) == 1:
             marker.unlink()
-        return lock(handle, wait=wait)
+        return connection
 
-    monkeypatch.setattr("pipeline.runs.journal.lock", locked_late)
+    monkeypatch.setattr("sqlite3.connect", connected_late)
     with RunJournal.open(table, RUN):
         assert len(calls) == 2
         assert marker.exists()
@@ -583,37 +536,21 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
             RunJournal.open(table, RUN)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 3}', "\x00\x00"])
-def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
+@pytest.mark.parametrize("text", ["[]" * 2000, "SQLite format 3\x00" * 300])
+def test_a_damaged_journal_is_told_and_the_table_stays(text: str, table: Path) -> None:
     begun(table, rows_of(2))
-    marker = table.with_name(table.name + ".unfinished")
-    marker.write_text(text)
-    with pytest.raises(FileError, match="is damaged; name another file, or remove"):
+    before = table.read_bytes() if table.exists() else b""
+    table.with_name(table.name + ".unfinished").write_text(text)
+    with pytest.raises(FileError, match=r"has a damaged journal .*; name another one, or remove"):
         RunJournal.open(table, RUN)
-    # rows of another form are never mixed with these
-    for other in (1, 99):
-        marker.write_text(f'{{"format_version": {other}}}')
-        with pytest.raises(FileError, match=r"another version .*; name another file, or remove"):
-            RunJournal.open(table, RUN)
-    assert names([*read_rows(growing(table))]) == ["part-0", "part-1"]
+    assert (table.read_bytes() if table.exists() else b"") == before
 
 
-def test_the_marker_tells_the_run(table: Path) -> None:
-    begun(table, [])
-    told = json.loads(table.with_name(table.name + ".unfinished").read_bytes())
-    assert told.keys() == {"format_version", "description", "key"}
-    assert told["description"] == RUN
-
-
-def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
-    with RunJournal.open(table, RUN) as book:
-        book.add(row("a"))
-        other = table.with_name("other")
-        other.write_bytes(growing(table).read_bytes())
-        other.replace(growing(table))
-        for call in (lambda: list(book.rows()), lambda: book.finish([])):
-            with pytest.raises(FileError, match="by another program; close what has it open"):
-                call()
+def test_a_journal_of_another_version_is_told(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun(table, rows_of(2))
+    monkeypatch.setattr(RecordJournal, "version", 99)
+    with pytest.raises(FileError, match=r"is of a run of version 4, not a run of 99; name another one"):
+        RunJournal.open(table, RUN)
 
 
 def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
@@ -634,10 +571,9 @@ import resource, sys
 from pathlib import Path
 from pipeline.common.reading_records import ReadingRecord
 from glyphs.errors import FileError
-from pipeline.common.file_lock import lock
-from pipeline.runs.journal import RunJournal
+from pipeline.runs.run_journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
-resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is done in part, then refused
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))  # a write over it is done in part, then refused
 for i in range(1000):
     try:
         book.add(ReadingRecord("", "AB12", "", 0.0, part=f"part-{i}"))
@@ -654,13 +590,13 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(suffix: str, tmp_
         [sys.executable, "-c", FULL, str(table)], capture_output=True, text=True, check=True
     )
     count, told = done.stdout.strip().split(" ", 1)
-    assert told == (
-        f"{table}: cannot be written (File too large); make room and start the same command again"
-    )
-    assert growing(table).read_bytes().endswith(b"\n")
+    assert told.startswith(f"{table}: cannot be written (")
+    assert told.endswith("and start the same command again")
     with RunJournal.open(table, RUN) as book:
-        assert book.done == {f"part-{i}" for i in range(int(count))}
+        assert set(book.done) >= {f"part-{i}" for i in range(int(count))}
         assert int(count) > 5
+        book.finish([])
+    assert names(read_rows(table))[: int(count)] == [f"part-{i}" for i in range(int(count))]
 
 
 def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -674,7 +610,7 @@ def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.
             book.finish(reversed(names(rows)))
     with RunJournal.open(table, RUN) as book:
         book.finish(reversed(names(rows)))
-    assert list(read_rows(table)) == seen(rows[::-1])
+    assert names(read_rows(table)) == names(rows[::-1])
 
 
 # ------------------------------------------------------------------------------------------------------ memory
@@ -719,7 +655,6 @@ def test_memory_does_not_grow_with_the_rows(suffix: str, tmp_path: Path) -> None
     assert finish_many < fixed_bytes + row_bytes * many
     # a group of 500 rows takes a little more where its numbers are longer
     assert finish_many - finish_few < row_bytes * (many - few) + fixed_bytes / 10
-    assert _peak(lambda: sum(1 for _ in read_rows(table))) < fixed_bytes
 
 
 def test_streaming_an_open_book_takes_no_memory(tmp_path: Path) -> None:
@@ -727,4 +662,4 @@ def test_streaming_an_open_book_takes_no_memory(tmp_path: Path) -> None:
         for r in rows_of(4_000):
             book.add(r)
         # a record and the buffer of a file; the rows as objects would take 4 MB
-        assert _peak(lambda: sum(1 for _ in book.rows())) < 200_000
+        assert _peak(lambda: sum(1 for _ in book.records())) < 200_000

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.read import read
-from pipeline.common.row import Row
+from pipeline.common.reading_records import (
+    CandidateRecord,
+    CharacterRecord,
+    LineRecord,
+    ReadingRecord,
+    RivalRecord,
+)
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import notes, print_table, table_lines
@@ -18,29 +25,48 @@ from recognition.decision.reading import Candidate, CharacterReading, Decision, 
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 
-PLAIN = Row("a", "AB12", "accept", 0.98, "tactile", 1.0, rivals="A812 0.012", depth_min_mm=0.2)
-DOUBT = Row(
+
+def place(char: str, state: str = "read", chars: str = "", **more: Any) -> CharacterRecord:
+    candidates = (CandidateRecord(char, 0.9),)
+    return CharacterRecord(candidates, None, state, state_chars=tuple(chars), **more)
+
+
+def record(
+    part: str, text: str, decision: str, confidence: float, source: str, seconds: float, **more: Any
+) -> ReadingRecord:
+    return ReadingRecord(source, text, decision, confidence, part=part, seconds=seconds, **more)
+
+
+FELT = place("A", depth_min_mm=0.2, depth_mean_mm=0.25)
+PLAIN = record(
+    "a", "AB12", "accept", 0.98, "tactile", 1.0, rivals=(RivalRecord("A812", 0.012),), characters=(FELT,)
+)
+DOUBT = record(
     "b",
     "AB12",
     "review",
     0.5,
     "fused",
     1.0,
-    flags="low confidence",
-    states="2:confused B/8",
-    rivals="A812 0.400",
-    grade="D",
-    grades="ADAA",
-    action="clean 2",
+    messages=("low confidence",),
+    rivals=(RivalRecord("A812", 0.4),),
+    characters=(
+        place("A", grade="A"),
+        place("B", "confused", "B8", grade="D", action="clean"),
+        *(place(char, grade="A") for char in "12"),
+    ),
 )
 
 pytestmark = pytest.mark.usefixtures("inline")
 
 
-LONG = Row("line-3/2026-11-22/" + "a" * 60, "KX407251", "accept", 0.998, "tactile", 12.0, depth_min_mm=0.2)
-BROKEN = Row("c", error="parts/c.npz: is not there; check the name")
-PHOTO = Row("p", "KX407251", "accept", 0.99, "vision", 1.0)
-VERIFIED = Row("v", "A812", "accept", 0.9, "tactile", 1.0, verdict="refuted", expected="AB12")
+LONG = record(
+    "line-3/2026-11-22/" + "a" * 60, "KX407251", "accept", 0.998, "tactile", 12.0, characters=(FELT,)
+)
+BROKEN = ReadingRecord.failed("c", "parts/c.npz: is not there; check the name")
+LINES = (LineRecord("lot", "LOT77", 0.9), LineRecord("date", "12/26", 0.9))
+PHOTO = record("p", "KX407251", "accept", 0.99, "vision", 1.0)
+VERIFIED = record("v", "A812", "accept", 0.9, "tactile", 1.0, verdict="refuted", expected="AB12")
 
 
 def test_a_plain_run_has_the_usual_columns(capsys: pytest.CaptureFixture[str]) -> None:
@@ -57,7 +83,7 @@ def test_a_column_without_a_value_is_left_out() -> None:
 
 
 def test_other_lines_have_a_column_of_their_own() -> None:
-    head, line, _ = table_lines([replace(PLAIN, lines="lot=LOT77;date=12/26"), BROKEN], width=80)[:3]
+    head, line, _ = table_lines([replace(PLAIN, lines=LINES), BROKEN], width=80)[:3]
     assert head.split()[:3] == ["part", "text", "lines"]
     assert line.split()[:3] == ["a", "AB12", "lot=LOT77;date=12/26"]
     assert "lines" not in table_lines([PLAIN], width=None)[0]
@@ -69,9 +95,16 @@ def test_doubts_stand_below_their_row() -> None:
     assert lines[2].startswith("b ")
     assert lines[3] == "  low confidence; place 2: B or 8?; may also be A812 0.400; clean 2"
     assert len(lines) == 4
-    asked = replace(DOUBT, flags="low confidence: B or 8 at place 2?", states="2:confused B/8, 3:not read")
+    first, second, third, fourth = DOUBT.characters
+    asked = replace(
+        DOUBT,
+        messages=("low confidence: B or 8 at place 2?",),
+        characters=(first, second, replace(third, state="not read"), fourth),
+    )
     named = replace(
-        DOUBT, flags="unread: places 1 to 3 (look at the part)", states="2:confused B/8, 4:not read"
+        DOUBT,
+        messages=("unread: places 1 to 3 (look at the part)",),
+        characters=(first, second, third, replace(fourth, state="not read")),
     )
     assert notes(named).startswith("unread: places 1 to 3 (look at the part); place 4: not read; may")
     assert notes(asked).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
@@ -81,7 +114,7 @@ def test_doubts_stand_below_their_row() -> None:
 @pytest.mark.parametrize(
     "rows", [[PLAIN], [PLAIN, DOUBT, LONG, BROKEN, PHOTO] * 40, [PHOTO], [VERIFIED], [BROKEN]]
 )
-def test_serials_and_headings_are_whole_whatever_the_terminal(rows: list[Row], width: int) -> None:
+def test_serials_and_headings_are_whole_whatever_the_terminal(rows: list[ReadingRecord], width: int) -> None:
     lines = table_lines(rows, width=width)
     for row in rows:
         assert any(row.text in line.split() for line in lines) or not row.text
@@ -96,7 +129,7 @@ def test_serials_and_headings_are_whole_whatever_the_terminal(rows: list[Row], w
 
 def test_a_pipe_is_given_lines_that_are_neither_cut_nor_padded(capsys: pytest.CaptureFixture[str]) -> None:
     long = "; ".join(f"note {k}" for k in range(60))
-    print_table([Row("a" * 60, "AB12", "review", flags=long), DOUBT])
+    print_table([record("a" * 60, "AB12", "review", 0.5, "tactile", 1.0, messages=(long,)), DOUBT])
     shown = capsys.readouterr().out.splitlines()
     assert f"  {long}" in shown
     assert max(len(line) for line in shown if long not in line) < 150
@@ -104,13 +137,19 @@ def test_a_pipe_is_given_lines_that_are_neither_cut_nor_padded(capsys: pytest.Ca
 
 
 def test_a_name_cannot_steer_the_terminal() -> None:
-    assert not any("\x1b" in line or "\n" in line for line in table_lines([Row("a\x1b[2J\nb")], width=80))
+    assert not any(
+        "\x1b" in line or "\n" in line for line in table_lines([replace(PLAIN, part="a\x1b[2J\nb")], width=80)
+    )
 
 
 def test_verdicts_are_shown() -> None:
-    refuted = replace(VERIFIED, flags="place 2: 8 where B is expected", states="2:mismatch 8/B")
+    refuted = replace(
+        VERIFIED,
+        messages=("place 2: 8 where B is expected",),
+        characters=(place("A"), place("8", "mismatch", "8B")),
+    )
     assert notes(refuted) == "place 2: 8 where B is expected; expected AB12"
-    undecided = replace(refuted, verdict="undecided", verify_probability=0.98, flags="")
+    undecided = replace(refuted, verdict="undecided", verify_probability=0.98, messages=())
     assert notes(undecided) == "AB12 with probability 0.980"
     lines = table_lines([refuted, BROKEN], width=80)
     assert "verdict" in lines[0]

@@ -24,11 +24,11 @@ from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.runs.journal import RunJournal
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.quarantine import Quarantine
 from pipeline.runs.run import Run
+from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setting_files import files_to_send, settled
 from pipeline.runs.setup import opened
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
@@ -89,7 +89,7 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     assert [row["part"] for row in rows] == [p.name for p in PARTS]
     assert rows[5]["error"] == "p5.npz: its worker is lost; try it alone"
     # the list of bad parts is a manifest
-    assert [p.name for p in read_manifest(str(tmp_path / "bad.csv"))] == ["p5", "p1"]
+    assert [p.name for p in read_manifest(str(tmp_path / "bad.csv"))] == ["p1", "p5"]
 
 
 def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     store.close()
     with opened(options, described) as run:
         run.work(PARTS, ORDER, FakeExecutor())
-    assert run.known == (0 if moment == "the workers end" else len(PARTS))
+    assert run.known == (len(PARTS) if moment == "it has ended" else 0)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = [row.name for row in connection.execute(sa.text("select name from parts order by name"))]
     assert names == [part.name for part in PARTS]
@@ -234,7 +234,7 @@ def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(
     monkeypatch.chdir(tmp_path)
     with opened(RunOptions(out="sqlite:///parts.db"), {}):
         kept = list(tmp_path.glob("tactile-marks-*"))
-        assert len(kept) == 2
+        assert {path.suffix for path in kept} >= {".jsonl", ".unfinished"}
         assert {path.stat().st_mode & 0o777 for path in kept} == {0o600}
 
 
@@ -310,9 +310,9 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
     assert {name: row.decision for name, row in rows.items()} == {
         "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",
     }  # fmt: skip
-    assert rows["p3"].flags == "T3 is not in lot-7.csv"
-    assert rows["p2"].flags == "T 2 was read before, of p5"
-    assert rows["p0"].flags == "T0 was read before, of p4"
+    assert rows["p3"].messages == ("T3 is not in lot-7.csv",)
+    assert rows["p2"].messages == ("T 2 was read before, of p5",)
+    assert rows["p0"].messages == ("T0 was read before, of p4",)
 
 
 def test_an_order_is_asked_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,15 +15,15 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart
-from pipeline.runs.journal import RunJournal
 from pipeline.runs.options import RunOptions
-from pipeline.runs.row_files import read_rows
 from pipeline.runs.run import Run
+from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, learns
 from pipeline.runs.setup import opened
 from pipeline.runs.task import ReadPart, RunOrder
 from pipeline.workers.executors import Outcome
 from recognition.learning.exemplars import ExemplarError
+from tests.support.run_tables import read_rows
 
 ORDER = RunOrder(ReadSettings(format=("A9",)))
 PARTS = [PartFiles(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]
@@ -162,7 +162,7 @@ def test_a_run_that_breaks_off_as_it_ends_is_ended(
 ) -> None:
     path = tmp_path / "rows.csv"
     with RunJournal.open(path, {}) as book, monkeypatch.context() as patched:
-        patched.setattr("pipeline.runs.second_readings.SecondReadings.remove", _broken)
+        patched.setattr("pipeline.runs.journal.Journal.remove", _broken)
         with pytest.raises(KeyboardInterrupt):
             run_of(book).work(PARTS, ORDER, FakeExecutor())
     with RunJournal.open(path, {}) as book:

@@ -4,32 +4,40 @@ from __future__ import annotations
 
 import json
 import tracemalloc
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.runs.summary import MOST_REASONS, Summary
 
-ROWS = (
-    Row("a", "A1", "accept", 0.99, seconds=0.5),
-    Row("b", "B2", "review", 0.50, seconds=4.0, flags="weak character 3; marks are dirty"),
-    Row("c", "C3", "review", 0.60, seconds=1.5, flags="weak character 5"),
-    Row("d", "", "reject", seconds=0.1),
-    Row("e", error="/x/e.npz: is empty; copy or record it again", seconds=0.01),
+
+def read(
+    part: str, text: str = "", decision: str = "", confidence: float = 0.0, *messages: str, **more: Any
+) -> ReadingRecord:
+    return ReadingRecord("tactile", text, decision, confidence, part=part, messages=messages, **more)
+
+
+RECORDS = (
+    read("a", "A1", "accept", 0.99, seconds=0.5),
+    read("b", "B2", "review", 0.50, "weak character 3", "marks are dirty", seconds=4.0),
+    read("c", "C3", "review", 0.60, "weak character 5", seconds=1.5),
+    read("d", "", "reject", seconds=0.1),
+    read("e", error="/x/e.npz: is empty; copy or record it again", seconds=0.01),
 )
 
 
-def counted(*rows: Row) -> Summary:
+def counted(*records: ReadingRecord) -> Summary:
     summary = Summary()
-    for row in rows:
-        summary.add(row)
+    for record in records:
+        summary.add(record)
     return summary
 
 
 def test_decisions_reasons_rate_and_slowest_are_told() -> None:
-    lines = counted(*ROWS).lines(elapsed_s=2.0, read_now=4, workers=2)
+    lines = counted(*RECORDS).lines(elapsed_s=2.0, read_now=4, workers=2)
     assert lines[0] == "5 parts, 1 accept, 2 review, 1 reject, 1 with an error"
     told = "\n".join(lines)
     # what differs from part to part is one reason
@@ -42,9 +50,9 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
 
 
 def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
-    flags = "place 1: I or J (one upright; serifs are missing in some fonts); marks are dirty"
-    reasons = counted(Row("a", "I1", "review", flags=flags)).reasons
-    assert counted(Row("a", "I1", "review", flags="low confidence: 1 or I at place 1?")).reasons == {
+    messages = ("place 1: I or J (one upright; serifs are missing in some fonts)", "marks are dirty")
+    reasons = counted(read("a", "I1", "review", 0.5, *messages)).reasons
+    assert counted(read("a", "I1", "review", 0.5, "low confidence: 1 or I at place 1?")).reasons == {
         "low confidence": 1
     }
     assert dict(reasons) == {
@@ -74,15 +82,17 @@ def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
     ],
 )
 def test_places_and_characters_make_no_reason_of_their_own(message: str, kind: str) -> None:
-    assert counted(Row("a", "I1", "review", flags=message)).reasons == {kind: 1}
+    assert counted(read("a", "I1", "review", 0.5, message)).reasons == {kind: 1}
 
 
 def test_nothing_read_now_has_no_rate() -> None:
-    assert not any("a second" in line for line in counted(*ROWS).lines(elapsed_s=0.0, read_now=0, workers=1))
+    assert not any(
+        "a second" in line for line in counted(*RECORDS).lines(elapsed_s=0.0, read_now=0, workers=1)
+    )
 
 
 def test_the_same_in_json() -> None:
-    told = json.loads(json.dumps(counted(*ROWS).as_json()))
+    told = json.loads(json.dumps(counted(*RECORDS).as_json()))
     assert (told["parts"], told["accept"], told["review"], told["reject"], told["errors"]) == (5, 1, 2, 1, 1)
     assert told["reasons"]["weak character #"] == 2
     assert told["slowest"][0] == {"part": "b", "seconds": 4.0}
@@ -90,14 +100,14 @@ def test_the_same_in_json() -> None:
 
 def test_verdicts_are_counted() -> None:
     rows = [
-        Row(str(k), "A1", "accept", verdict=v) for k, v in enumerate(("confirmed", "refuted", "confirmed"))
+        read(str(k), "A1", "accept", verdict=v) for k, v in enumerate(("confirmed", "refuted", "confirmed"))
     ]
     assert counted(*rows).counts() == "3 parts, 3 accept, 2 confirmed, 1 refuted"
 
 
 @given(st.lists(st.floats(0.0, 1e3, allow_nan=False), max_size=30))
 def test_the_slowest_are_the_slowest(seconds: list[float]) -> None:
-    rows = [Row(f"p{k}", "A", "accept", seconds=s) for k, s in enumerate(seconds)]
+    rows = [read(f"p{k}", "A", "accept", seconds=s) for k, s in enumerate(seconds)]
     assert [s for _, s in counted(*rows).slowest] == sorted(seconds, reverse=True)[:5]
 
 
@@ -109,7 +119,7 @@ def test_memory_does_not_grow_with_the_rows() -> None:
         tracemalloc.start()
         for k in range(start, start + count):
             word = "".join(chr(97 + (k >> shift) % 16) for shift in (0, 4, 8, 12))
-            summary.add(Row(f"p{k}", error=f"{word}.npz: {word} is odd"))
+            summary.add(read(f"p{k}", error=f"{word}.npz: {word} is odd"))
         grown, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         return grown
@@ -122,5 +132,5 @@ def test_memory_does_not_grow_with_the_rows() -> None:
 
 
 def test_texts_of_other_lines_are_one_reason() -> None:
-    rows = [Row(str(k), "A", "review", flags=f"another line reads “LOT{k}”") for k in range(3)]
+    rows = [read(str(k), "A", "review", 0.5, f"another line reads “LOT{k}”") for k in range(3)]
     assert list(counted(*rows).reasons.values()) == [3]

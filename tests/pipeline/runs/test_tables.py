@@ -20,7 +20,8 @@ from pipeline.common.reading_records import (
     ReadingRecord,
     RivalRecord,
 )
-from pipeline.runs.tables import check_output, record_of_json, write_records
+from pipeline.runs.tables import check_output, write_records
+from tests.support.run_tables import record_of_json
 
 PLACE = CharacterRecord(
     (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),
@@ -123,7 +124,7 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
     ]
     assert [(one["kind"], one["same"]) for one in told["codes"]] == [("Data Matrix", True), ("QR Code", None)]
     assert (told["at"], told["program"], told["settings"]) == (
-        "2026-11-21T09:30:00+00:00",
+        "2026-11-21T09:30:00Z",
         "1.2",
         "0123456789abcdef",
     )

@@ -33,9 +33,9 @@ def trials(texts: str, *, decision: str = "review") -> list[Trial]:
 
 
 def kept(folder: Path, members: list[Trial], benchmark: Benchmark = BENCHMARK) -> Path:
-    book = TrialJournal.open(folder, benchmark.description())
-    for part in dict.fromkeys(t.part for t in members):
-        book.add(part, [t for t in members if t.part == part])
+    with TrialJournal.open(folder, benchmark.description()) as book:
+        for part in dict.fromkeys(t.part for t in members):
+            book.add(part, tuple(t for t in members if t.part == part))
     return folder
 
 
@@ -136,9 +136,9 @@ def test_pictures_are_left_out_where_parts_cannot_be_made_again(
 ) -> None:
     heading = {"parts": {"folder": ["x"], "truth": "0", "severity": None, "format": ""}}
     for name, texts in (("a", "A" * 12), ("b", "B" * 12)):
-        book = TrialJournal.open(tmp_path / name, heading)
-        for t in trials(texts):
-            book.add(t.part, [*book.done.get(t.part, ()), t])
+        with TrialJournal.open(tmp_path / name, heading) as book:
+            for t in trials(texts):
+                book.add(t.part, (*book.done.get(t.part, ()), t))
     assert main(["benchmark", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0
     assert "no pictures: its parts are in files" in capsys.readouterr().out
     assert "No pictures" in (tmp_path / "b" / "compare.html").read_text(encoding="utf-8")
@@ -146,4 +146,4 @@ def test_pictures_are_left_out_where_parts_cannot_be_made_again(
 
 def test_a_folder_without_a_benchmark_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "compare", str(tmp_path), str(tmp_path)]) == 1
-    assert "trials.jsonl" in capsys.readouterr().err
+    assert "trials.db" in capsys.readouterr().err

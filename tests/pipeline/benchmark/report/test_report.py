@@ -18,7 +18,7 @@ from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.report.curves import confusion_figure
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked, rank_worst
-from pipeline.benchmark.trials.journal import ReadCharacter, Trial
+from pipeline.benchmark.trials.journal import ReadCharacter, Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
@@ -286,7 +286,7 @@ def test_two_parts_from_the_command_line(
     assert main(arguments) == 0  # nothing is missing; only the report is written again
     again = json.loads((out / "benchmark.json").read_text())
     assert first == again
-    assert json.loads((out / "trials.jsonl").read_text().splitlines()[0])["benchmark"]["parts"]["seed"] == 1
+    assert TrialJournal.read(out).description["parts"]["seed"] == 1
     assert main([*arguments, "--seed", "2"]) == 1
     assert "holds another benchmark" in capsys.readouterr().err
 

@@ -34,9 +34,8 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
 
 def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Measured]:
     """All trials of a study in a folder, by this process."""
-    return repeats.measure(
-        plan, parts, InlineExecutor(), StudyJournal.open(folder, {"repeats": plan.repeats})
-    )
+    with StudyJournal.open(folder, {"repeats": plan.repeats}) as journal:
+        return repeats.measure(plan, parts, InlineExecutor(), journal)
 
 
 @pytest.fixture

@@ -1,0 +1,74 @@
+"""Tables of runs, read as any program may: csv, json and Parquet."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+
+from glyphs.errors import FileError
+from pipeline.common.reading_records import CandidateRecord, ReadingRecord
+from pipeline.common.record_json import from_json
+
+_BEST = tuple(f.name for f in fields(CandidateRecord))
+_WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A row of a table: its columns as they are in the file, and some of them as they were."""
+
+    part: str
+    text: str
+    decision: str
+    error: str
+    columns: dict[str, Any]
+
+
+def plain(value: Any) -> Any:
+    """A value with the words for characters that UTF-8 lacks turned back."""
+    if isinstance(value, str):
+        return _WORD.sub(lambda m: chr(int(m[1], 16)), value)
+    if isinstance(value, dict):
+        return {name: plain(v) for name, v in value.items()}
+    return [plain(v) for v in value] if isinstance(value, list) else value
+
+
+def read_rows(path: Path) -> list[TableRow]:
+    """The rows of a table, in its order.
+
+    Raises:
+        FileError: it is no such table.
+    """
+    try:
+        if path.suffix == ".parquet":
+            found = pyarrow.parquet.read_table(path).to_pylist()
+        elif path.suffix == ".jsonl":
+            found = [json.loads(line) for line in path.read_bytes().splitlines()]
+        else:
+            with path.open(encoding="utf-8", newline="") as stream:
+                found = list(csv.DictReader(stream))
+        return [
+            TableRow(*(plain(r[name]) for name in ("part", "text", "decision", "error")), r) for r in found
+        ]
+    except (OSError, ValueError, KeyError) as error:
+        raise FileError(path, f"is no table ({error})", "look at it") from error
+
+
+def record_of_json(line: bytes) -> ReadingRecord:
+    """The record of a JSON line."""
+    return record_of(json.loads(line))
+
+
+def record_of(values: dict[str, Any]) -> ReadingRecord:
+    """The record of a row with lists and structs."""
+    values = plain(values)
+    for place in values["characters"]:
+        best, others = {name: place.pop(name) for name in _BEST}, place.pop("alternatives")
+        place["candidates"] = [best, *others] if best["char"] else []
+    return from_json(ReadingRecord, values)
