@@ -53,6 +53,12 @@ class TraceDirection(IntEnum):
         return self in (TraceDirection.BACK_X, TraceDirection.BACK_Y)
 
 
+OPPOSITE_DIRECTIONS = (
+    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
+)
+
+
 def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
     """A contiguous read-only array of the dtype; copied unless it is one already."""
     out: NDArray[np.generic] = np.ascontiguousarray(array, dtype=dtype)

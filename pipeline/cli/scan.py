@@ -74,6 +74,7 @@ def scan(
     with failures_reported():
         from glyphs.atomic import check_writable
         from pipeline.cli.beam_warning import linear_beam_warning
+        from pipeline.cli.plan_words import describe_plan
         from pipeline.formats.kinds import is_scan
         from pipeline.formats.npz import read_soil
         from pipeline.formats.piece_file import read_surface
@@ -134,7 +135,7 @@ def scan(
         )
         if built is not None:
             plan = replace(plan, speed_mm_s=built.speed_mm_s)
-        print(plan.describe())
+        print(describe_plan(plan))
         shape = built.whisker if built is not None else default_whisker(height)
         touch = built.touch if built is not None else default_touch(height)
         mu = touch.friction if friction is None else friction

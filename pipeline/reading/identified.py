@@ -17,6 +17,22 @@ from whisker_array.identification.promises import Promise, knowledge_of
 from whisker_array.identification.telling import not_apart, remedies, untold
 from whisker_array.whisker.shapes import LShaped
 
+_MEANINGS = {
+    Unknown.L1: "length of the beam",
+    Unknown.L2: "length of the tip arm",
+    Unknown.L3: "how far the sensor is lowered towards the tip",
+    Unknown.BETA: "setting angle of the beam",
+    Unknown.STIFFNESS: "bending stiffness of the section, in parts of the drawing's",
+    Unknown.RADIUS: "radius of the tip",
+    Unknown.PRELOAD: "how far below the land the free tip runs",
+    Unknown.FRICTION: "friction between tip and piece",
+    Unknown.PLAY: "play of the stage between there and back",
+    Unknown.SHIFT_X: "how far the piece lies off along x",
+    Unknown.SHIFT_Y: "how far the piece lies off along y",
+    Unknown.YAW: "how far the piece is turned on the plate",
+    Unknown.TILT_X: "rise of the plate along x",
+    Unknown.TILT_Y: "rise of the plate along y",
+}
 _MISFIT = 2.0
 _WIDE = 1.96
 """Standard deviations to either side of which 95 % lie."""
@@ -55,7 +71,7 @@ def table_of(found: Identified) -> list[str]:
             continue
         value, sd = found.of(name)
         lines.append(
-            f"{name.value:15}{value:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{found.nominal[name]:11.4g}   {name.meaning}"
+            f"{name.value:15}{value:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{found.nominal[name]:11.4g}   {_MEANINGS[name]}"
         )
     for whisker in found.whiskers:
         for what, drawn, i in zip(

@@ -93,15 +93,6 @@ class ArrayChoice:
         """Stage time of one serial."""
         return self.plan.scan_time_s
 
-    def describe(self) -> str:
-        """One line for a person."""
-        return (
-            f"{self.plan.array.describe()}, ribbon {ribbon_mm(self.whisker):.2f} mm wide, "
-            f"inclined by {math.degrees(self.whisker.beta_rad):.0f}°: {self.lines} lines a height, "
-            f"{ways_words(self.measured.directions)}, {self.plan.speed_mm_s:.0f} mm/s, "
-            f"{self.plan.n_passes} passes, {self.stage_s:.1f} s"
-        )
-
 
 def ribbon_mm(whisker: LShaped) -> float:
     """Width of a whisker's ribbon, mm."""

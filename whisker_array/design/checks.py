@@ -129,10 +129,7 @@ def normal_forces_n(
 
 
 def bending_stress_mpa(whisker: LShaped, normal_n: Values, *, alpha_rad: Values, mu: Values) -> Values:
-    """Bending stress M c / I at clamp and elbow under the normal forces (n, m), (2, n, m), MPa.
-
-    On the land the greater is `validity.preload_stress_mpa`.
-    """
+    """Bending stress M c / I at clamp and elbow under the normal forces (n, m), (2, n, m), MPa."""
     section = _section(whisker)
     sensor = _tip(whisker).moment_arm_mm  # (l1 s + l2 - l3, -l1 c, 0) = (-r_y, r_x, 0) seen from the sensor
     clamp_y = -sensor[0] - whisker.lowered_mm

@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.surface.maps import EdgeMap, TraceDirection
+from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, TraceDirection
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift
 from whisker_array.estimation.relief import relief_from_edges
 from whisker_array.whisker.touch import Touch
 
 Layer = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_PAIRS = (
-    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
-    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
-)
 
 
 def filled_from_crossed(
@@ -48,8 +44,8 @@ def filled_from_crossed(
     layers, known = list(layers), list(known)
     at = {direction: k for k, direction in enumerate(directions)}
     felt = [one.copy() for one in known]
-    for axis, pair in enumerate(_PAIRS):
-        other = _PAIRS[1 - axis]
+    for axis, pair in enumerate(OPPOSITE_DIRECTIONS):
+        other = OPPOSITE_DIRECTIONS[1 - axis]
         if not all(d in at for d in (*pair, *other)):
             continue
         crossing = [at[d] for d in other]

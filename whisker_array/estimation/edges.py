@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.crossed import filled_from_crossed
-from whisker_array.estimation.gridding import SweptLines, common_grid, each_on_grid, on_grid
+from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.estimation.steadied import steadied
@@ -152,11 +152,11 @@ def edge_map(
     scan = only(steadied(scan))
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
-    layers, known = each_on_grid(swept, grid)
+    layers, known = on_grid(swept, grid)
     if register and not ideal and len(swept) > 1:
         shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)
         if shift:
-            layers, known = each_on_grid(swept, grid, shift=shift)
+            layers, known = on_grid(swept, grid, shift=shift)
     if any((s.flags & np.uint8(SampleFlag.FAULTY)).any() for s in scan.sweeps):
         layers, known = filled_from_crossed(
             layers, known, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm

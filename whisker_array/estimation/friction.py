@@ -6,6 +6,7 @@ pair of them on one line) gives one mu; their spread is the standard error, and 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -62,18 +63,29 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     if differ and profile and not (scan.calibration is not None and scan.calibration.from_land):
         found.append(_by_shapes(scan, differ[0], profile[0]))
     if differ and any(s.plan.pushed for s in scan.sweeps):
-        found.append(_two_ways(scan, differ[0]))
+        found.append(_by_two_ways(scan, differ[0]))
     return tuple(sorted((f for f in found if f is not None), key=lambda f: f.sd))
 
 
-def _lines(
-    scan: Scan, sweep: Sweep, kind: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """(lines, samples) moments in plate order along the trace, NaN off the land; their places and whiskers."""
+@dataclass(frozen=True, eq=False)
+class _LandLines:
+    """Moments of land in plate order along the trace, (lines, samples), NaN off the land; their places and whiskers."""
+
+    moment: NDArray[np.float64]
+    place_mm: NDArray[np.float64]
+    whisker: NDArray[np.int64]
+
+    def meets(self, other: _LandLines) -> bool:
+        """Whether both run on the same lines."""
+        alike = self.place_mm.shape == other.place_mm.shape
+        return alike and np.allclose(self.place_mm, other.place_mm)
+
+
+def _land_lines(scan: Scan, sweep: Sweep, kind: int) -> _LandLines:
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
-    lead = sweep.plan.n_lead
-    moment = calibrated_moments(scan, sweep)[:, columns, lead : sweep.plan.n_samples - lead]
-    flags = sweep.flags[:, columns, lead : sweep.plan.n_samples - lead]
+    within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
+    moment = calibrated_moments(scan, sweep)[:, columns, within]
+    flags = sweep.flags[:, columns, within]
     lines = np.where(flags & UNUSABLE, np.nan, moment).reshape(-1, moment.shape[2])
     place = sweep.plan.line_mm[:, columns].ravel()
     whisker = np.tile(np.arange(columns.size), moment.shape[0])
@@ -81,31 +93,36 @@ def _lines(
     lines, place, whisker = lines[order], place[order], whisker[order]
     if sweep.plan.direction.backward:
         lines = lines[:, ::-1]
-    if sweep.plan.pushed:
-        return lines, place, whisker  # where land is, the dragged sweep knows: this one may have jammed
-    # each whisker has its own gain, so each has its own land
-    for w in np.unique(whisker):
+    # each whisker has its own gain, so its own land; a pushed sweep may have jammed: the dragged one finds land
+    for w in np.unique(whisker) if not sweep.plan.pushed else ():
         rows = np.flatnonzero((whisker == w) & np.isfinite(lines).any(axis=1))
         if rows.size:
             off = np.abs(lines[rows] / plate_land(lines[rows]) - 1.0) > LAND_BAND
             lines[rows] = np.where(off, np.nan, lines[rows])
-    return lines, place, whisker
+    return _LandLines(lines, place, whisker)
 
 
-def _medians(
-    one: NDArray[np.float64], other: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Median land moments of two sets of lines over the samples that are land in both; which lines have enough."""
-    both = np.isfinite(one) & np.isfinite(other)
-    enough = both.sum(axis=1) >= FEWEST_SAMPLES
-    a, b = (np.where(both, v, np.nan)[enough] for v in (one, other))
-    return np.nanmedian(a, axis=1), np.nanmedian(b, axis=1), enough
+def _mean_friction(
+    pairs: Iterable[tuple[_LandLines, _LandLines]],
+    solve: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
+    route: FrictionRoute,
+) -> LandFriction | None:
+    """Mean over whiskers; each was asked in several sweeps, which share its gain and so count once.
 
-
-def _conclude(per_whisker: dict[tuple[int, int], float], route: FrictionRoute) -> LandFriction | None:
-    """Mean over whiskers; each was asked in several sweeps, which share its gain and so count once."""
-    whiskers = sorted({w for _, w in per_whisker})
-    each = [np.mean([mu for (_, w), mu in per_whisker.items() if w == whisker]) for whisker in whiskers]
+    Args:
+        pairs: lines of each sweep, felt in two ways.
+        solve: friction from the land's moments in both ways.
+        route: that is taken.
+    """
+    found: dict[int, list[float]] = {}
+    for one, other in pairs:
+        both = np.isfinite(one.moment) & np.isfinite(other.moment)
+        enough = both.sum(axis=1) >= FEWEST_SAMPLES
+        a, b = (np.nanmedian(np.where(both, v.moment, np.nan)[enough], axis=1) for v in (one, other))
+        mu, whisker = solve(a, b), one.whisker[enough]
+        for w in np.unique(whisker):
+            found.setdefault(int(w), []).append(float(np.nanmedian(mu[whisker == w])))
+    each = [np.mean(found[w]) for w in sorted(found)]
     values = np.array([v for v in each if np.isfinite(v)])
     if not values.size:
         return None
@@ -114,38 +131,32 @@ def _conclude(per_whisker: dict[tuple[int, int], float], route: FrictionRoute) -
 
 
 def _by_shapes(scan: Scan, differ: int, profile: int) -> LandFriction | None:
-    found: dict[tuple[int, int], float] = {}
-    tips = scan.touches[differ].tip, scan.touches[profile].tip
-    # the same lift is asked of both: moments per mm of preload
-    preload = scan.touches[differ].preload_mm, scan.touches[profile].preload_mm
-    for number, sweep in enumerate(scan.sweeps):
-        if sweep.plan.pushed:
-            continue
-        one, place, whisker = _lines(scan, sweep, differ)
-        other, places, _ = _lines(scan, sweep, profile)
-        if place.shape != places.shape or not np.allclose(place, places):
-            raise MapError("the rows of the array do not run on the same lines")
-        a, b, enough = _medians(one, other)
-        mu = friction_from_shapes(a / preload[0], b / preload[1], differentiator=tips[0], profiler=tips[1])
-        for w in np.unique(whisker[enough]):
-            found[number, int(w)] = float(np.nanmedian(mu[whisker[enough] == w]))
-    return _conclude(found, FrictionRoute.SHAPES)
+    one, other = scan.touches[differ], scan.touches[profile]
+    pairs = [
+        (_land_lines(scan, sweep, differ), _land_lines(scan, sweep, profile))
+        for sweep in scan.sweeps
+        if not sweep.plan.pushed
+    ]
+    if not all(a.meets(b) for a, b in pairs):
+        raise MapError("the rows of the array do not run on the same lines")
+
+    def solve(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+        # the same lift is asked of both: moments per mm of preload
+        a, b = a / one.preload_mm, b / other.preload_mm
+        return friction_from_shapes(a, b, differentiator=one.tip, profiler=other.tip)
+
+    return _mean_friction(pairs, solve, FrictionRoute.SHAPES)
 
 
-def _two_ways(scan: Scan, kind: int) -> LandFriction | None:
-    found: dict[tuple[int, int], float] = {}
-    tip = scan.touches[kind].tip
-    pushed = {s.plan.direction: s for s in scan.sweeps if s.plan.pushed}
-    for number, sweep in enumerate(scan.sweeps):
-        back = next((s for d, s in pushed.items() if (int(d) - int(sweep.plan.direction)) % 360 == 180), None)
+def _by_two_ways(scan: Scan, kind: int) -> LandFriction | None:
+    pushed = {int(s.plan.direction): s for s in scan.sweeps if s.plan.pushed}
+    pairs = []
+    for sweep in scan.sweeps:
+        back = pushed.get((int(sweep.plan.direction) + 180) % 360)
         if sweep.plan.pushed or back is None or back.plan.line_mm.shape != sweep.plan.line_mm.shape:
             continue
-        one, place, whisker = _lines(scan, sweep, kind)
-        other, places, _ = _lines(scan, back, kind)
-        if not np.allclose(place, places) or one.shape != other.shape:
-            continue
-        a, b, enough = _medians(one, other)
-        mu = friction_from_two_ways(a, b, tip)
-        for w in np.unique(whisker[enough]):
-            found[number, int(w)] = float(np.nanmedian(mu[whisker[enough] == w]))
-    return _conclude(found, FrictionRoute.TWO_WAYS)
+        one, other = (_land_lines(scan, s, kind) for s in (sweep, back))
+        if one.meets(other) and one.moment.shape == other.moment.shape:
+            pairs.append((one, other))
+    tip = scan.touches[kind].tip
+    return _mean_friction(pairs, lambda a, b: friction_from_two_ways(a, b, tip), FrictionRoute.TWO_WAYS)

@@ -103,17 +103,6 @@ def on_grid(
     grid: PlateGrid,
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
-) -> tuple[list[Lines], NDArray[np.bool_]]:
-    """A (rows, cols) map of each sweep, and where all of them are valid; as `each_on_grid`."""
-    layers, known = each_on_grid(swept, grid, shift=shift)
-    return layers, np.logical_and.reduce(known)
-
-
-def each_on_grid(
-    swept: Sequence[SweptLines],
-    grid: PlateGrid,
-    *,
-    shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
 ) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
     """A (rows, cols) map of each sweep, and where each is valid.
 

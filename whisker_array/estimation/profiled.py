@@ -140,7 +140,7 @@ def _as_relief(
 
 def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
     """One sweep's values on the grid, NaN where it has none."""
-    (layer,), good = on_grid([swept], grid, shift=shift)
+    (layer,), (good,) = on_grid([swept], grid, shift=shift)
     return np.where(good, layer, np.nan)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
-from glyphs.surface.maps import TraceDirection
+from glyphs.surface.maps import OPPOSITE_DIRECTIONS, TraceDirection
 from whisker_array.estimation.backlash import misses
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
@@ -53,12 +53,10 @@ def registration_mm(
     felt = dict(zip(directions, layers, strict=True))
     shift: dict[TraceDirection, tuple[float, float]] = {}
     profiles: list[Layer] = []
-    for forward, back, along_x in (
-        (TraceDirection.FORWARD_X, TraceDirection.BACK_X, True),
-        (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y, False),
-    ):
+    for forward, back in OPPOSITE_DIRECTIONS:
         if forward not in felt or back not in felt:
             continue
+        along_x = forward.along_x
         ahead, behind = (felt[d] if along_x else felt[d].T for d in (forward, back))
         play = play_pixels(ahead, behind, touch=touch, pitch_mm=pitch_mm)
         if abs(play) > DEAD_BAND_PIXELS:
@@ -70,7 +68,7 @@ def registration_mm(
     if len(profiles) == 2:
         rows, cols = _offset_pixels(*profiles)
         if max(abs(rows), abs(cols)) > DEAD_BAND_PIXELS:
-            for d in (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y):
+            for d in OPPOSITE_DIRECTIONS[1]:
                 own = shift.get(d, (0.0, 0.0))
                 shift[d] = (own[0] + cols * pitch_mm, own[1] + rows * pitch_mm)
     return shift

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from glyphs.compiled import read_only
 from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line, picture_html
-from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, MapError
 from whisker_array.estimation.both_ways import both_ways
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
 from whisker_array.simulation.contact import land_lag_mm
@@ -31,10 +31,6 @@ Layer = NDArray[np.float64]
 
 STEEPEST = 3.0
 """Slopes beyond 72 degrees are noise at an edge: no die has them."""
-_PAIRS = (
-    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
-    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
-)
 
 
 class Route(StrEnum):
@@ -43,17 +39,6 @@ class Route(StrEnum):
     PROFILED = "profiled"
     TURNED = "turned"
     FLOORS = "floors"
-
-    def describe(self) -> str:
-        """One line for people."""
-        return _ROUTES[self]
-
-
-_ROUTES = {
-    Route.PROFILED: "height from profiling whiskers, slope from the differentiators beside them",
-    Route.TURNED: "height and slope from differentiators dragged both ways",
-    Route.FLOORS: "differentiators dragged one way only: the height holds on land and floors, not on walls",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +109,7 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         raise MapError(f"at a friction of {mu} the whisker jams on the land", hint="check the friction")
     total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
     slopes = {}
-    for axis, (ahead, back) in enumerate(_PAIRS):
+    for axis, (ahead, back) in enumerate(OPPOSITE_DIRECTIONS):
         if ahead not in felt or back not in felt:
             continue
         slopes[axis] = np.empty(edges.shape, dtype=np.float32)

@@ -37,28 +37,7 @@ class Unknown(StrEnum):
     TILT_X = "tilt_x_mrad"
     TILT_Y = "tilt_y_mrad"
 
-    @property
-    def meaning(self) -> str:
-        """In words."""
-        return _MEANINGS[self]
 
-
-_MEANINGS = {
-    Unknown.L1: "length of the beam",
-    Unknown.L2: "length of the tip arm",
-    Unknown.L3: "how far the sensor is lowered towards the tip",
-    Unknown.BETA: "setting angle of the beam",
-    Unknown.STIFFNESS: "bending stiffness of the section, in parts of the drawing's",
-    Unknown.RADIUS: "radius of the tip",
-    Unknown.PRELOAD: "how far below the land the free tip runs",
-    Unknown.FRICTION: "friction between tip and piece",
-    Unknown.PLAY: "play of the stage between there and back",
-    Unknown.SHIFT_X: "how far the piece lies off along x",
-    Unknown.SHIFT_Y: "how far the piece lies off along y",
-    Unknown.YAW: "how far the piece is turned on the plate",
-    Unknown.TILT_X: "rise of the plate along x",
-    Unknown.TILT_Y: "rise of the plate along y",
-}
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
 OF_GAUGE = ("gain", "creep", "lag")

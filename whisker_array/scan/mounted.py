@@ -129,13 +129,13 @@ class Mounted:
         return self._turned[key]
 
 
-def mounted(
+def mount(
     height_map: HeightMap,
     *,
     touches: Sequence[Touch],
     sample_pitch_mm: float,
     beyond_mm: float,
-    friction: Friction,
+    friction: Friction | None = None,
     soil: Soil | None = None,
 ) -> Mounted:
     """Make a part ready to be felt.
@@ -146,12 +146,15 @@ def mounted(
         touches: that it will be felt with.
         sample_pitch_mm: of the samples that will be taken.
         beyond_mm: how far whiskers may run beyond the part, on its replicated rim.
-        friction: true friction of the surface, a number or a (rows, cols) map.
-        soil: dirt that yields; none unless given.
+        friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
+            the nominal one.
+        soil: dirt that yields; default: none.
 
     Raises:
         MapError: a friction map or soil that does not fit.
     """
+    if friction is None:
+        friction = touches[0].friction if soil is None else soil.friction
     mu = check_friction(friction, height_map.shape)
     # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
     pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
@@ -169,3 +172,15 @@ def mounted(
                 fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
             )
     return Mounted(surfaces, -pad * height_map.pitch_mm, height_map.size_mm)
+
+
+def require_generator(rng: np.random.Generator | None, *needing: object) -> None:
+    """Check that there is a random generator where a sensor or a stage draws from it.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if rng is None and any(each is not None for each in needing):
+        raise ValueError(
+            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
+        )

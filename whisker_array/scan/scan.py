@@ -13,7 +13,7 @@ from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.mounted import mounted
+from whisker_array.scan.mounted import mount, require_generator
 from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sensor import SensorChain
 from whisker_array.scan.stage_play import StagePlay
@@ -148,14 +148,9 @@ def trace_scan(
         raise ValueError(
             f"the array has {plan.array.kinds} kinds of whiskers, but {1 + len(others)} touches are given"
         )
-    if (sensor is not None or stage is not None) and rng is None:
-        raise ValueError(
-            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
-        )
-    if friction is None:
-        friction = touch.friction if soil is None else soil.friction
+    require_generator(rng, sensor, stage)
     touches = (touch, *others)
-    part = mounted(
+    part = mount(
         height_map,
         touches=touches,
         sample_pitch_mm=plan.sample_pitch_mm,

@@ -10,7 +10,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
 from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.mounted import Mounted, mounted
+from whisker_array.scan.mounted import Mounted, mount, require_generator
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
@@ -123,12 +123,7 @@ class SimulatedSession:
             MapError: a friction map or soil that does not fit.
             ValueError: a sensor or a stage without `rng`.
         """
-        if (sensor is not None or stage is not None) and rng is None:
-            raise ValueError(
-                "a sensor chain or stage draws noise: give it a random generator, rng=default_rng(seed)"
-            )
-        if friction is None:
-            friction = touch.friction if soil is None else soil.friction
+        require_generator(rng, sensor, stage)
         if sensor is None:
             # lines that lie far apart do not show gains by what neighbours feel
             whiskers = array.n_whiskers * array.rows
@@ -145,7 +140,7 @@ class SimulatedSession:
         self.felt_s = 0.0
         self._fidelity, self._sensor, self._stage, self._rng = fidelity, sensor, stage, rng
         self._state = None if sensor is None else sensor.at_rest()
-        self._part: Mounted | None = mounted(
+        self._part: Mounted | None = mount(
             height_map,
             touches=(touch,),
             sample_pitch_mm=sample_pitch_mm,

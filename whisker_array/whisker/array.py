@@ -113,14 +113,6 @@ class WhiskerArray:
         """Of whiskers and clamps, without what carries them; 0 of points."""
         return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
-    def describe(self) -> str:
-        """One line for a person."""
-        combs = f"{self.kinds} kinds of " if self.kinds > 1 else ""
-        words = f"{combs}{self.n_whiskers} whiskers {self.pitch_mm:.2f} mm apart"
-        if self.rows * self.kinds > 1 and self.stagger_mm > 0.0:
-            words += f", {self.rows * self.kinds} rows {self.stagger_mm:.2f} mm behind each other"
-        return words + (f", {self.mass_g:.2g} g" if self.body is not None else "")
-
 
 @dataclass(frozen=True)
 class RasterPlan:
@@ -255,17 +247,6 @@ class RasterPlan:
                 s.direction, s.line_mm[0], (x0, x1) if s.direction.along_x else (y0, y1), pushed=s.pushed
             ).stage_s
             for s in self.sweeps()
-        )
-
-    def describe(self) -> str:
-        """One line for a person."""
-        x0, y0, x1, y1 = self.region_mm
-        ways = "/".join(f"{int(d)}°" for d in self.directions) + (" and back" if self.two_way else "")
-        return (
-            f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, "
-            f"{self.array.describe()}, "
-            f"lines {self.line_pitch_mm:.3f} mm, {ways}, {self.n_passes} passes, {self.n_samples:,} samples, "
-            f"{self.scan_time_s:.0f} s at {self.speed_mm_s:g} mm/s"
         )
 
 

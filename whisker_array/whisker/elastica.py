@@ -95,13 +95,6 @@ class LinearError:
         """The larger of the shares of force and moment, without sign."""
         return max(abs(self.force), abs(self.moment))
 
-    def describe(self) -> str:
-        """One line for people."""
-        return (
-            f"linear beam against the exact one, tip lifted {self.lift_mm:g} mm: "
-            f"force {100 * self.force:+.2f} %, moment {100 * self.moment:+.2f} %, tip {self.shift_mm:+.3f} mm in x"
-        )
-
 
 @dataclass(frozen=True)
 class _Rod:

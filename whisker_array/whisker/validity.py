@@ -1,4 +1,4 @@
-"""Stress, deflection and frequency of a whisker in use, and the limits of the paper's assumptions."""
+"""Deflection and frequency of a whisker in use, and the limits of the paper's assumptions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from glyphs.ranges import require_not_negative
 from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import cross_matrix, split
-from whisker_array.whisker.sections import Taper, WhiskerError
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 DEFLECTION_LIMIT = 0.1
@@ -32,30 +32,6 @@ def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
     """Contact force on the tip sliding on the land, (3,) float64, N: eqs. (10) and (11) at h = 0."""
     f_n = enhancement.normal_force_n(whisker.tip_model(), lift_mm=preload_mm, mu=mu)
     return enhancement.contact_force(f_n, alpha_rad=0.0, mu=mu)
-
-
-def preload_stress_mpa(whisker: Whisker, *, preload_mm: float, mu: float) -> float:
-    """Peak bending stress M c / I on the land at this preload, MPa.
-
-    Vertical and lateral bending are added (exact at the corners of a rectangle, on the safe side for round
-    wire; a planar whisker has no lateral part). Looked at are both ends of every segment and 33 places of a
-    taper.
-    """
-    force = land_force_n(whisker, preload_mm=preload_mm, mu=mu)
-    segments = whisker.segments()
-    tip = segments[-1].end_mm
-    peak = 0.0
-    for segment in segments:
-        places = np.linspace(0.0, 1.0, 33 if isinstance(segment.section, Taper) else 2)
-        _, lateral, vertical = segment.axes
-        for t in places:
-            section = segment.section_at(float(t))
-            point = segment.start_mm + t * (segment.end_mm - segment.start_mm)
-            moment = np.cross(tip - point, force)
-            up_down = abs(float(moment @ lateral)) * section.c_vertical_mm / section.i_vertical_mm4
-            sideways = abs(float(moment @ vertical)) * section.c_lateral_mm / section.i_lateral_mm4
-            peak = max(peak, up_down + sideways)
-    return peak
 
 
 def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float:

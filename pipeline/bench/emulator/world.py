@@ -20,7 +20,7 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.ramp import Ramp
 from pipeline.bench.settings import BenchSettings
 from recognition.views.levelling import level
-from whisker_array.scan.mounted import mounted
+from whisker_array.scan.mounted import mount
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import SweepPlan
@@ -80,7 +80,7 @@ class World:
         self._touch = bench.touch()
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
         surface, soil = on_plate(level(part), soil, bench)
-        self._part = mounted(
+        self._part = mount(
             surface,
             touches=(self._touch,),
             sample_pitch_mm=self._step_mm,

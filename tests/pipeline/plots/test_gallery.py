@@ -26,9 +26,10 @@ from pipeline.plots.gallery import FIGURES, draw_gallery, step_table
 from pipeline.plots.step_reading import StepError, read_step
 from pipeline.plots.steps import PRELOAD_MM, StepCase, feel_step, paper_whisker
 from pipeline.plots.traces import pieces_figure, whiskers_figure
+from tests.support.stress import preload_stress_mpa
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.enhancement import enhancement_factor
-from whisker_array.whisker.validity import deflection_ratio, preload_stress_mpa
+from whisker_array.whisker.validity import deflection_ratio
 
 SAMPLE = 0.35e-2
 """Relative: the foot is felt a sample of 1 um early or late, of the 289 um in which a 60 degree slope would bring

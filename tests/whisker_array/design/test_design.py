@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
+from tests.support.stress import preload_stress_mpa
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     bending_stress_mpa,
@@ -37,7 +38,6 @@ from whisker_array.whisker.validity import (
     QUASI_STATIC_SHARE,
     deflection_ratio,
     first_bending_frequency_hz,
-    preload_stress_mpa,
 )
 
 ASKED = Request(

@@ -188,8 +188,6 @@ def test_one_way_says_that_walls_do_not_hold() -> None:
     one, true = stamped(Fidelity.POINTWISE, directions=FORWARD)
     both, same = stamped(Fidelity.POINTWISE, directions=BOTH)
     assert one.route is Route.FLOORS
-    assert "not on walls" in one.route.describe()
-    assert len({route.describe() for route in Route}) == 3
     # the walls' enhancement is taken for height: clearly worse than both ways
     assert np.nanstd(one.height_mm - true) > 1.5 * np.nanstd(both.height_mm - same)
 

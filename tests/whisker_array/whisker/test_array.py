@@ -130,17 +130,6 @@ def test_a_stagger_costs_its_way_at_tracing_speed_and_back(plan: RasterPlan, row
         assert other.behind.max() == (min(rows, array.n_whiskers) - 1) * samples
 
 
-def test_the_plan_says_what_it_does() -> None:
-    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
-    for word in (
-        "40.0 x 10.0 mm",
-        "4 whiskers 5.00 mm apart, 2.2 g",
-        "0°/90°/180°/270°",
-        f"{plan.n_samples:,} samples",
-    ):
-        assert word in plan.describe()
-
-
 def test_refusals_say_what_is_wrong() -> None:
     good = {
         "array": WhiskerArray(3, 1.0),

@@ -368,14 +368,13 @@ def test_bent_straight_whisker_is_no_pure_profilometer() -> None:
     assert 0.0 < abs(gaps[0]) < 0.05
 
 
-# --- what it says of itself
+# --- the worst of force and moment
 
 
-def test_description_gives_the_shares() -> None:
-    line = linear_error(WIRE, lift_mm=1.0).describe()
-    assert "1 mm" in line
-    assert "force +0.83 %" in line
-    assert "moment +0.47 %" in line
+def test_the_worst_share_is_that_of_force_or_moment() -> None:
+    small = linear_error(WIRE, lift_mm=1.0)
+    assert small.worst == small.force == pytest.approx(0.0083, abs=5e-5)
+    assert small.moment == pytest.approx(0.0047, abs=5e-5)
     error = linear_error(WIRE, lift_mm=8.0)
     assert error.worst == error.moment > error.force
 

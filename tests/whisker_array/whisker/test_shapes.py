@@ -16,6 +16,7 @@ from tests.support.paper import (
     straight_compliance,
     straight_moment_arm,
 )
+from tests.support.stress import preload_stress_mpa
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube, WhiskerError
@@ -24,7 +25,6 @@ from whisker_array.whisker.validity import (
     deflection_ratio,
     first_bending_frequency_hz,
     land_force_n,
-    preload_stress_mpa,
 )
 
 SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(0.9, 0.3))

@@ -1,0 +1,27 @@
+"""A raster plan in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pipeline.cli.plan_words import describe_plan
+from whisker_array.whisker.array import default_plan
+
+
+def test_plan_in_words() -> None:
+    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
+    for word in (
+        "40.0 x 10.0 mm",
+        "4 whiskers 5.00 mm apart, 2.2 g",
+        "0°/90°/180°/270°",
+        f"{plan.n_samples:,} samples",
+    ):
+        assert word in describe_plan(plan)
+    assert "and back" not in describe_plan(plan)
+    assert "and back" in describe_plan(replace(plan, two_way=True))
+
+
+def test_two_kinds_stand_behind_each_other() -> None:
+    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4, kinds=2)
+    assert "2 kinds of 4 whiskers" in describe_plan(plan)
+    assert f"2 rows {plan.array.stagger_mm:.2f} mm behind each other" in describe_plan(plan)
