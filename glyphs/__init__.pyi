@@ -23,7 +23,6 @@ from .stamping.plates import PLATES
 from .stamping.stamp import StampedPart, stamp_line
 from .stamping.textures import Grinding, Milling, Sand, Turning
 from .stamping.variation import PRACTICES, PlateVariation, StampingVariation
-from .stamping.wedge import Wedge
 from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 
 __all__ = [
@@ -70,7 +69,6 @@ __all__ = [
     "StampingVariation",
     "TraceDirection",
     "Turning",
-    "Wedge",
     "allowed_characters",
     "default_die",
     "draw_camera",

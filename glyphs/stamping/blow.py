@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Glyph
-from glyphs.stamping.die import ink_points_mm, shape_distance_mm, to_plate
+from glyphs.stamping.die import Box, middle_mm, plate_box, shape_distance_mm, to_plate
 from glyphs.stamping.faces import Die, relief_mm
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.display import one_line
-
-Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -40,27 +38,6 @@ class Blow:
     flank_loss: float = 0.0
 
     __repr__ = one_line
-
-
-def middle_mm(shape: Glyph, height_mm: float) -> tuple[float, float]:
-    """Reference point of a character in its own frame: middle of the ink's width at mid cap height, mm."""
-    x0, _, x1, _ = shape.ink_box
-    return ((x0 + x1) / 2 * height_mm, height_mm / 2)
-
-
-def plate_box(
-    shape: Glyph, centre: tuple[float, float], rotation_deg: float, *, height_mm: float, grow_mm: float
-) -> Box:
-    """Box around the ink of a rotated character in the plate frame, mm."""
-    points = ink_points_mm(shape, height_mm=height_mm) - middle_mm(shape, height_mm)
-    px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
-    half = (shape.stroke / 2 * height_mm if shape.inked else 0.0) + grow_mm
-    return (
-        centre[0] + float(px.min()) - half,
-        centre[1] + float(py.min()) - half,
-        centre[0] + float(px.max()) + half,
-        centre[1] + float(py.max()) + half,
-    )
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from glyphs.stamping.faces import Die, Face, relief_mm
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
+Box = tuple[float, float, float, float]
+"""x0, y0, x1, y1."""
 _CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a time, Hershey's by up to 30
 
 
@@ -126,13 +128,8 @@ def ideal_relief(
     require_not_negative(StampError, margin_mm=margin_mm)
     require_positive(StampError, x_scale=x_scale, pitch_mm=pitch_mm)
     shape = transformed(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
-    box = shape.ink_box
-    middle = ((box[0] + box[2]) / 2 * height_mm, 0.5 * height_mm)
-    points = ink_points_mm(shape, height_mm=height_mm) - middle
-    px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
-    half_ink = shape.stroke / 2 * height_mm
-    x0, y0 = float(px.min()) - half_ink, float(py.min()) - half_ink
-    x1, y1 = float(px.max()) + half_ink, float(py.max()) + half_ink
+    middle = middle_mm(shape, height_mm)
+    x0, y0, x1, y1 = plate_box(shape, (0.0, 0.0), rotation_deg, height_mm=height_mm, grow_mm=0.0)
     half_cols = max(1, math.ceil((max(-x0, x1) + margin_mm) / pitch_mm))
     half_rows = max(1, math.ceil((max(-y0, y1) + margin_mm) / pitch_mm))
     if (2 * half_cols + 1) * (2 * half_rows + 1) > MAX_PIXELS:
@@ -162,6 +159,27 @@ def to_plate(
     c, s = math.cos(math.radians(rotation_deg)), math.sin(math.radians(rotation_deg))
     x, y = np.asarray(x_mm, dtype=np.float64), np.asarray(y_mm, dtype=np.float64)
     return c * x + s * y, s * x - c * y
+
+
+def middle_mm(shape: Glyph, height_mm: float) -> tuple[float, float]:
+    """Reference point of a character in its own frame: middle of the ink's width at mid cap height, mm."""
+    x0, _, x1, _ = shape.ink_box
+    return ((x0 + x1) / 2 * height_mm, height_mm / 2)
+
+
+def plate_box(
+    shape: Glyph, centre: tuple[float, float], rotation_deg: float, *, height_mm: float, grow_mm: float
+) -> Box:
+    """Box around the ink of a rotated character in the plate frame, mm."""
+    points = ink_points_mm(shape, height_mm=height_mm) - middle_mm(shape, height_mm)
+    px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
+    half = (shape.stroke / 2 * height_mm if shape.inked else 0.0) + grow_mm
+    return (
+        centre[0] + float(px.min()) - half,
+        centre[1] + float(py.min()) - half,
+        centre[0] + float(px.max()) + half,
+        centre[1] + float(py.max()) + half,
+    )
 
 
 def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.ranges import require_finite, require_not_negative, require_positive
-from glyphs.stamping.blow import Box, draw_blow, draw_stances, middle_mm, plate_box, strike
-from glyphs.stamping.die import die_glyph, to_plate
+from glyphs.stamping.blow import draw_blow, draw_stances, strike
+from glyphs.stamping.die import Box, die_glyph, middle_mm, plate_box, to_plate
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Die
 from glyphs.stamping.forms import PlateForm, along_skin_mm, seen_mm

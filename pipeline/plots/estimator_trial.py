@@ -10,8 +10,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.stamping.wedge import Wedge
 from glyphs.surface.maps import HeightMap, TraceDirection
+from pipeline.plots.wedge import Wedge
 from whisker_array.estimation.friction import FrictionRoute, land_friction
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.stamping.wedge import Wedge
+from pipeline.plots.wedge import Wedge
 
 _MOST_MISFIT = 5e-3
 """Rms by which line, ramp and floor may miss the trace, of the land's moment, over twice the noise."""

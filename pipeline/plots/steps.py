@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.stamping.wedge import Wedge
 from pipeline.plots.drawing import FigureSettings, StepRow
 from pipeline.plots.step_reading import StepError, StepReading, read_step
+from pipeline.plots.wedge import Wedge
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise

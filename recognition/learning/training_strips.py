@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.stamping.blow import Box
+from glyphs.stamping.die import Box
 from recognition.learning.training_parts import TrainingPart
 from recognition.views.curves import arc_through, straight_through
 from recognition.views.text_line import HEIGHT_ROWS, TextLine

@@ -54,7 +54,7 @@ def met() -> list[object]:
     whisker = whisker_array.default_whisker(3.0)
     roots = [
         part, part.soiled, part.photograph(), glyphs.StampingVariation(), glyphs.draw_light(rng),
-        glyphs.draw_camera(rng), glyphs.Wedge(0.5, 0.2, 1.0, 1.0),
+        glyphs.draw_camera(rng),
         glyphs.ideal_relief(font.glyph("A"), glyphs.default_die(3.0), height_mm=3.0,
         pitch_mm=0.1, margin_mm=1.0), known, plan, scan, whisker_array.estimate_relief(scan, edges),
         whisker_array.draw_sensor_chain(8, rng=rng), whisker_array.land_friction(scan), whisker,

@@ -16,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from glyphs.stamping.wedge import Wedge
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.cli.figures import figures
 from pipeline.common.settings import SettingsError
@@ -26,6 +25,7 @@ from pipeline.plots.gallery import FIGURES, draw_gallery, step_table
 from pipeline.plots.step_reading import StepError, read_step
 from pipeline.plots.steps import PRELOAD_MM, StepCase, feel_step, paper_whisker
 from pipeline.plots.traces import pieces_figure, whiskers_figure
+from pipeline.plots.wedge import Wedge
 from tests.support.stress import preload_stress_mpa
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.enhancement import enhancement_factor

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import require_positive, require_range
 from glyphs.surface.maps import HeightMap, MapError
 
 
@@ -38,14 +39,9 @@ class Wedge:
     floor_mm: float
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.alpha_rad < math.pi / 2.0:
-            raise MapError(
-                f"alpha_rad is {self.alpha_rad}", hint="it must lie between 0 and pi/2 (radians, not degrees)"
-            )
-        for name in ("depth_mm", "land_mm", "floor_mm"):
-            value = float(getattr(self, name))
-            if not (math.isfinite(value) and value > 0.0):
-                raise MapError(f"{name} is {value}", hint="it must be a positive number of millimetres")
+        radians = "give radians between 0 and pi/2"
+        require_range(MapError, 1e-6, math.pi / 2.0 - 1e-6, self, "alpha_rad", hint=radians)
+        require_positive(MapError, self, "depth_mm", "land_mm", "floor_mm")
 
     @property
     def run_mm(self) -> float:
@@ -67,8 +63,7 @@ class Wedge:
         Raises:
             MapError: a pitch not positive or too fine, fewer than two rows.
         """
-        if not (math.isfinite(pitch_mm) and pitch_mm > 0.0):
-            raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be a positive number of millimetres")
+        require_positive(MapError, pitch_mm=pitch_mm)
         columns = round(self.length_mm / pitch_mm) + 1
         x = np.arange(columns, dtype=np.float64) * pitch_mm
         line = self.height_mm(np.asarray(x - self.land_mm, dtype=np.float64))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glyphs.stamping.wedge import Wedge
 from glyphs.surface.maps import MapError
+from pipeline.plots.wedge import Wedge
 
 MICROMETRE = 1e-3
 
