@@ -14,6 +14,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation.estimate import moment_per_lift
 from whisker_array.estimation.fault_measures import Floats, SweepShares
@@ -133,6 +134,8 @@ class FaultLimits:
     tone_ratio: float = 12.0
     spike: float = 0.05
     few_spikes: int = 12
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)
