@@ -21,17 +21,17 @@ from .whisker.elastica import ElasticaError, LargeDeflection, large_deflection
 from .whisker.enhancement import enhancement_factor, moment_ratio
 from .whisker.passes import Pass, SweepPlan
 from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube, WhiskerError
-from .whisker.shapes import Chain, LShaped, Straight, TipModel
+from .whisker.shapes import Chain, LShaped, TipModel, straight_whisker
 from .whisker.touch import Touch, default_touch, profiling_touch
 
 __all__ = [
     "MUSIC_WIRE", "Calibration", "Chain", "Design", "DesignError", "ElasticaError", "Fidelity",
     "Fitting", "LShaped", "LandFriction", "LargeDeflection", "Limits", "Material", "Pass", "RasterPlan",
     "Rectangle", "Relief", "Request", "Round", "SampleFlag", "Scan", "Segment", "SensorChain",
-    "SensorError", "SimulatedSession", "StageError", "StageSession", "Straight", "Sweep", "SweepPlan",
+    "SensorError", "SimulatedSession", "StageError", "StageSession", "Sweep", "SweepPlan",
     "Taper", "TipModel", "Touch", "Tube", "Tuned", "WhiskerArray", "WhiskerError",
     "calibrate_lead_in", "default_plan", "default_preload_mm", "default_touch",
     "default_whisker", "design_whisker", "draw_sensor_chain", "edge_map", "enhancement_factor",
     "estimate_relief", "land_friction", "large_deflection", "load_scan", "moment_ratio",
-    "profiling_touch", "relief_from_edges", "save_calibration", "save_scan", "trace_scan", "tune",
+    "profiling_touch", "relief_from_edges", "save_calibration", "save_scan", "straight_whisker", "trace_scan", "tune",
 ]  # fmt: skip

@@ -181,10 +181,9 @@ def _built(path: Path, request: Request) -> int:
     from pipeline.reading.identified import promise_lines
     from whisker_array.design.built import fitness
     from whisker_array.identification.promises import promises
-    from whisker_array.whisker.shapes import LShaped
 
     built = read_whisker_file(path)
-    if built.known is None or not isinstance(built.whisker, LShaped):
+    if built.known is None or built.whisker.is_straight:
         raise CommandError(
             f"{path} does not say how well its whisker is known", hint="let identify --out write it"
         )

@@ -87,7 +87,6 @@ def scan(
         from whisker_array.simulation.traces import Fidelity
         from whisker_array.whisker.array import default_plan
         from whisker_array.whisker.defaults import default_whisker
-        from whisker_array.whisker.shapes import LShaped
         from whisker_array.whisker.touch import default_touch
 
         if not is_scan(out):
@@ -159,7 +158,7 @@ def scan(
         f"wrote {out}: characters {height:.2f} mm, preload {felt.touch.preload_mm:.2f} mm, "
         f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
     )
-    if built is not None and built.known is not None and isinstance(built.whisker, LShaped):
+    if built is not None and built.known is not None and not built.whisker.is_straight:
         print("\n".join(promise_lines(promises(built.whisker, built.touch, built.known))))
     return 0
 

@@ -29,7 +29,7 @@ from whisker_array.identification.bench import Unknown
 from whisker_array.identification.promises import Knowledge
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
 
 FORMAT_VERSION = 1
@@ -54,7 +54,7 @@ class WhiskerFile:
         known: how well the whisker is known, where it was identified.
     """
 
-    whisker: LShaped | Straight
+    whisker: LShaped
     touch: Touch
     character_height_mm: float
     line_pitch_mm: float
@@ -125,7 +125,7 @@ class _Use(_Strict):
             return _MATERIALS[self.material]
         return Material(**self.material.model_dump())
 
-    def shape(self) -> LShaped | Straight:
+    def shape(self) -> LShaped:
         """The whisker of this kind."""
         raise NotImplementedError
 
@@ -167,9 +167,9 @@ class _Straight(_Use):
     kind: Literal["straight"]
     l_mm: Length
 
-    def shape(self) -> Straight:
+    def shape(self) -> LShaped:
         """The straight one."""
-        return Straight(self.l_mm, math.radians(self.beta_deg), self._section(), self._made_of())
+        return straight_whisker(self.l_mm, math.radians(self.beta_deg), self._section(), self._made_of())
 
 
 _KINDS: dict[str, type[_Use]] = {"L": _L, "straight": _Straight}
@@ -227,8 +227,8 @@ def check_whisker_file(path: Path) -> None:
 def _lines(path: Path, content: WhiskerFile) -> list[str]:
     w, touch = content.whisker, content.touch
     shape: dict[str, str | float] = (
-        {"kind": "straight", "l_mm": w.length_mm}
-        if isinstance(w, Straight)
+        {"kind": "straight", "l_mm": w.l1_mm}
+        if w.is_straight
         else {"kind": "L", "l1_mm": w.l1_mm, "l2_mm": w.l2_mm, "l3_mm": w.lowered_mm}
     )
     shape["beta_deg"] = math.degrees(w.beta_rad)

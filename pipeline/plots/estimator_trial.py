@@ -21,7 +21,7 @@ from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Rectangle
-from whisker_array.whisker.shapes import Straight
+from whisker_array.whisker.shapes import straight_whisker
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
 
 HEIGHT_MM = 5.0
@@ -72,7 +72,9 @@ def profiler_of(name: str) -> Touch | None:
     touch = profiling_touch(HEIGHT_MM)
     if name == "straight":
         length, width = 6.0 * HEIGHT_MM, 0.9 * HEIGHT_MM
-        whisker = Straight(length, math.radians(_STRAIGHT_BETA_DEG), Rectangle(0.06 * HEIGHT_MM, width))
+        whisker = straight_whisker(
+            length, math.radians(_STRAIGHT_BETA_DEG), Rectangle(0.06 * HEIGHT_MM, width)
+        )
         touch = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
     return touch
 

@@ -18,7 +18,7 @@ from whisker_array.simulation.surface import prepare_surface, sample_lines
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.enhancement import enhancement_factor
 from whisker_array.whisker.sections import Round
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped, straight_whisker
 
 L1_MM = 30.0
 WIRE_MM = 0.3
@@ -79,13 +79,13 @@ class FeltStep:
         )  # fmt: skip
 
 
-def paper_whisker(k: float) -> Straight | LShaped:
+def paper_whisker(k: float) -> LShaped:
     """Music wire, l1 = 30 mm, beta = 0, l3 = l2 = k l1; straight at k = 0.
 
     The test piece is alike across the trace, so that a wire as soft sideways as upwards does no harm.
     """
     if k == 0.0:
-        return Straight(L1_MM, 0.0, Round(WIRE_MM))
+        return straight_whisker(L1_MM, 0.0, Round(WIRE_MM))
     return LShaped(L1_MM, k * L1_MM, None, 0.0, Round(WIRE_MM))
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
 from whisker_array.whisker.sections import Rectangle, Round
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -115,13 +115,11 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     return drawing
 
 
-def _lengths(shape: LShaped | Straight) -> tuple[float, float, float]:
-    if isinstance(shape, LShaped):
-        return shape.l1_mm, shape.l2_mm, shape.lowered_mm
-    return shape.length_mm, 0.0, 0.0
+def _lengths(shape: LShaped) -> tuple[float, float, float]:
+    return shape.l1_mm, shape.l2_mm, shape.lowered_mm
 
 
-def _thickness(shape: LShaped | Straight) -> float:
+def _thickness(shape: LShaped) -> float:
     section = shape.section
     if isinstance(section, Rectangle):
         return section.thickness_mm
@@ -148,7 +146,7 @@ def _side_view(
         space.add_line(clamp, sensor, dxfattribs={"linetype": "DASHDOT", "ltscale": 0.2 * size})
 
 
-def _section_view(space: Modelspace, shape: LShaped | Straight, at: Point, *, size: float) -> float:
+def _section_view(space: Modelspace, shape: LShaped, at: Point, *, size: float) -> float:
     """Enlarged, to the right of a point, with the dimensions of the whisker; where the next thing may stand."""
     section, true_size = shape.section, {"dimlfac": 1.0 / _SECTION_SCALE}
     if isinstance(section, Rectangle):

@@ -15,7 +15,6 @@ from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, 
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.promises import Promise, knowledge_of
 from whisker_array.identification.telling import not_apart, remedies, untold
-from whisker_array.whisker.shapes import LShaped
 
 _MEANINGS = {
     Unknown.L1: "length of the beam",
@@ -47,13 +46,13 @@ def identify_recording(
         FileError: a file that cannot be used, or a recording that tells nothing.
     """
     drawn = read_whisker_file(whisker) if whisker is not None else None
-    if whisker is not None and drawn is not None and not isinstance(drawn.whisker, LShaped):
+    if whisker is not None and drawn is not None and drawn.whisker.is_straight:
         raise FileError(whisker, "is no L-shaped whisker", "a straight one has no numbers to be told apart")
     heights = heights_of_piece(read_piece(piece))
     scan = read_scan(recording)
     if drawn is not None:
         scan = replace(scan, touch=drawn.touch)
-    known = drawn.whisker if drawn is not None and isinstance(drawn.whisker, LShaped) else scan.touch
+    known = drawn.whisker if drawn is not None else scan.touch
     try:
         return identify(scan, heights, whisker=known), drawn
     except FileError:
@@ -122,7 +121,7 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    if not isinstance(drawn.whisker, LShaped):
+    if drawn.whisker.is_straight:
         raise FileError(path, "holds only an L-shaped whisker that was identified", "give the drawing of one")
     whisker = found.bench.whisker(drawn.whisker)
     touch = found.bench.touch(drawn.whisker)

@@ -26,10 +26,10 @@ from whisker_array.simulation.surface import TouchSurface, prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
 from whisker_array.whisker.sections import Rectangle, Round
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped, straight_whisker
 
 Vector = NDArray[np.float64]
-Whisker: TypeAlias = LShaped | Straight
+Whisker: TypeAlias = LShaped
 
 D0 = 0.25
 """Small against l1 = 30 mm: MuJoCo's whisker turns as it bends, which is worth D0 / l1 or 1 % at the most."""
@@ -53,7 +53,7 @@ WIRE = LShaped(30.0, 30.0 * 0.117, None, 0.0, Round(0.4))
 SHORT_ARM = LShaped(30.0, 30.0 * 0.05, None, 0.0, Round(0.4))
 RIBBON = LShaped(30.0, 30.0 * 0.117, None, 0.0, Rectangle(0.3, 4.5))
 LEANING = LShaped(30.0, 30.0 * 0.083, 1.0, 0.3, Round(0.4))
-STRAIGHT = Straight(30.0, 0.5, Round(0.4))
+STRAIGHT = straight_whisker(30.0, 0.5, Round(0.4))
 NAMES = {
     WIRE: "wire k 0.117",
     SHORT_ARM: "wire k 0.05",

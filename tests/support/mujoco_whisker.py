@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.whisker.beam import Segment
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped
 
 STEP_S = 1e-3
 PHASE_PER_STEP_RAD = 0.3
@@ -128,7 +128,7 @@ def _plate(name: str, wedge: Wedge, slope: float, reach_mm: tuple[float, float],
 
 
 def whisker_model(
-    whisker: LShaped | Straight, wedge: Wedge, *, start_mm: float, radius_mm: float, spatial: bool = False
+    whisker: LShaped, wedge: Wedge, *, start_mm: float, radius_mm: float, spatial: bool = False
 ) -> mujoco.MjModel:
     """The MuJoCo model: whisker with its tip at (start_mm, 0, 0) just touching, wedge, contact pairs."""
     segments = whisker.segments()
@@ -160,7 +160,7 @@ def whisker_model(
 
 
 def drag(
-    whisker: LShaped | Straight,
+    whisker: LShaped,
     wedge: Wedge,
     *,
     preload_mm: float,
@@ -174,7 +174,7 @@ def drag(
     data = mujoco.MjData(model)
     ball = model.geom("ball").id
     sensor = np.array([start_mm, 0.0, 0.0]) - whisker.segments()[-1].end_mm
-    sensor[1] -= preload_mm + (whisker.lowered_mm if isinstance(whisker, LShaped) else 0.0)
+    sensor[1] -= preload_mm + whisker.lowered_mm
     speed = SPEED_D0_PER_STEP * preload_mm / STEP_S
     readings = math.ceil(travel_mm / (speed * STEP_S * CHUNK_STEPS))
     moment, force, tip, free = np.zeros(readings), np.zeros((readings, 3)), np.zeros((readings, 3)), []

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from whisker_array.whisker.sections import WhiskerError
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 
@@ -166,13 +166,13 @@ class Bench:
         )
 
 
-def nominal_bench(whisker: LShaped | Straight | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
+def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
     """The bench as drawn: no play, no tilt, the piece in its place, gains of 1.
 
     Raises:
         WhiskerError: a whisker that is no L.
     """
-    if isinstance(whisker, Straight):
+    if isinstance(whisker, LShaped) and whisker.is_straight:
         raise WhiskerError("only an L-shaped whisker is identified", hint="give the drawing of one")
     drawn = {}
     if isinstance(whisker, LShaped):

@@ -96,58 +96,6 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
 
 
 @dataclass(frozen=True)
-class Straight:
-    """A straight whisker, the profilometer of Sec. 3.5: F = 1 whatever the friction.
-
-    Attributes:
-        length_mm: l, mm.
-        beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
-        section: constant section, or a Taper from base to tip.
-        material: what it is made of.
-
-    Raises:
-        WhiskerError: a length not positive, an angle out of range.
-    """
-
-    length_mm: float
-    beta_rad: float
-    section: SectionLike
-    material: Material = MUSIC_WIRE
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "length_mm")
-        _check_beta(self.beta_rad)
-
-    def segments(self) -> tuple[Segment, ...]:
-        """The one segment, base at the origin."""
-        tip = -self.length_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
-        return (Segment(np.zeros(3), tip, self.section, self.material),)
-
-    def tip_model(self, *, axial: bool = True) -> TipModel:
-        """D11 and moment arm. axial=False raises WhiskerError: inextensible, D11 is singular."""
-        return _model(self.segments(), 0.0, axial)
-
-    @property
-    def k(self) -> float:
-        """l2 / l1 = 0."""
-        return 0.0
-
-    @property
-    def reach_mm(self) -> float:
-        """The length against which Assumption 1 measures the deflection: l, mm."""
-        return self.length_mm
-
-    def describe(self) -> str:
-        """One line for people."""
-        return (
-            f"straight whisker: l {self.length_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, "
-            f"{self.section}, {self.material.name}"
-        )
-
-
-@dataclass(frozen=True)
 class LShaped:
     """The L-shaped whisker of Fig. 3, the differentiator.
 
@@ -183,6 +131,11 @@ class LShaped:
         """l3, mm, with the default filled in."""
         return self.l2_mm if self.l3_mm is None else self.l3_mm
 
+    @property
+    def is_straight(self) -> bool:
+        """Whether there is no tip arm, and the sensor sits on the clamp."""
+        return self.l2_mm == self.lowered_mm == 0.0
+
     def segments(self) -> tuple[Segment, ...]:
         """l1 and the tip arm, base at the origin."""
         elbow = -self.l1_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
@@ -208,11 +161,30 @@ class LShaped:
 
     def describe(self) -> str:
         """One line for people."""
-        return (
-            f"L-shaped whisker: l1 {self.l1_mm:g} mm, l2 {self.l2_mm:g} mm (k = {self.k:.3f}), "
-            f"l3 {self.lowered_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, "
-            f"{self.section}, {self.material.name}"
-        )
+        arm = f"l2 {self.l2_mm:g} mm (k = {self.k:.3f}), l3 {self.lowered_mm:g} mm"
+        lengths = f"L-shaped whisker: l1 {self.l1_mm:g} mm, {arm}"
+        if self.is_straight:
+            lengths = f"straight whisker: l {self.l1_mm:g} mm"
+        return f"{lengths}, beta {math.degrees(self.beta_rad):g} deg, {self.section}, {self.material.name}"
+
+
+def straight_whisker(
+    length_mm: float, beta_rad: float, section: SectionLike, material: Material = MUSIC_WIRE
+) -> LShaped:
+    """Make a straight whisker, the profilometer of Sec. 3.5: F = 1 whatever the friction.
+
+    Inextensible (`tip_model(axial=False)`) its D11 is singular.
+
+    Args:
+        length_mm: l, mm.
+        beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
+        section: constant section, or a Taper from base to tip.
+        material: what it is made of.
+
+    Raises:
+        WhiskerError: a length not positive, an angle out of range.
+    """
+    return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,5 +266,5 @@ class Chain:
         )
 
 
-Whisker: TypeAlias = Straight | LShaped | Chain
+Whisker: TypeAlias = LShaped | Chain
 """Any whisker: has tip_model(), segments(), k, reach_mm, material and describe()."""

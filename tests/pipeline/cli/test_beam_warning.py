@@ -11,7 +11,7 @@ from pipeline.cli.beam_warning import linear_beam_warning
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import linear_error
 from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, Straight, Whisker
+from whisker_array.whisker.shapes import Chain, LShaped, Whisker, straight_whisker
 from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio
 
 LONG_ARM = LShaped(30.0, 9.0, None, 0.0, Rectangle(0.3, 4.5))
@@ -48,7 +48,7 @@ def test_silent_exactly_within_the_limits(k: float, preload: float, mu: float) -
     [
         (LShaped(30.0, 3.0, None, -1.2, Rectangle(0.3, 4.5)), 0.5, "jams"),
         (Chain(np.array([[0.0, 0, 0], [-20, -2, 0], [-22, -4, 1]]), Round(0.3)), 0.2, "plane"),
-        (Straight(1.0, 0.0, Round(0.3)), 0.2, "cannot be"),
+        (straight_whisker(1.0, 0.0, Round(0.3)), 0.2, "cannot be"),
     ],
 )
 def test_no_exact_answer_is_said(whisker: Whisker, mu: float, why: str) -> None:

@@ -22,7 +22,7 @@ from whisker_array.estimation.estimate import (
 from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.whisker.enhancement import is_jammed, land_moment_n_mm, moment_ratio, rotation
 from whisker_array.whisker.sections import Rectangle, WhiskerError
-from whisker_array.whisker.shapes import LShaped, Straight, TipModel
+from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
 
 RIBBON = Rectangle(0.3, 4.5)
 EXACT = 1e-6
@@ -112,7 +112,7 @@ def test_a_profiler_gives_the_lift_whatever_slope_and_friction(
 # Steeper, the axial term of D11 is no longer small beside the bending, and below -45 degrees theta = 45 degrees jams.
 @given(st.floats(math.radians(-35.0), math.radians(75.0)))
 def test_a_straight_whisker_is_a_profiler(beta: float) -> None:
-    assert is_profiler(Straight(30.0, beta, RIBBON).tip_model())
+    assert is_profiler(straight_whisker(30.0, beta, RIBBON).tip_model())
 
 
 @given(st.floats(0.01, 0.5), st.floats(math.radians(-30.0), math.radians(60.0)))

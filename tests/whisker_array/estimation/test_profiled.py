@@ -18,7 +18,7 @@ from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Rectangle
-from whisker_array.whisker.shapes import Straight
+from whisker_array.whisker.shapes import straight_whisker
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
 
 N = 4
@@ -28,7 +28,9 @@ TOUCH = default_touch(5.0)
 PROFILERS = {
     "raised sensor": profiling_touch(5.0),
     "straight": replace(
-        TOUCH, tip=Straight(30.0, math.radians(25.0), Rectangle(0.3, 4.5)).tip_model(), whisker="straight"
+        TOUCH,
+        tip=straight_whisker(30.0, math.radians(25.0), Rectangle(0.3, 4.5)).tip_model(),
+        whisker="straight",
     ),
 }
 BEVELS = (30, 45, 60)

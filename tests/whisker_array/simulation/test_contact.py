@@ -26,7 +26,7 @@ from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
-from whisker_array.whisker.shapes import LShaped, Straight, TipModel
+from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
 from whisker_array.whisker.touch import default_touch
 
 D0 = 1.0
@@ -285,7 +285,7 @@ def test_oil_is_felt_by_an_l_shaped_whisker_and_not_by_a_straight_one() -> None:
     mu = np.full((21, 401), 0.4, dtype=np.float32)
     mu[:, 150:300] = 0.1
     surface = surface_of(lambda x, z: 0.0 * x, pitch=0.02, size=(8.0, 0.4), friction=mu)
-    bent, straight = WIRE, Straight(30.0, 0.0, Round(0.4)).tip_model()
+    bent, straight = WIRE, straight_whisker(30.0, 0.0, Round(0.4)).tip_model()
     felt = {
         name: trace(surface, tip, lines=np.array([0.2]), start=0.4, step=0.02, n=360, mu=0.4)
         for name, tip in (("L", bent), ("straight", straight))

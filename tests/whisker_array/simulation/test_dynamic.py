@@ -19,7 +19,7 @@ from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, Straight
+from whisker_array.whisker.shapes import Chain, LShaped, straight_whisker
 from whisker_array.whisker.touch import default_touch
 from whisker_array.whisker.validity import first_bending_frequency_hz, land_force_n
 
@@ -64,7 +64,7 @@ def apart(speed: float, **other: float) -> float:
 
 def test_modes_are_those_of_beam_tables() -> None:
     """Blevins, table 8-1: lambda L = 1.875 clamped and free, 3.927 clamped and pinned; masses are lumped (0.3 %)."""
-    straight = Straight(30.0, 0.0, Rectangle(0.3, 4.5))
+    straight = straight_whisker(30.0, 0.0, Rectangle(0.3, 4.5))
     modes = whisker_modes(straight)
     per = math.sqrt(MUSIC_WIRE.e_mpa * 4.5 * 0.3**3 / 12.0 / (MUSIC_WIRE.density_t_mm3 * 4.5 * 0.3)) / (
         2.0 * math.pi * 30.0**2

@@ -14,7 +14,7 @@ from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
 from whisker_array.whisker.sections import Round, WhiskerError
-from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.shapes import LShaped, straight_whisker
 
 STEP = 0.05
 D0 = 1.0
@@ -67,7 +67,7 @@ def test_falling_ramps_give_the_table_of_known_answers(mu: float, factors: tuple
     seed=st.integers(0, 1000),
 )
 def test_a_straight_whisker_is_a_profilometer(beta: float, mu: float, steepness: float, seed: int) -> None:
-    tip = Straight(30.0, beta, Round(0.4)).tip_model()
+    tip = straight_whisker(30.0, beta, Round(0.4)).tip_model()
     slope = steepness * np.random.default_rng(seed).uniform(-1.0, 1.0, 80)
     h = np.cumsum(slope) * 0.01
     p = np.gradient(h, 0.01)

@@ -15,7 +15,7 @@ from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.whisker.enhancement import contact_direction, enhancement_factor, is_jammed, rotation
 from whisker_array.whisker.sections import MUSIC_WIRE, Round
-from whisker_array.whisker.shapes import Straight
+from whisker_array.whisker.shapes import straight_whisker
 
 L = 30.0
 WIRE = Round(0.3)
@@ -49,7 +49,7 @@ def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> 
     along, across = lean(alpha, beta, mu)
     # where the force points along the whisker or under it, nothing but its axial give could lift the tip: it jams
     assume(min(across, across_land) > 0.02)
-    tip = Straight(L, beta, WIRE).tip_model()
+    tip = straight_whisker(L, beta, WIRE).tip_model()
     factor = enhancement_factor(tip, alpha_rad=alpha, mu=mu)
     e_tan = AXIAL_SHARE * math.tan(beta)
     q_land, q = along_land / across_land, along / across
@@ -64,9 +64,9 @@ def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> 
 def test_level_it_is_1_exactly(alpha: float, mu: float) -> None:
     # tan(beta) = 0: the axial give then moves the tip along the trace only
     assume(lean(alpha, 0.0, mu)[1] > 0.02)
-    assert enhancement_factor(Straight(L, 0.0, WIRE).tip_model(), alpha_rad=alpha, mu=mu) == pytest.approx(
-        1.0, abs=EXACT
-    )
+    assert enhancement_factor(
+        straight_whisker(L, 0.0, WIRE).tip_model(), alpha_rad=alpha, mu=mu
+    ) == pytest.approx(1.0, abs=EXACT)
 
 
 @settings(max_examples=100, deadline=None)
@@ -74,7 +74,7 @@ def test_level_it_is_1_exactly(alpha: float, mu: float) -> None:
 def test_it_jams_where_the_force_cannot_bend_it_up(alpha: float, beta: float, mu: float) -> None:
     across = lean(alpha, beta, mu)[1]
     assume(abs(across) > 0.02)
-    assert is_jammed(-math.tan(alpha), mu, Straight(L, beta, WIRE).tip_model()) == (across < 0.0)
+    assert is_jammed(-math.tan(alpha), mu, straight_whisker(L, beta, WIRE).tip_model()) == (across < 0.0)
 
 
 @settings(max_examples=60, deadline=None)
@@ -88,7 +88,7 @@ def test_the_moment_is_the_profile_whatever_the_friction(beta: float, steepness:
     across = np.cos(beta) * (1.0 - mu[0] * p) + np.sin(beta) * (p + mu[0])
     assume(float(across.min()) > 0.3)
     assume(float(h.min()) > -0.8)
-    tip = Straight(L, beta, WIRE).tip_model()
+    tip = straight_whisker(L, beta, WIRE).tip_model()
     felt = trace_pointwise(h, tip, step_mm=0.01, preload_mm=D0, friction=mu)
     assert not felt.flags.any()
     # tan(beta) <= 1.3 and q <= |f| / 0.3 <= 6: the axial term counts at most 8 times
@@ -103,7 +103,7 @@ def test_in_contact_as_well(mu: float) -> None:
     x = np.arange(600) * step
     h = 0.2 * np.sin(2.1 * x) + 0.1 * np.sin(7.3 * x + 1.0) - 0.1
     surface = prepare_surface(extruded(h, rows=3, pitch_mm=step), friction=mu)
-    tip = Straight(L, 0.0, WIRE).tip_model()
+    tip = straight_whisker(L, 0.0, WIRE).tip_model()
     felt = trace_contact(
         surface, tip, lines_mm=np.array([step]), start_mm=0.0, step_mm=step, n_samples=x.size,
         preload_mm=D0, nominal_friction=mu,

@@ -27,7 +27,7 @@ from whisker_array.whisker.enhancement import (
     rotation,
 )
 from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, SectionLike, Taper, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, Straight, Whisker
+from whisker_array.whisker.shapes import Chain, LShaped, Whisker, straight_whisker
 
 SOLVER = 1e-6
 """solve_bvp is asked for 1e-7 of relative residual; ten times that bounds the error of force and tip."""
@@ -90,7 +90,7 @@ def test_elliptic_integrals_are_the_published_table() -> None:
 def test_straight_cantilever_is_the_elliptic_one(load: float) -> None:
     length, section = 40.0, Rectangle(0.3, 1.8)
     rise, shorter, tip = elliptic_cantilever(load)
-    exact = large_deflection(Straight(length, 0.0, section), lift_mm=rise * length)
+    exact = large_deflection(straight_whisker(length, 0.0, section), lift_mm=rise * length)
     ei = MUSIC_WIRE.e_mpa * section.i_vertical_mm4
     # the angle root is good to 1e-15 but the load is flat in it near the fold: the solver sets the tolerance
     assert exact.force_n[1] == pytest.approx(load * ei / length**2, rel=SOLVER)
@@ -146,7 +146,7 @@ CHAIN = Chain(
 ANY: tuple[Whisker, ...] = (
     LShaped(30.0, 4.0, 1.0, 0.3, Rectangle(0.3, 1.8)),
     LShaped(30.0, 3.0, None, -0.2, Taper(Round(0.6), Round(0.25))),
-    Straight(25.0, 0.6, Taper(Rectangle(0.4, 3.0), Rectangle(0.15, 3.0))),
+    straight_whisker(25.0, 0.6, Taper(Rectangle(0.4, 3.0), Rectangle(0.15, 3.0))),
     CHAIN,
 )
 
@@ -173,7 +173,7 @@ LIFTS = (0.8, 0.4, 0.2, 0.1)
 
 def test_straight_level_whisker_is_linear_to_second_order() -> None:
     # even in the load by symmetry: up and down are alike
-    errors = [linear_error(Straight(30.0, 0.0, Round(0.3)), lift_mm=lift) for lift in LIFTS]
+    errors = [linear_error(straight_whisker(30.0, 0.0, Round(0.3)), lift_mm=lift) for lift in LIFTS]
     assert orders([e.force for e in errors]) == pytest.approx([2.0] * 3, abs=0.02)
     assert orders([e.moment for e in errors]) == pytest.approx([2.0] * 3, abs=0.02)
     # the tip draws in by 3/5 lift^2 / l: the linear tip does not move along at all
@@ -196,7 +196,10 @@ def test_l_shaped_whisker_is_linear_to_first_order(k: float) -> None:
 
 
 def test_friction_or_setting_angle_make_the_error_first_order() -> None:
-    for whisker, mu in ((Straight(30.0, 0.5, Round(0.3)), 0.0), (Straight(30.0, 0.0, Round(0.3)), 0.3)):
+    for whisker, mu in (
+        (straight_whisker(30.0, 0.5, Round(0.3)), 0.0),
+        (straight_whisker(30.0, 0.0, Round(0.3)), 0.3),
+    ):
         errors = [linear_error(whisker, lift_mm=lift, mu=mu).force for lift in (0.1, 0.05, 0.025)]
         assert orders(errors) == pytest.approx([1.0] * 2, abs=0.03)
 
@@ -359,7 +362,7 @@ def test_enhancement_tends_to_eq_16() -> None:
 
 def test_bent_straight_whisker_is_no_pure_profilometer() -> None:
     # F = 1 of (17), (18) is linear theory; exactly, a bent straight whisker feels slopes, to first order in d0
-    whisker = Straight(30.0, 0.0, Rectangle(0.3, 4.5))
+    whisker = straight_whisker(30.0, 0.0, Rectangle(0.3, 4.5))
     gaps = [
         enhancement_exact(whisker, preload_mm=d, alpha_rad=math.pi / 4, mu=0.2) - 1.0
         for d in (1.0, 0.5, 0.25)
@@ -437,4 +440,4 @@ def test_snapping_through_is_told_where_it_is() -> None:
 def test_no_solution_is_told() -> None:
     # pulled straight up: the force grows beyond every bound as the tip nears the wire's own length
     with pytest.raises(ElasticaError, match="no bent shape found"):
-        large_deflection(Straight(30.0, 0.0, Round(0.6)), lift_mm=29.99)
+        large_deflection(straight_whisker(30.0, 0.0, Round(0.6)), lift_mm=29.99)

@@ -20,7 +20,7 @@ from tests.support.stress import preload_stress_mpa
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube, WhiskerError
-from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel
+from whisker_array.whisker.shapes import Chain, LShaped, TipModel, straight_whisker
 from whisker_array.whisker.validity import (
     deflection_ratio,
     first_bending_frequency_hz,
@@ -97,7 +97,7 @@ def test_every_l_is_positive_definite(k: float, beta: float, length: float, whic
 @pytest.mark.parametrize("section", SECTIONS)
 @pytest.mark.parametrize("beta", BETAS)
 def test_eq_17_and_18_are_the_chain(beta: float, section: Section) -> None:
-    whisker = Straight(30.0, beta, section)
+    whisker = straight_whisker(30.0, beta, section)
     closed = straight_compliance(30.0, beta, section, MUSIC_WIRE)
     along = np.array([math.cos(beta), math.sin(beta), 0.0])
     stretch = 30.0 / (MUSIC_WIRE.e_mpa * section.area_mm2) * np.outer(along, along)
@@ -178,7 +178,7 @@ def test_ribbon_ratio_is_limited_by_twist() -> None:
 
 def test_stress_of_a_level_cantilever() -> None:
     # sigma = 3 E c d0 / l^2, the friction does not count when the force along the whisker has no arm
-    whisker = Straight(30.0, 0.0, Rectangle(0.3, 1.8))
+    whisker = straight_whisker(30.0, 0.0, Rectangle(0.3, 1.8))
     expected = 3 * MUSIC_WIRE.e_mpa * 0.15 * 1.0 / 30.0**2
     assert preload_stress_mpa(whisker, preload_mm=1.0, mu=0.4) == pytest.approx(expected, rel=1e-4)
     assert deflection_ratio(whisker, preload_mm=1.0, mu=0.0) == pytest.approx(1 / 30, rel=1e-6)
@@ -186,7 +186,7 @@ def test_stress_of_a_level_cantilever() -> None:
 
 def test_stress_looks_inside_a_taper() -> None:
     # a cone under a tip force is stressed most where its diameter is 1.5 times that at the (virtual) thin end
-    whisker = Straight(30.0, 0.0, Taper(Round(0.8), Round(0.2)))
+    whisker = straight_whisker(30.0, 0.0, Taper(Round(0.8), Round(0.2)))
     force = float(land_force_n(whisker, preload_mm=1.0, mu=0.0)[1])
 
     def stress(u: float) -> float:  # u from the tip
@@ -209,7 +209,7 @@ def test_frequency_of_a_cantilever(held: bool, eigenvalue: float) -> None:
     section = Rectangle(0.3, 4.5)
     ei, line_mass = MUSIC_WIRE.e_mpa * section.i_vertical_mm4, 7.8e-9 * section.area_mm2
     expected = eigenvalue / (2 * math.pi * 30.0**2) * math.sqrt(ei / line_mass)
-    found = first_bending_frequency_hz(Straight(30.0, 0.0, section), tip_held=held)
+    found = first_bending_frequency_hz(straight_whisker(30.0, 0.0, section), tip_held=held)
     assert found == pytest.approx(expected, rel=4e-3 if held else 2e-3)
 
 
@@ -219,23 +219,23 @@ def test_frequency_with_a_heavy_tip() -> None:
     beam = 7.8e-9 * section.area_mm2 * length
     k = 3 * MUSIC_WIRE.e_mpa * section.i_vertical_mm4 / length**3
     expected = math.sqrt(k / (tip_g * 1e-6 + 33 / 140 * beam)) / (2 * math.pi)
-    found = first_bending_frequency_hz(Straight(length, 0.3, section), tip_mass_g=tip_g)
+    found = first_bending_frequency_hz(straight_whisker(length, 0.3, section), tip_mass_g=tip_g)
     assert found == pytest.approx(expected, rel=1e-3)
 
 
 def test_descriptions_name_the_numbers() -> None:
     assert "l1 30 mm" in default_whisker(5.0).describe()
     assert "k = 0.117" in default_whisker(5.0).describe()
-    assert "l 30 mm" in Straight(30.0, 0.0, Round(0.4)).describe()
+    assert "l 30 mm" in straight_whisker(30.0, 0.0, Round(0.4)).describe()
     assert "chain of 1 segments" in Chain(np.array([[0.0, 0, 0], [-9, -1, 0]]), (Round(0.3),)).describe()
 
 
 def test_refusals_say_what_is_wrong() -> None:
     wire = Round(0.4)
     with pytest.raises(WhiskerError, match="radians"):
-        Straight(30.0, 45.0, wire)
-    with pytest.raises(WhiskerError, match="length_mm"):
-        Straight(0.0, 0.0, wire)
+        straight_whisker(30.0, 45.0, wire)
+    with pytest.raises(WhiskerError, match="l1_mm"):
+        straight_whisker(0.0, 0.0, wire)
     with pytest.raises(WhiskerError, match="l2_mm"):
         LShaped(30.0, -1.0, None, 0.0, wire)
     with pytest.raises(WhiskerError, match="l3_mm"):

@@ -7,7 +7,7 @@ import pytest
 from whisker_array.whisker.array import SAFE_SPEED_MM_S, default_plan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.sections import Round
-from whisker_array.whisker.shapes import Straight
+from whisker_array.whisker.shapes import straight_whisker
 from whisker_array.whisker.validity import QUASI_STATIC_SHARE, first_bending_frequency_hz
 
 
@@ -22,6 +22,6 @@ def test_default_raster_is_quasi_static(height: float) -> None:
 
 def test_round_wire_is_no_faster_for_being_held_up() -> None:
     # the surface holds its height, not its sideways swing, which is as slow as that of the free whisker
-    wire = Straight(30.0, 0.0, Round(0.3))
+    wire = straight_whisker(30.0, 0.0, Round(0.3))
     held, free = first_bending_frequency_hz(wire, tip_held=True), first_bending_frequency_hz(wire)
     assert held == pytest.approx(free, rel=1e-9)
