@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError
-from glyphs.fonts.outlines import is_font_file
 from pipeline.common.parsed import toml_of
 from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
@@ -38,6 +37,8 @@ _MODE_HINT = "take it out; a part is read by all that it has files for, and read
 
 def files_of(settings: ReadSettings) -> list[Path]:
     """The files that the settings name."""
+    from glyphs.fonts.outlines import is_font_file  # slow to import, and every command reads settings
+
     named = [path for name in FILES if (path := getattr(settings, name)) is not None]
     return [*named, *(Path(font) for font in settings.font if is_font_file(font))]
 

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from glyphs.atomic import replacing
 from glyphs.compiling import compiling_shown, part_done
@@ -21,19 +21,21 @@ from pipeline.formats.find_parts import PassedOver
 from pipeline.formats.order_file import read_order
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import Scores, load_truth
-from pipeline.reading.certificate import Certificate, certificate_of
-from pipeline.reading.drift import DriftWatch
-from pipeline.reading.expected import load_expected
-from pipeline.reading.readers import open_reader
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
 from pipeline.runs.run import Run
-from pipeline.runs.second_pass import learns
 from pipeline.runs.setup import absolute, opened, order_for, parts_for, with_expected
 from pipeline.runs.workbook import check_number
+from pipeline.workers.executors import Executor
 from pipeline.workers.options import ExecutorOptions
 
+if TYPE_CHECKING:
+    from pipeline.formats.find_parts import Listing
+    from pipeline.reading.certificate import Certificate
+
+_READING = ("pipeline.runs.task", "pipeline.reading.kept_readers", "recognition.senses.touch")
+"""Modules that a worker needs for its first part."""
 MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""
 
@@ -59,66 +61,82 @@ def run_batch(
         ValueError: settings, a font, format or database that cannot be used.
     """
     options.check()
+    found = parts_for(inputs, settings, manifests=options.manifest)
+    if options.out is not None and options.store is None:
+        check_number(Path(options.out), len(found))
+    # workers load the libraries of reading while this process does
+    with executors.opened(len(found), _READING) as executor:
+        return _read(found, inputs, settings, options, executor, sent=executors.cluster is not None)
+
+
+def _read(
+    found: Listing,
+    inputs: Sequence[str],
+    settings: ReadSettings,
+    options: RunOptions,
+    executor: Executor,
+    *,
+    sent: bool,
+) -> int:
+    from pipeline.reading.certificate import certificate_of
+    from pipeline.reading.drift import DriftWatch
+    from pipeline.reading.expected import load_expected
+    from pipeline.reading.readers import open_reader
+    from pipeline.runs.read_table import print_table
+    from pipeline.runs.second_pass import learns
+
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
-    parts: Sequence[PartFiles] = (found := parts_for(inputs, settings, manifests=options.manifest))
-    if options.out is not None and options.store is None:
-        check_number(Path(options.out), len(parts))
     reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
-    if expected is not None:
-        parts = with_expected(parts, expected)
-    if executors.cluster is not None:
+    parts: Sequence[PartFiles] = found if expected is None else with_expected(found, expected)
+    if sent:
         parts = absolute(parts)
-    order = order_for(settings, options, executors, verify=expected is not None)
+    order = order_for(settings, options, sent=sent, verify=expected is not None)
     learning = learns(options, settings, parts)
-
-    shown: dict[str, ReadingRecord] | None = {} if len(parts) <= MOST_SHOWN else None
     description = _description(inputs, settings, options, learning, certificate)
-    with opened(options, description, learns=learning) as run:
-        done = len(run.book.done)
-        _print_begun(run, options)
-        with Progress() as progress:
-            progress.start(len(parts), done)
+    shown: dict[str, ReadingRecord] = {}
+    with opened(options, description, learns=learning) as run, Progress() as progress:
+        if run.book.resumed:
+            print(f"continuing an interrupted run: {len(run.book.done):,} parts are read already")
+        if run.book.kept is not None:
+            print(f"{options.out} existed already; it is kept as {run.book.kept}")
+        progress.start(len(parts), len(run.book.done))
 
-            def on_row(record: ReadingRecord) -> None:
-                part_done()
-                progress.advance(failed=bool(record.error))
+        def on_row(record: ReadingRecord) -> None:
+            part_done()
+            progress.advance(failed=bool(record.error))
 
-            run.on_row = on_row
-            run.lot = LotCheck(production) if production is not None else None
-            run.watch = None if certificate is None else DriftWatch(certificate)
+        def on_any_row(record: ReadingRecord) -> None:
+            if len(parts) <= MOST_SHOWN:
+                shown[record.part] = record
+            if scores is not None:
+                scores.add(record)
 
-            def on_any_row(record: ReadingRecord) -> None:
-                if shown is not None:
-                    shown[record.part] = record
-                if scores is not None:
-                    scores.add(record)
-
-            run.on_any_row = on_any_row
-            if run.second is not None:
-                run.second.sent = executors.cluster is not None
-                run.second.say, run.second.on_again, run.second.on_row = progress.line, progress.more, on_row
-            began = time.monotonic()
-            with (
-                compiling_shown(progress.line),
-                executors.opened(len(parts) if learning else len(parts) - done) as executor,
-            ):
-                run.work(parts, order, executor)
-                workers = executor.workers
-        elapsed_s = time.monotonic() - began
-    if shown is not None:
-        from pipeline.runs.read_table import print_table
-
+        run.on_row, run.on_any_row = on_row, on_any_row
+        run.lot = LotCheck(production) if production is not None else None
+        run.watch = None if certificate is None else DriftWatch(certificate)
+        if run.second is not None:
+            run.second.sent = sent
+            run.second.say, run.second.on_again, run.second.on_row = progress.line, progress.more, on_row
+        began = time.monotonic()
+        with compiling_shown(progress.line):
+            run.work(parts, order, executor)
+    elapsed_s = time.monotonic() - began
+    if shown:
         print_table([shown[part.name] for part in parts])
-    drift = _drift(run.watch)
+    drift = ""
+    if run.watch is not None:
+        run.watch.compare()
+        drift = run.watch.first
     about = {key: description[key] for key in ("program", "settings", "inputs")}
-    _print_done(run, options, drift, found.passed_over, about, elapsed_s=elapsed_s, workers=workers)
+    _print_done(run, options, drift, found.passed_over, about, elapsed_s=elapsed_s, workers=executor.workers)
     if scores is not None:
         print(scores.accuracy().describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
         print(f"{len(missing)} parts of {options.verify} were not read: {visible(', '.join(missing[:5]))}")
-    return _status(run, parts, every=expected is not None)
+    wanted = len(parts) if expected is not None else sum(bool(part.expected) for part in parts)
+    return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0
 
 
 def _description(
@@ -143,13 +161,6 @@ def _description(
         "program": program_version(),
         **({} if certificate is None else {"certified": certificate.threshold}),
     }
-
-
-def _print_begun(run: Run, options: RunOptions) -> None:
-    if run.book.resumed:
-        print(f"continuing an interrupted run: {len(run.book.done):,} parts are read already")
-    if run.book.kept is not None:
-        print(f"{options.out} existed already; it is kept as {run.book.kept}")
 
 
 def _print_done(
@@ -201,16 +212,3 @@ def _print_done(
         with replacing(options.summary) as temporary:
             temporary.write_text(json.dumps(counts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         print(f"wrote {options.summary}")
-
-
-def _drift(watch: DriftWatch | None) -> str:
-    """How the parts of a run differ from the certified ones; empty where they do not, or nobody asked."""
-    if watch is None:
-        return ""
-    watch.compare()
-    return watch.first
-
-
-def _status(run: Run, parts: Sequence[PartFiles], *, every: bool) -> int:
-    wanted = len(parts) if every else sum(bool(part.expected) for part in parts)
-    return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0

@@ -26,7 +26,6 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.runs.journal import Journal, cannot_be_written
 from pipeline.runs.tables import LINE_FORMS, WORKBOOK, check_output, write_records
 from pipeline.runs.workbook import write_workbook
-from recognition.learning.lot import is_better
 
 
 class RecordJournal(Journal[ReadingRecord]):
@@ -119,6 +118,8 @@ class RunJournal:
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
         """The better record of every part, streamed: those named first, the others as they came."""
+        from recognition.learning.lot import is_better  # slow to import
+
         for first, second in self.journal.entries(order):
             yield second if second is not None and is_better(second, first) else first
 

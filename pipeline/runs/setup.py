@@ -15,7 +15,6 @@ from pipeline.formats.part_files import PartFiles, PartList
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import Run
 from pipeline.runs.task import RunOrder
-from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.formats.find_parts import Listing
@@ -99,17 +98,20 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
     )
 
 
-def order_for(
-    settings: ReadSettings, options: RunOptions, executors: ExecutorOptions, *, verify: bool
-) -> RunOrder:
+def order_for(settings: ReadSettings, options: RunOptions, *, sent: bool, verify: bool) -> RunOrder:
     """How the parts are read, ready to be sent to the workers.
+
+    Args:
+        settings: of reading.
+        options: of the run.
+        sent: whether the workers are on machines of their own, which lack the files of the settings.
+        verify: whether texts are expected.
 
     Raises:
         FileError: a file of the settings that cannot be sent.
     """
     from pipeline.runs.setting_files import files_to_send
 
-    sent = files_to_send(settings) if executors.cluster is not None else {}
     stored = options.store is not None
     return RunOrder(
         settings,
@@ -117,7 +119,7 @@ def order_for(
         pictures=stored and options.evidence is not None,
         digests=stored,
         measures=settings.certificate is not None,
-        sent=sent,
+        sent=files_to_send(settings) if sent else {},
     )
 
 

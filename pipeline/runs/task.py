@@ -16,9 +16,9 @@ from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.as_record import record_of_part
-from recognition.decision.part_measures import Measure, measures_of
 
 if TYPE_CHECKING:
+    from recognition.decision.part_measures import Measure
     from recognition.decision.reading import Reading
     from recognition.language.grammar import Grammar
     from recognition.reader import Reader
@@ -80,8 +80,11 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
     file = listed.files[0] if listed.files else listed.name
     digests: list[str] = []
     record, reading = record_of_part(listed.name, file, lambda: _read(order, listed, digests))
-    measures = measures_of(reading) if reading is not None and order.measures else {}
-    read = ReadPart(listed, record, measures=measures, sha256=_joined(digests) if order.digests else "")
+    read = ReadPart(listed, record, sha256=_joined(digests) if order.digests else "")
+    if reading is not None and order.measures:
+        from recognition.decision.part_measures import measures_of
+
+        read = replace(read, measures=measures_of(reading))
     if reading is None or not order.pictures:
         return read
     from pipeline.common.records import PartState

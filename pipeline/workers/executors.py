@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import contextlib
 import queue
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
@@ -80,12 +81,13 @@ class InlineExecutor:
 class PoolExecutor:
     """Processes of this machine, each on one core and within its share of the memory."""
 
-    def __init__(self, jobs: int, *, timeout_s: float = PART_TIMEOUT_S) -> None:
+    def __init__(self, jobs: int, *, timeout_s: float = PART_TIMEOUT_S, modules: Sequence[str] = ()) -> None:
         """Make ready; the processes start with the block.
 
         Args:
             jobs: processes.
             timeout_s: after which a task is given up and its process replaced.
+            modules: that the processes import before their first task.
 
         Raises:
             SettingsError: no process, no time.
@@ -93,11 +95,12 @@ class PoolExecutor:
         if jobs < 1 or not timeout_s > 0.0:
             raise SettingsError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
         self.workers = jobs
-        self._timeout_s = timeout_s
+        self._timeout_s, self._modules = timeout_s, modules
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> PoolExecutor:
         from pipeline.workers.pool import WorkPool
+        from pipeline.workers.process import load
 
         self._stack.enter_context(kept_memory())
         self._pool = WorkPool(
@@ -105,6 +108,7 @@ class PoolExecutor:
             queue=_AHEAD * self.workers,
             timeout_s=self._timeout_s,
             memory_mb=_share_mb(self.workers),
+            warm_up=partial(load, self._modules),
         )
         self._stack.callback(self._pool.close, 0.0)
         return self

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -31,8 +31,12 @@ class ExecutorOptions:
     part_timeout_s: float = PART_TIMEOUT_S
 
     @contextmanager
-    def opened(self, parts: int) -> Iterator[Executor]:
+    def opened(self, parts: int, modules: Sequence[str] = ()) -> Iterator[Executor]:
         """The executor for so many parts.
+
+        Args:
+            parts: how many.
+            modules: that processes of this machine import before their first part.
 
         Raises:
             ClusterError: no cluster, or none that can be used.
@@ -48,7 +52,7 @@ class ExecutorOptions:
             yield InlineExecutor()
             return
         jobs = min(cores() if self.jobs is None else self.jobs, max(1, parts))
-        with PoolExecutor(jobs, timeout_s=self.part_timeout_s) as pool:
+        with PoolExecutor(jobs, timeout_s=self.part_timeout_s, modules=modules) as pool:
             yield pool
 
 

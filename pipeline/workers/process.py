@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import importlib
 import multiprocessing
 import os
 import pickle
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -63,6 +64,13 @@ def serve_jobs(
             part_done()
         pipe.send(Answer(None))
         _serve(pipe)
+
+
+def load(modules: Sequence[str]) -> None:
+    """Import modules, for the first job to find them; one that cannot be imported is the job's fault."""
+    for name in modules:
+        with contextlib.suppress(Exception):
+            importlib.import_module(name)
 
 
 def _say(line: str) -> None:
