@@ -37,7 +37,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.surface.noise import Field, bilinear, ramp, share, smooth_noise
+from glyphs.soiling.grids import coarse_noise, stretch
+from glyphs.surface.noise import Field, ramp, share
 
 LEAST_MPA, YOUNG_MPA, OLD_MPA = 0.1, 0.5, 30.0
 RIDGE_PERIOD_MM = 0.5
@@ -99,17 +100,7 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Ranks 0 to 1 (see `share`) of noise of that length, drawn on a thinned grid."""
     step = max(1, int(length_mm / (4.0 * coat.pitch_mm)))
-    rows, cols = coat.shape
-    few = smooth_noise(
-        (rows // step + 2, cols // step + 2), pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng
-    )
-    return _stretched(share(few), step, coat)
-
-
-def _stretched(few: Field, step: int, coat: Coat) -> Field:
-    """Values of every `step`-th sample, carried on to all of them."""
-    down, right = (np.arange(n, dtype=np.float32) / np.float32(step) for n in coat.shape)
-    return bilinear(few, down, right)
+    return stretch(share(coarse_noise(coat, length_mm, step, rng)), step, coat.shape)
 
 
 def _site(coat: Coat) -> _Site:
@@ -125,14 +116,14 @@ def _site(coat: Coat) -> _Site:
         depth = max(high - low, depth)
         tops = maximum_filter(coat.clean_mm[::step, ::step], size=15, mode="nearest")
         tops = gaussian_filter(tops, 4.0, mode="nearest")
-        ceiling = _stretched(tops, step, coat)
+        ceiling = stretch(tops, step, coat.shape)
     room = np.maximum(ceiling - coat.z_mm, 0.0).astype(np.float32)
     rims = 1.0 - np.minimum(room / np.float32(0.6 * depth), 1.0)
     step = max(1, int(0.02 * coat.height_mm / coat.pitch_mm))
     near = gaussian_filter(
         rims[::step, ::step], 0.07 * coat.height_mm / (step * coat.pitch_mm), mode="nearest"
     )
-    return _Site(room, depth, _stretched(near, step, coat))
+    return _Site(room, depth, stretch(near, step, coat.shape))
 
 
 def _settled(

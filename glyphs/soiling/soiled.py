@@ -7,12 +7,12 @@ StampedPart --soil_part--> SoiledPart --photograph--> Photo     (glyphs.camera.a
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
 
+from glyphs.ranges import require_range
 from glyphs.soiling.coat import Coat, Look, bare_coat
 from glyphs.soiling.severity import amount_of
 from glyphs.soiling.soil import Soil
@@ -48,8 +48,7 @@ class Soiling:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.severity) and 0.0 <= self.severity <= 1.0):
-            raise StampError(f"the severity is {self.severity}", hint="it lies between 0 (clean) and 1")
+        require_range(StampError, 0.0, 1.0, self, "severity", hint="it lies between 0 (clean) and 1")
         if not self.soils or len(set(self.soils)) != len(self.soils):
             raise StampError(f"the soils are {self.soils}", hint="name at least one, each once")
         for name in self.soils:

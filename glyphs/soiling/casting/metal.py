@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.soiling.casting.fields import blurred, coarse_noise, refined, slow_noise
+from glyphs.soiling.casting.fields import blur, coarse_noise, refine, slow_noise
 from glyphs.soiling.casting.sand import MARK, Mould
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.strokes import across, along, drop, spread
@@ -27,8 +27,8 @@ def bridged(coat: Coat, mould: Mould, amount: float) -> Field:
 
     A raised character is a thin section in a narrow recess of the mould: it freezes before the land does.
     """
-    near = blurred(coat.z_mm, 0.05 * coat.height_mm, coat.pitch_mm)
-    wide = blurred(coat.z_mm, 0.20 * coat.height_mm, coat.pitch_mm)
+    near = blur(coat.z_mm, 0.05 * coat.height_mm, coat.pitch_mm)
+    wide = blur(coat.z_mm, 0.20 * coat.height_mm, coat.pitch_mm)
     thin = np.clip((near - coat.brim_mm) / np.float32(MARK * coat.height_mm), 0.0, 1.0)
     onset = 1.9 - 2.6 * amount
     cold = ramp(np.float32(1.5) * thin - mould.warmth, onset - 0.6, onset + 1.0)
@@ -52,7 +52,7 @@ def laps(coat: Coat, mould: Mould, amount: float, rng: np.random.Generator) -> F
     near = ramp(-mould.warmth, onset - 0.9, onset)
     # distance from the line where the two fronts are level, in widths of the crack
     slope = np.hypot(*np.gradient(meet)) * meet.shape[0] / (rows * coat.pitch_mm)
-    away = refined((meet / (slope + 0.1 / size) / (0.025 * size)).astype(np.float32), coat.shape)
+    away = refine((meet / (slope + 0.1 / size) / (0.025 * size)).astype(np.float32), coat.shape)
     lips = np.exp(-((away / 3.0) ** 2))
     crack = lips * lips * lips
     seam = np.float32(0.35) * lips - np.float32(1.35) * crack * crack * crack

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from glyphs.opencv import cv2
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import resize
 from glyphs.surface.noise import Field, smooth_noise
 
 
@@ -32,7 +33,7 @@ class Grid(NamedTuple):
         thin = [max(1.0, length / (2.5 * self.pitch_mm)) for length in (y_mm, x_mm)]
         small = (int(np.ceil(rows / thin[0])) + 2, int(np.ceil(cols / thin[1])) + 2)
         noise = smooth_noise(small, pitch_mm=1.0, length_mm=2.5, rng=rng)
-        return np.asarray(cv2.resize(noise, (cols, rows), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
+        return resize(noise, self.shape, how="cubic")
 
     def whole(self, field: Field, shape: tuple[int, int]) -> Field:
         """A field of this grid on all samples of the coat, linearly between."""

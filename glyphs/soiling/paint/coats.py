@@ -30,6 +30,7 @@ from dataclasses import replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import resize
 from glyphs.soiling.paint.shapes import (
     TENSION_N_PER_M,
     Can,
@@ -39,7 +40,6 @@ from glyphs.soiling.paint.shapes import (
     peeled,
     runs,
     thinned,
-    widened,
 )
 from glyphs.surface.noise import Field
 
@@ -73,14 +73,14 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     top, dry = coat.z_mm, []
     for start in _STARTS:
         gain = float(np.clip((much - start) / 0.5, 0.0, 1.0))
-        wet = np.float32(gain * can.wet_mm) * widened(laid_on(thin, can, rng), coat)
+        wet = np.float32(gain * can.wet_mm) * resize(laid_on(thin, can, rng), coat.shape)
         film = levelled(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
         dry.append(np.float32(can.solids) * film)
         top = top + dry[-1]
-    first, rest = dry[0], (dry[1] + dry[2]) * widened(peeled(thin, can, rng), coat)
-    caps = widened(runs(thin, can, (much - 0.1) / 0.8, rng), coat)
+    first, rest = dry[0], (dry[1] + dry[2]) * resize(peeled(thin, can, rng), coat.shape)
+    caps = resize(runs(thin, can, (much - 0.1) / 0.8, rng), coat.shape)
     rest += np.float32(can.solids) * _flowed(top, caps, can, coat)
-    dusty = np.float32(min(1.0, 1.2 * much)) * widened(over_spray(thin, can, rng), coat)
+    dusty = np.float32(min(1.0, 1.2 * much)) * resize(over_spray(thin, can, rng), coat.shape)
     rest += dusty
     left_first, left_rest = left_by_chips(coat, much, rng)
     return _finished(coat, can, (first * left_first, rest * left_rest), dusty, rng)
@@ -141,7 +141,7 @@ def _flowed(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
     thin = thinned(replace(coat, z_mm=top))
     sigma = 0.09 * thin.height_mm / thin.pitch_mm
     level = cv2.GaussianBlur(thin.z_mm, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-    level = widened(np.asarray(level, dtype=np.float32), coat)
+    level = resize(np.asarray(level, dtype=np.float32), coat.shape)
     cover = caps / (caps + np.float32(0.4 * can.wet_mm))
     return np.asarray(caps + cover * np.maximum(level - top, 0.0), dtype=np.float32)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import axes_mm, resize
 from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp, smooth_noise
 
@@ -54,13 +55,6 @@ def thinned(coat: Coat) -> Coat:
     return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])
 
 
-def widened(field: Field, coat: Coat) -> Field:
-    """A field of the thinned surface on the whole grid."""
-    from glyphs.opencv import cv2
-
-    return np.asarray(cv2.resize(field, coat.shape[::-1], interpolation=cv2.INTER_LINEAR))
-
-
 def laid_on(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """How unevenly brush or gun leave a coat: factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
@@ -74,7 +68,7 @@ def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: n
     from glyphs.opencv import cv2
 
     c, s = float(np.cos(angle)), float(np.sin(angle))
-    x, y = _grid(coat)
+    x, y = axes_mm(coat)
     u, v = x * c + y * s, y * c - x * s
     su, sv = 0.3 * along_mm, max(0.3 * across_mm, 0.5 * coat.pitch_mm)
     u, v = (u - u.min()) / su, (v - v.min()) / sv
@@ -85,23 +79,13 @@ def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: n
 
 def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Smooth noise of a long length, drawn on a grid that is no finer than it needs."""
-    from glyphs.opencv import cv2
-
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
     rows, cols = (int(np.ceil(n / step)) + 3 for n in coat.shape)
     coarse = smooth_noise(
         (rows, cols), pitch_mm=0.25, length_mm=min(1.0, 0.25 * length_mm / coat.pitch_mm), rng=rng
     )
-    size = (max(coat.shape[1], int(cols * step)), max(coat.shape[0], int(rows * step)))
-    fine = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
-    return np.asarray(fine[: coat.shape[0], : coat.shape[1]], dtype=np.float32)
-
-
-def _grid(coat: Coat) -> tuple[Field, Field]:
-    """x and y, mm, as (1, cols) and (rows, 1)."""
-    rows, cols = coat.shape
-    x, y = (np.float32(coat.pitch_mm) * np.arange(n, dtype=np.float32) for n in (cols, rows))
-    return x[None, :], y[:, None]
+    size = (max(coat.shape[0], int(rows * step)), max(coat.shape[1], int(cols * step)))
+    return resize(coarse, size, how="cubic")[: coat.shape[0], : coat.shape[1]]
 
 
 def _edges_mm(coat: Coat) -> tuple[float, float]:
@@ -117,7 +101,7 @@ def _box(
     coat: Coat, x_mm: float, y_mm: float, across_mm: float, down_mm: float
 ) -> tuple[tuple[slice, slice], Field, Field]:
     """The part of the grid as near to a point as that, and x, y there from that point."""
-    x, y = _grid(coat)
+    x, y = axes_mm(coat)
     (i0, i1), (j0, j1) = (
         (max(0, int((at - reach) / coat.pitch_mm)), max(0, int((at + reach) / coat.pitch_mm) + 2))
         for at, reach in ((y_mm, down_mm), (x_mm, across_mm))
@@ -155,7 +139,7 @@ def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field
 
 def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
     """A film that slid downhill in one piece: thick towards a scalloped front, which ends steeply."""
-    x, y = _grid(coat)
+    x, y = axes_mm(coat)
     (dx, dy), size = can.downhill, coat.height_mm
     (at, turn, thick), wave = rng.uniform(size=3).tolist(), rng.normal(size=(2, 3))
     down, side = x * dx + y * dy, y * dx - x * dy

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import resize
 from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp, share, smooth_noise
 
@@ -39,7 +40,7 @@ def on_bench(coat: Coat) -> Bench:
     rows, cols = coat.shape
     step = max(1, int(0.03 * coat.height_mm / coat.pitch_mm))
     cell = coat.height_mm / (coat.pitch_mm * step)
-    thin = cv2.resize(coat.z_mm, (-(-cols // step), -(-rows // step)), interpolation=cv2.INTER_AREA)
+    thin = resize(coat.z_mm, (-(-rows // step), -(-cols // step)), how="area")
     stroke, line, held = (np.ones((2 * round(r * cell) + 1,) * 2, dtype=np.uint8) for r in (0.25, 0.7, 1.0))
     # closing spans sunk strokes, opening then takes raised lines away; both leave tilt and bow of the plate alone
     top = cv2.morphologyEx(thin, cv2.MORPH_CLOSE, stroke)
@@ -48,9 +49,9 @@ def on_bench(coat: Coat) -> Bench:
         cv2.dilate(top - land, held), (0, 0), 0.2 * cell, borderType=cv2.BORDER_REPLICATE
     )
     smooth = cv2.GaussianBlur(land, (0, 0), 0.08 * cell, borderType=cv2.BORDER_REPLICATE) + stands
-    level = cv2.resize(smooth, (cols, rows), interpolation=cv2.INTER_LINEAR)
+    level = resize(smooth, coat.shape)
     deep = float(np.percentile((level - coat.z_mm)[::3, ::3], 98.0))
-    return Bench(coat, np.asarray(level, dtype=np.float32), max(deep, 0.01 * coat.height_mm))
+    return Bench(coat, level, max(deep, 0.01 * coat.height_mm))
 
 
 def rise(values_mm: Field, full_mm: float) -> Field:
@@ -60,8 +61,6 @@ def rise(values_mm: Field, full_mm: float) -> Field:
 
 def patches(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Broad patches, 0 to 1 evenly, drawn on a thinned grid."""
-    from glyphs.opencv import cv2
-
     rows, cols = coat.shape
     step = max(1, int(length_mm / (8.0 * coat.pitch_mm)))
     thin = share(
@@ -69,4 +68,4 @@ def patches(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
             (-(-rows // step), -(-cols // step)), pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng
         )
     )
-    return np.asarray(cv2.resize(thin, (cols, rows), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
+    return resize(thin, coat.shape)

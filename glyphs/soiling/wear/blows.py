@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import resize
 from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
@@ -39,9 +40,7 @@ def _drawn_from(z: Field, gain: Field, width: float) -> Field:
     step = max(1, int(width / 5.0))
 
     def thinned(values: Field) -> Field:
-        return np.asarray(
-            cv2.resize(values, (-(-cols // step), -(-rows // step)), interpolation=cv2.INTER_AREA)
-        )
+        return resize(values, (-(-rows // step), -(-cols // step)), how="area")
 
     def blurred(values: Field) -> Field:
         return np.asarray(cv2.GaussianBlur(values, (0, 0), width / step, borderType=cv2.BORDER_REFLECT))
@@ -51,7 +50,7 @@ def _drawn_from(z: Field, gain: Field, width: float) -> Field:
     proud = np.maximum(stands - blurred(stands), 0.0)
     least = np.float32(0.02 * float(proud.max()) + 1e-9)
     sunk = np.asarray(proud * blurred(thinned(gain)) / np.maximum(blurred(proud), least), dtype=np.float32)
-    return np.asarray(z + gain - cv2.resize(sunk, (cols, rows), interpolation=cv2.INTER_LINEAR))
+    return z + gain - resize(sunk, z.shape)
 
 
 def dimples(coat: Coat, amount: float, rng: np.random.Generator) -> Field:

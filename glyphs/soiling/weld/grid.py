@@ -1,4 +1,4 @@
-"""What the layers beside a weld share: axes, slow noise, irregular cracks."""
+"""Slow noise and irregular cracks for the layers beside a weld."""
 
 from __future__ import annotations
 
@@ -6,28 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
-from glyphs.surface.noise import Field, bilinear, smooth_noise
-
-
-def axes(coat: Coat) -> tuple[Field, Field]:
-    """x (1, cols) and y (rows, 1), mm."""
-    rows, cols = coat.shape
-    x, y = (np.arange(n, dtype=np.float32) * np.float32(coat.pitch_mm) for n in (cols, rows))
-    return x[None, :], y[:, None]
-
-
-def finer(values: Field, shape: tuple[int, int], step: float) -> Field:
-    """Values between samples that lie `step` apart."""
-    row, col = (np.arange(n, dtype=np.float32) / np.float32(step) for n in shape)
-    return bilinear(values, row, col)
+from glyphs.soiling.grids import coarse_noise, stretch
+from glyphs.surface.noise import Field
 
 
 def slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """`Coat.noise` of a long length, drawn on a thinned grid."""
     step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
-    coarse = (int(coat.shape[0] / step) + 2, int(coat.shape[1] / step) + 2)
-    noise = smooth_noise(coarse, pitch_mm=coat.pitch_mm * step, length_mm=length_mm, rng=rng)
-    return finer(noise, coat.shape, step)
+    return stretch(coarse_noise(coat, length_mm, step, rng), step, coat.shape)
 
 
 def cells(along_mm: Field, spacing_mm: float, rng: np.random.Generator) -> tuple[NDArray[np.intp], Field]:

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.weld.grid import axes, cells, finer
+from glyphs.soiling.grids import axes_mm, stretch
+from glyphs.soiling.weld.grid import cells
 from glyphs.surface.noise import Field, ramp
 
 FURROW_MM = (0.005, 0.08)
@@ -30,7 +31,7 @@ def crown(coat: Coat) -> Field:
     step = max(1, int(0.06 * coat.height_mm / coat.pitch_mm))
     near = 0.5 * coat.height_mm / (coat.pitch_mm * step)
     top = maximum_filter(coat.z_mm[::step, ::step], size=2 * int(0.5 * near) + 1, mode="nearest")
-    return finer(gaussian_filter(top, 0.4 * near, mode="nearest"), coat.shape, step)
+    return stretch(gaussian_filter(top, 0.4 * near, mode="nearest"), step, coat.shape)
 
 
 def ground(
@@ -61,7 +62,7 @@ def _gone_over(
     size = np.array(coat.shape[::-1]) * pitch
     radius = rng.choice(_DISC_RADIUS_MM) * rng.uniform(0.8, 1.0)
     middle = size * rng.uniform(0.3, 0.7, 2)
-    x, y = (axis - np.float32(at) for axis, at in zip(axes(coat), middle, strict=True))
+    x, y = (axis - np.float32(at) for axis, at in zip(axes_mm(coat), middle, strict=True))
     c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
     arc = x * c + y * s
     side = y * c - x * s

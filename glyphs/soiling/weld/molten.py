@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.weld.grid import axes
+from glyphs.soiling.grids import axes_mm
 from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp
 
@@ -183,7 +183,7 @@ def _crater(
     box = tuple(slice(max(0, int(low[i])), max(0, int(high[i]) + 1)) for i in (1, 0))
     if not z[box].size:
         return
-    x, y = axes(coat)
+    x, y = axes_mm(coat)
     dx = (x[:, box[1]] - np.float32(at_mm[0])) / np.float32(radius_mm)
     dy = (y[box[0]] - np.float32(at_mm[1])) / np.float32(radius_mm)
     far = np.hypot(dx, dy) * (1 + np.float32(0.14) * np.sin(2.3 * dx + p) * np.sin(2.7 * dy + q))

@@ -36,7 +36,8 @@ from typing import NamedTuple
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.weld.grid import axes, cells, slow
+from glyphs.soiling.grids import axes_mm
+from glyphs.soiling.weld.grid import cells, slow
 from glyphs.soiling.weld.grinder import crown, ground
 from glyphs.soiling.weld.molten import Seam, seam_of, spattered, struck
 from glyphs.surface.noise import Field, ramp
@@ -106,7 +107,7 @@ def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
 def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
     """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
     wave = 1.0 + 0.06 * slow(coat, 1.5 * coat.height_mm, rng)
-    x, y = (axis.astype(np.float64) for axis in axes(coat))
+    x, y = (axis.astype(np.float64) for axis in axes_mm(coat))
     hot_c = (amount * rng.uniform(400.0, 600.0) * seam.nearness(x, y)).astype(np.float32) * wave + 20
     at_c = np.arange(0.0, 720.0, 2.0)
     factor = np.stack([np.interp(at_c, _TINT_C, [c[k] for c in _TINT]) for k in range(3)], axis=1)
@@ -126,7 +127,7 @@ def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field,
     spacing = max(rng.uniform(25.0, 45.0) * thick_mm, 6.0 * coat.pitch_mm)
     turn = rng.uniform(0.0, np.pi)
     c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
-    x, y = axes(coat)
+    x, y = axes_mm(coat)
     u, v = (np.float32(0.6 * spacing) * slow(coat, 2.5 * spacing, rng) for _ in range(2))
     u += y * c - x * s
     v += x * c + y * s

@@ -5,13 +5,13 @@ Order of what happens to a part: burr (when it is stamped), pits, scratches, pai
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
 
+from glyphs.ranges import require_range
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.workshop.damage import add_burr, add_pits, add_scratches
 from glyphs.soiling.workshop.debris import add_swarf
@@ -61,10 +61,7 @@ class Dirt:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            amount = getattr(self, item.name)
-            if not (math.isfinite(amount) and 0.0 <= amount <= 1.0):
-                raise StampError(f"{item.name} is {amount}", hint="it lies between 0 (none) and 1")
+        require_range(StampError, 0.0, 1.0, self)
 
     @classmethod
     def of(cls, severity: float) -> Dirt:
@@ -73,8 +70,7 @@ class Dirt:
         Raises:
             StampError: a severity outside 0..1.
         """
-        if not (math.isfinite(severity) and 0.0 <= severity <= 1.0):
-            raise StampError(f"the severity is {severity}", hint="it lies between 0 (clean) and 1")
+        require_range(StampError, 0.0, 1.0, severity=severity)
         s = severity
         return cls(
             grime=s**1.5,

@@ -1,0 +1,41 @@
+"""Axes of a coat, and fields on grids that are as coarse as their lengths allow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field, bilinear, smooth_noise
+
+
+def axes_mm(coat: Coat) -> tuple[Field, Field]:
+    """x (1, cols) and y (rows, 1) of the samples, mm."""
+    rows, cols = coat.shape
+    x, y = (np.arange(n, dtype=np.float32) * np.float32(coat.pitch_mm) for n in (cols, rows))
+    return x[None, :], y[:, None]
+
+
+def coarse_noise(coat: Coat, length_mm: float, step: float, rng: np.random.Generator) -> Field:
+    """Smooth noise on samples `step` apart, with room at the far borders; see `smooth_noise`."""
+    shape = (int(coat.shape[0] / step) + 2, int(coat.shape[1] / step) + 2)
+    return smooth_noise(shape, pitch_mm=coat.pitch_mm * step, length_mm=length_mm, rng=rng)
+
+
+def stretch(values: Field, step: float, shape: tuple[int, int]) -> Field:
+    """Interpolate linearly between samples that lie `step` apart; the first stay in place."""
+    row, col = (np.arange(n, dtype=np.float32) / np.float32(step) for n in shape)
+    return bilinear(values, row, col)
+
+
+def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Field:
+    """Resize a field as an image; the borders stay in place.
+
+    Args:
+        values: (rows, cols).
+        shape: the new one.
+        how: linear, cubic, or area, the mean over what falls into a new sample.
+    """
+    from glyphs.opencv import cv2
+
+    flag = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}[how]
+    return np.asarray(cv2.resize(values, shape[::-1], interpolation=flag), dtype=np.float32)
