@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from glyphs.atomic import check_writable, replacing
-from pipeline.formats.toml_file import read_toml
+from pipeline.common.parsed import read_toml, write_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
@@ -210,15 +208,4 @@ def write_bench(path: Path, settings: BenchSettings) -> None:
     Raises:
         FileError: it cannot be written.
     """
-    tables = settings.model_dump(mode="json", exclude_none=True)
-    lines = []
-    for name, table in tables.items():
-        lines += [f"[{name}]", *(f"{key} = {_written(value)}" for key, value in table.items()), ""]
-    check_writable(path)
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines), encoding="utf-8")
-
-
-def _written(value: object) -> str:
-    # numbers, lists of them, true and false are the same in both; a JSON string is a TOML string
-    return json.dumps(value, ensure_ascii=False)
+    write_toml(path, settings)

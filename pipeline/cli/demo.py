@@ -42,7 +42,7 @@ def demo(
         return _serve(out, stay=stay)
     with failures_reported():
         from pipeline.cli.demonstration import run_demo
-        from pipeline.common.same_text import same_text
+        from pipeline.common.texts import same_text
         from pipeline.plots.pictures import SheetPart
 
         def show(part: SheetPart) -> None:
@@ -73,7 +73,7 @@ def _animate(path: Path) -> int:
     """Draw active touch, and print what was believed pass by pass."""
     with failures_reported():
         from pipeline.cli.active_demonstration import run_active_demo
-        from pipeline.common.same_text import same_text
+        from pipeline.common.texts import same_text
         from pipeline.plots.active_animation import check_animation
 
         check_animation(path)

@@ -12,7 +12,7 @@ from pathlib import Path
 from glyphs.atomic import replacing
 from glyphs.part import Part, stamp
 from glyphs.stamping.faces import Face
-from pipeline.common.same_text import same_text
+from pipeline.common.texts import same_text
 from pipeline.formats.lead_in import calibrate_scan
 from pipeline.formats.npz import write_npz
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure

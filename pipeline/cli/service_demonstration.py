@@ -8,7 +8,7 @@ from pathlib import Path
 
 from glyphs.soiling.soiled import Soiling
 from pipeline.common.records import PartRecord, PartState
-from pipeline.common.same_text import same_text
+from pipeline.common.texts import same_text
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.service.client import Client
 from pipeline.service.process import service_process

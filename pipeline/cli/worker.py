@@ -23,7 +23,7 @@ def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = N
     memory_gb
         Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
     """
-    from pipeline.common.allocator import MALLOC
+    from pipeline.workers.allocator import MALLOC
     from pipeline.workers.cluster import require_distributed
     from pipeline.workers.executors import cores
 

@@ -13,7 +13,6 @@ so that it means the same wherever it is named.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -21,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError
-from pipeline.common.parsed import toml_of
-from pipeline.common.run_description import file_sha256
+from pipeline.common.parsed import toml_of, toml_text
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
+from pipeline.common.version import file_sha256
 
 SUFFIX = ".toml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
@@ -113,17 +112,10 @@ def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
         written: its keys, checked; `line` is ignored.
         lines: as `ReadSettings.line`.
     """
-    named = [NamedLine.parse(text) for text in lines]
-    made = [f"{key} = {_value(value)}" for key, value in written.items() if key != "line"]
-    for line in named:
-        made += ["", f"[line.{line.name}]", f"format = {_value(line.format)}"]
-        made += [] if line.region is None else [f"region = {_value(line.region)}"]
-    return "\n".join(made).lstrip("\n") + "\n"
-
-
-def _value(value: Any) -> str:
-    # a TOML value, for JSON's texts, numbers and lists are TOML's, but for DEL
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    named: dict[str, Any] = {}
+    for line in map(NamedLine.parse, lines):
+        named[line.name] = {"format": line.format} | ({} if line.region is None else {"region": line.region})
+    return toml_text({**{key: value for key, value in written.items() if key != "line"}, "line": named})
 
 
 def with_whole_paths(settings: ReadSettings, folder: Path) -> ReadSettings:

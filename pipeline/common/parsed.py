@@ -1,21 +1,28 @@
 """TOML and JSON that somebody else has written: whatever is wrong with the text is one kind of error.
 
 The parsers raise more than their own errors: RecursionError for brackets in brackets, ValueError for a number of more
-digits than Python converts.
+digits than Python converts. What is wrong with the keys of a model is told by the first of them.
 """
 
 from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError, require_file
+from pipeline.errors import DataError, naming
 
 MOST_BYTES = 1_000_000
 """Of a file that a person has written."""
 _MOST_SHOWN = 200
+
+Model = TypeVar("Model")
 
 
 def toml_of(path: Path, *, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
@@ -33,6 +40,19 @@ def toml_of(path: Path, *, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
         raise FileError(path, "is not TOML that can be read (too many brackets)", "take them out") from error
     except ValueError as error:  # also of bytes that are no UTF-8, and of numbers that are too long
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
+
+
+def toml_text(table: Mapping[str, Any], name: str = "") -> str:
+    """A table as TOML: texts, numbers, lists of them, and tables of these."""
+    # a JSON text, number or list is a TOML one, but for DEL, which TOML wants escaped
+    lines = [
+        f"{key} = {json.dumps(value, ensure_ascii=False)}\n".replace("\x7f", "\\u007f")
+        for key, value in table.items()
+        if not isinstance(value, Mapping)
+    ]
+    head = f"[{name}]\n" if name and lines else ""
+    inner = [toml_text(v, f"{name}.{k}" if name else k) for k, v in table.items() if isinstance(v, Mapping)]
+    return "\n".join(filter(None, [head + "".join(lines), *inner]))
 
 
 def json_of(text: str | bytes) -> Any:
@@ -54,3 +74,72 @@ def shown(value: object) -> str:
     except ValueError:  # an integer of more digits than Python writes
         return "a number of thousands of digits"
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def read_toml(
+    path: Path,
+    model: type[Model] | TypeAdapter[Model],
+    *,
+    format_version: int | None = None,
+    hidden: Collection[str] = (),
+) -> Model:
+    """A TOML file as a model.
+
+    Args:
+        path: the file.
+        model: pydantic model, or what it adapts.
+        format_version: that is read; a file that tells none is of version 1, which was the first. None: of no version.
+        hidden: names of the model's own kinds, which are no keys.
+
+    Raises:
+        FileError: no file, too long a one, no TOML, of another version; unknown or missing keys, and values that
+            cannot be.
+    """
+    written = toml_of(path)
+    if format_version is not None and (version := written.pop("format_version", 1)) != format_version:
+        says = f"has format version {version!r}; this program reads {format_version}"
+        raise FileError(path, says, "update this program, or write the file again")
+    adapter = model if isinstance(model, TypeAdapter) else TypeAdapter(model)
+    with naming(path):
+        try:
+            return adapter.validate_python(written)
+        except ValidationError as error:
+            raise DataError(*_wrong_key(error, hidden)) from error
+
+
+def _wrong_key(error: ValidationError, hidden: Collection[str]) -> tuple[str, str]:
+    """What is wrong with the first key, and the mend."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"] if part not in hidden)
+    if first["type"] == "extra_forbidden":
+        return f"has the unknown key {key}", "take it out, or check how it is written"
+    if first["type"] == "missing":
+        return f"lacks the key {key}", "add it"
+    if first["type"].startswith("union_tag"):
+        tag, place = first["ctx"]["discriminator"].strip("'"), f" in [{key}]" if key else ""
+        given = first["input"].get(tag) if isinstance(first["input"], Mapping) else first["input"]
+        says = f"has the {tag} {shown(given)}{place}" if given else f"has no {tag}{place}"
+        tags = first["ctx"].get("expected_tags")
+        return says, f"write {tag} = one of {tags}" if tags else f"add {tag}"
+    mend = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "value_error":  # of a whole table: its text is long, and the message names the keys
+        return f"cannot be{f' in [{key}]' if key else ''}: {mend}", "correct it"
+    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend.lower()}"
+
+
+def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:
+    """Write a model as TOML; the file appears whole or not at all.
+
+    Args:
+        path: the file.
+        model: its values; None is left out.
+        heading: lines before them.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    check_writable(path)
+    with replacing(path) as temporary:
+        temporary.write_text(
+            heading + toml_text(model.model_dump(mode="json", exclude_none=True)), encoding="utf-8"
+        )

@@ -8,8 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter
 
 Box = tuple[float, float, float, float]
+T = TypeVar("T")
+_ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
 
 
 @dataclass(frozen=True)
@@ -263,3 +268,26 @@ class ScanPlanRecord:
     height_mm: float
     reason: str
     middle_mm: tuple[float, float] | None = None
+
+
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    # kept, for to make one takes milliseconds
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
+
+
+def to_json(record: Any) -> dict[str, Any]:
+    """The record as values that JSON has: enums and times as text, tuples as lists."""
+    made: dict[str, Any] = _adapter(type(record)).dump_python(record, mode="json")
+    return made
+
+
+def from_json(kind: type[T], data: Any) -> T:
+    """The record out of what `to_json` made of it.
+
+    Raises:
+        ValueError: data that are no such record.
+    """
+    made: T = _adapter(kind).validate_python(data)
+    return made

@@ -326,3 +326,20 @@ class Statistics:
     seconds: Mapping[str, tuple[float, float]]
     trend: tuple[TrendStep, ...]
     awaiting: int
+
+
+@dataclass(frozen=True)
+class AlertRecord:
+    """Something that has gone wrong, until it is right again.
+
+    Attributes:
+        name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.
+        part_id: the latest part when it was raised.
+        at: when.
+        message: what is wrong, for a person.
+    """
+
+    name: str
+    part_id: str
+    at: datetime
+    message: str

@@ -25,6 +25,13 @@ _ACTIONS = ("clean", "clean first", "re-strike", "scan again")
 """In this order; those of `recognition.decision.grade.Action`."""
 
 
+_AS_IN_THE_RECORD = (
+    *("part", "text", "decision", "confidence", "source", "seconds", "error", "font", "raised", "expected"),
+    *("verdict", "verify_probability", "program", "settings"),
+)
+"""Columns that hold what the record does."""
+
+
 @dataclass(frozen=True)
 class Row:
     """What is said of one part; the fields are the columns, in this order.
@@ -106,26 +113,16 @@ class Row:
         means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
         burrs = [c.burr_mm for c in places if c.burr_mm is not None]
         grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
+        same = {name: getattr(record, name) for name in _AS_IN_THE_RECORD}
         return cls(
-            part=record.part,
-            text=record.text,
-            decision=record.decision,
-            confidence=record.confidence,
-            source=record.source,
-            seconds=record.seconds,
-            error=record.error,
-            font=record.font,
+            **same,
             height_mm=_rounded(record.height_mm, 4),
             rotation_deg=round(record.rotation_deg, 3),
-            raised=record.raised,
             flags="; ".join(record.messages),
             alternatives=alternatives_text(places),
             depth_min_mm=_rounded(min(least, default=None), 4),
             depth_mean_mm=_rounded(sum(means) / len(means) if means else None, 4),
             depths=depths_text(places) if least or record.source != "vision" else "",
-            expected=record.expected,
-            verdict=record.verdict,
-            verify_probability=record.verify_probability,
             states=states_text(places),
             rivals=", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
             grade=max(grades.replace(_UNGRADED, ""), default=grades[:1]),
@@ -137,8 +134,6 @@ class Row:
             burr_mm=_rounded(max(burrs, default=None), 4),
             fields=fields_text(record.fields),
             at="" if record.at is None else record.at.isoformat(timespec="seconds"),
-            program=record.program,
-            settings=record.settings,
         )
 
 

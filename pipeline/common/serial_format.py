@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase, ascii_uppercase, digits
 
-from glyphs.errors import FileError, require_file
 from glyphs.fonts.serials import FormatError
 from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.texts import without_blanks
+from pipeline.errors import DataError, reading
 from recognition.language.grammar import Grammar
 
 _MAX_FILE_BYTES = 20_000_000
@@ -53,17 +54,16 @@ def read_lexicon(path: Path) -> frozenset[str]:
     Raises:
         FileError: no such file, no text, or no serial in it.
     """
-    require_file(path, most_bytes=_MAX_FILE_BYTES)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is not UTF-8 text", "save it as text (UTF-8), one serial a line") from error
-    words = frozenset("".join(_COMMENT.sub("", line).split()) for line in lines) - {""}
-    if not words:
-        raise FileError(path, "holds no serial", "write one a line")
-    odd = next((word for word in sorted(words) if not word.isprintable()), None)
-    if odd is not None:
-        raise FileError(path, f"holds {odd!r}", "write printable serials, one a line")
+    with reading(path, kind="text", most_bytes=_MAX_FILE_BYTES):
+        try:
+            lines = path.read_text(encoding="utf-8-sig").splitlines()
+        except UnicodeDecodeError as error:
+            raise DataError("is not UTF-8 text", "save it as text (UTF-8), one serial a line") from error
+        words = frozenset(without_blanks(_COMMENT.sub("", line)) for line in lines) - {""}
+        if not words:
+            raise DataError("holds no serial", "write one a line")
+        if odd := next((word for word in sorted(words) if not word.isprintable()), ""):
+            raise DataError(f"holds {odd!r}", "write printable serials, one a line")
     return words
 
 

@@ -20,6 +20,8 @@ from enum import StrEnum
 from statistics import median_low
 from typing import NamedTuple
 
+from pipeline.common.texts import without_blanks
+
 WINDOW = 9
 """Parts by which a place is told."""
 _MOST = WINDOW // 2 + 1
@@ -49,50 +51,7 @@ class Objection:
     of: str = ""
 
 
-class SerialRange(NamedTuple):
-    """Serials that count from one number to another, such as KX400000..KX409999.
-
-    Attributes:
-        head, tail: text before and after the number.
-        first, last: numbers.
-        digits: of each number.
-    """
-
-    head: str
-    first: int
-    last: int
-    digits: int
-    tail: str
-
-
-@dataclass(frozen=True)
-class ProductionOrder:
-    """The serials that are to come.
-
-    Attributes:
-        name: of its file.
-        serials: one by one, without blanks.
-        ranges: of serials.
-    """
-
-    name: str
-    serials: frozenset[str] = frozenset()
-    ranges: tuple[SerialRange, ...] = ()
-
-    def holds(self, text: str) -> bool:
-        """Whether a serial is in it, blanks or not."""
-        plain = "".join(text.split())
-        if plain in self.serials:
-            return True
-        place = counted(plain)
-        return place is not None and any(
-            (place.head, place.tail, place.digits) == (head, tail, digits) and first <= place.number <= last
-            for head, first, last, digits, tail in self.ranges
-        )
-
-
-@dataclass(frozen=True)
-class Counted:
+class Counted(NamedTuple):
     """A serial with a number that counts: KX407251 is KX, 407251.
 
     Attributes:
@@ -105,6 +64,34 @@ class Counted:
     number: int
     digits: int
     tail: str
+
+    @property
+    def series(self) -> tuple[str, int, str]:
+        """What it has in common with the serials that it counts with."""
+        return self.head, self.digits, self.tail
+
+
+@dataclass(frozen=True)
+class ProductionOrder:
+    """The serials that are to come.
+
+    Attributes:
+        name: of its file.
+        serials: one by one, without blanks.
+        ranges: first and last of serials that count, such as KX400000..KX409999.
+    """
+
+    name: str
+    serials: frozenset[str] = frozenset()
+    ranges: tuple[tuple[Counted, Counted], ...] = ()
+
+    def holds(self, text: str) -> bool:
+        """Whether a serial is in it, blanks or not."""
+        place = counted(text)
+        return without_blanks(text) in self.serials or any(
+            place is not None and place.series == first.series and first.number <= place.number <= last.number
+            for first, last in self.ranges
+        )
 
 
 @dataclass(frozen=True)
@@ -161,7 +148,7 @@ class SerialRules:
 
 def counted(text: str) -> Counted | None:
     """The parts of a serial with a number; None of one without."""
-    plain = "".join(text.split())
+    plain = without_blanks(text)
     runs = list(_DIGITS.finditer(plain))
     if not runs:
         return None

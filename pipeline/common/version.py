@@ -1,11 +1,15 @@
-"""Which version of the program this is."""
+"""What answers depend on: versions of the program, hashes of files and settings, and how two of them differ."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+_MOST_SHOWN, _MOST_CHARACTERS = 4, 60
 _WITHOUT_A_SAY = frozenset(
     {"cli", "plots", "service", "report.py", "charts.py", "curves.py", "worst_parts.py"}
 )
@@ -26,8 +30,6 @@ def program_version() -> str:
 @cache
 def program_mark() -> str:
     """A hash of the program's text: what two versions answer does not belong in one table."""
-    import hashlib
-
     import glyphs
     import pipeline
     import recognition
@@ -51,8 +53,6 @@ def _sources(folder: Path) -> Iterable[Path]:
 @cache
 def reader_versions() -> dict[str, str]:
     """What readings depend on beside settings: the program's version, and hashes of networks and fitted numbers."""
-    import hashlib
-
     import recognition
 
     found = {"tactile-marks": program_version()}
@@ -60,3 +60,33 @@ def reader_versions() -> dict[str, str]:
     for path in sorted(p for p in folder.rglob("*") if p.suffix == ".onnx" or p.name.endswith(".fit.json")):
         found[path.relative_to(folder).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return found
+
+
+def key_of(description: Mapping[str, Any]) -> str:
+    """Hash of what is tried; equal descriptions have equal keys whatever the order of their entries."""
+    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def file_sha256(path: Path) -> str:
+    """Hash of what a file holds, hexadecimal.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The first entries that differ: "height_mm was 5.0, now 4.0"."""
+    wanted = json.loads(json.dumps(dict(now)))
+    differ = sorted(k for k in {*was, *wanted} if was.get(k) != wanted.get(k))
+    return "; ".join(
+        f"{k} was {in_short(was.get(k))}, now {in_short(wanted.get(k))}" for k in differ[:_MOST_SHOWN]
+    )
+
+
+def in_short(value: object) -> str:
+    """A value in a few characters."""
+    text = json.dumps(value)
+    return text if len(text) <= _MOST_CHARACTERS else text[: _MOST_CHARACTERS - 3] + "..."

@@ -19,8 +19,8 @@ import numpy as np
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
-from pipeline.formats.limits import check_hdf5
 from pipeline.formats.raw_map import RawMap, check_size
+from pipeline.formats.touch_file import check_hdf5
 
 _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE

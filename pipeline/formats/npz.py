@@ -27,10 +27,10 @@ from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, reading
 from pipeline.formats.grid import MAX_HEIGHT_MM
+from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.raw_map import RawMap, check_size
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
-MAX_FILE_BYTES = 1_000_000_000
 _HEADER_BYTES = 10_000
 _MOST_MEMBERS = 10_000
 _ROWS = ("top-first", "bottom-first")
@@ -212,7 +212,7 @@ def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
     """
     if path.suffix.lower() != ".npz":
         return None
-    with reading(path, kind=".npz", most_bytes=MAX_FILE_BYTES), _opened(path) as archive:
+    with reading(path, kind=".npz", most_bytes=MOST_BYTES["height_map"]), _opened(path) as archive:
         held = [name for name in _SOIL if name in archive.names]
         if not held:
             return None

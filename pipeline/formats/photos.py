@@ -20,14 +20,13 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError, reading
-from pipeline.formats.kinds import HEAD_BYTES, READ, refusal
+from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, refusal
 from pipeline.formats.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright
 from pipeline.formats.raw_map import RawMap
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-MAX_PHOTO_BYTES = 500_000_000
 _INCH_MM = 25.4
 _LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
 _MEANINGLESS_DPI = (72.0, 96.0)
@@ -105,7 +104,7 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
 @contextlib.contextmanager
 def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
     """The picture, not yet decoded; errors of its decoder name the file."""
-    with reading(path, kind="picture", most_bytes=MAX_PHOTO_BYTES), warnings.catch_warnings():
+    with reading(path, kind="picture", most_bytes=MOST_BYTES["photo"]), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
         from PIL import Image, UnidentifiedImageError
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict
 
-from glyphs.errors import FileError
-from glyphs.surface.maps import HeightMap, MapError
+from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
-from pipeline.formats.toml_file import read_toml
+from pipeline.common.parsed import read_toml
+from pipeline.errors import naming
 from pipeline.formats.touch_file import read_height_map
 
 if TYPE_CHECKING:
@@ -44,10 +44,8 @@ def read_piece(path: Path) -> Piece | HeightMap:
     """
     if path.suffix.lower() != ".toml":
         return read_height_map(path)
-    try:
+    with naming(path):
         return Piece(**read_toml(path, _Written).model_dump())
-    except MapError as error:
-        raise FileError(path, error.what, error.hint) from error
 
 
 def read_surface(path: Path) -> HeightMap:

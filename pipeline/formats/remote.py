@@ -21,8 +21,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from glyphs.errors import FileError, MissingExtraError
+from glyphs.errors import FileError, MarksError, MissingExtraError
 from pipeline.errors import WEB, UrlError, is_url, is_web, shown_as, without_secrets
+from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.names import (
     LOCAL,
     harmless_name,
@@ -97,7 +98,7 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
                 return str(spelled_on_disk(name)) if name else ""
             if part.problem is not None or (kind == "photo" and part.photo_problem is not None):
                 return name  # never opened
-            path = str(copies.enter_context(copied(name, most_bytes=_most_bytes(kind))))
+            path = str(copies.enter_context(copied(name, most_bytes=MOST_BYTES[kind])))
             names[path] = without_secrets(name)
             return path
 
@@ -124,65 +125,37 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
     files = _file_system(url)
     with _faults_told(url):
         path = str(files._strip_protocol(url))
-        guard = _Guard(url, most_bytes)
+        guard = _guard(url, most_bytes)
         # of a web address the file's own head says as much, and why it does not come
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
             raise UrlError(url, "is not a file", "name a file, or the folder among the inputs")
-        size: Any = entry.get("size")
-        guard.set_size(size)
+        guard.set_size(entry.get("size"))
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
     with folder as name:
         target = Path(name) / harmless_name(split_name(url)[1])
         with _faults_told(url):
             files.get_file(path, str(target), callback=guard)
-            guard.check(target.stat().st_size)
+            guard.absolute_update(target.stat().st_size)
         yield target
 
 
-def _most_bytes(kind: str) -> int:
-    """What the readers of that kind take at most."""
-    if kind == "scan":
-        from pipeline.formats.touch_file import MAX_SCAN_BYTES
+def _guard(url: str, most_bytes: int) -> Any:
+    """Fsspec's callback of a copy: ends one that is too long or too slow."""
+    from fsspec.callbacks import Callback
 
-        return MAX_SCAN_BYTES
-    if kind == "photo":
-        from pipeline.formats.photos import MAX_PHOTO_BYTES
+    began_s = time.monotonic()
 
-        return MAX_PHOTO_BYTES
-    from pipeline.formats.npz import MAX_FILE_BYTES
+    class Guard(Callback):  # type: ignore[misc]
+        def call(self, hook_name: str | None = None, **kwargs: object) -> None:
+            size = max(self.size or 0, self.value)
+            if size > most_bytes:
+                sizes = f"{size / 1e9:.1f} GB long, over the limit of {most_bytes / 1e9:.1f} GB"
+                raise UrlError(url, f"is {sizes}", "crop it")
+            if time.monotonic() - began_s > _START_S + self.value / _LEAST_BYTES_PER_S:
+                raise UrlError(url, "comes too slowly to wait for", _NETWORK_MEND)
 
-    return MAX_FILE_BYTES
-
-
-class _Guard:
-    """Told of a copy as it goes (as fsspec's callbacks are); ends one that is too long or too slow."""
-
-    def __init__(self, url: str, most_bytes: int) -> None:
-        self._url, self._most_bytes = url, most_bytes
-        self._bytes, self._began_s = 0, time.monotonic()
-
-    def set_size(self, size: int | None) -> None:
-        """The size as declared."""
-        if size is not None:
-            self.check(size)
-
-    def relative_update(self, inc: int = 1) -> None:
-        """So many bytes more have come."""
-        self.absolute_update(self._bytes + inc)
-
-    def absolute_update(self, value: int) -> None:
-        """So many bytes have come."""
-        self._bytes = value
-        self.check(value)
-        if time.monotonic() - self._began_s > _START_S + value / _LEAST_BYTES_PER_S:
-            raise UrlError(self._url, "comes too slowly to wait for", _NETWORK_MEND)
-
-    def check(self, size: int) -> None:
-        """Refuse more than the limit."""
-        if size > self._most_bytes:
-            sizes = f"{size / 1e9:.1f} GB long, over the limit of {self._most_bytes / 1e9:.1f} GB"
-            raise UrlError(self._url, f"is {sizes}", "crop it")
+    return Guard()
 
 
 def _is_file(entry: dict[str, Any]) -> bool:
@@ -204,17 +177,16 @@ def _file_system(url: str) -> Any:
         from fsspec.config import conf
     except ModuleNotFoundError as error:
         raise MissingExtraError("URLs", "fsspec", "cluster") from error
-    try:
-        kind = fsspec.get_filesystem_class(scheme)
-        configured = conf.get(scheme, {})
-        options = {k: v for k, v in _limits(scheme).items() if k not in configured}
-        files = kind(**{**options, **kind._get_kwargs_from_urls(url)})
-    except ImportError as error:
-        if scheme in _EXTRAS:
-            raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
-        raise UrlError(url, f"needs a library ({error})", "install it") from error
-    except Exception as error:
-        raise _problem(url, error) from error
+    with _faults_told(url):
+        try:
+            kind = fsspec.get_filesystem_class(scheme)
+            configured = conf.get(scheme, {})
+            options = {k: v for k, v in _limits(scheme).items() if k not in configured}
+            files = kind(**{**options, **kind._get_kwargs_from_urls(url)})
+        except ImportError as error:
+            if scheme in _EXTRAS:
+                raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
+            raise UrlError(url, f"needs a library ({error})", "install it") from error
     if scheme in ("s3", "s3a"):
         files.retries = _ATTEMPTS
     return files
@@ -244,24 +216,20 @@ def _faults_told(url: str) -> Iterator[None]:
     """Turn whatever a file system trips over into a FileError; none may end a run."""
     try:
         yield
-    except FileError:
+    except MarksError:
         raise
+    except FileNotFoundError as error:
+        raise UrlError(url, "is not there", "check the name") from error
     except Exception as error:
-        raise _problem(url, error) from error
-
-
-def _problem(url: str, error: Exception) -> UrlError:
-    lines = str(error).splitlines()
-    reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
-    reason = _QUERY.sub("", reason)[:300]
-    if isinstance(error, FileNotFoundError):
-        return UrlError(url, "is not there", "check the name")
-    refused = isinstance(error, PermissionError) or getattr(error, "status", None) in (401, 403)
-    if refused or type(error).__name__ in _NO_CREDENTIALS:
-        return UrlError(url, f"may not be read ({reason})", "check the credentials")
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return UrlError(url, f"cannot be copied ({reason})", "make room in the folder that TMPDIR names")
-    return UrlError(url, f"cannot be fetched ({reason})", _NETWORK_MEND)
+        lines = str(error).splitlines()
+        reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
+        what, hint = "cannot be fetched", _NETWORK_MEND
+        refused = isinstance(error, PermissionError) or getattr(error, "status", None) in (401, 403)
+        if refused or type(error).__name__ in _NO_CREDENTIALS:
+            what, hint = "may not be read", "check the credentials"
+        elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            what, hint = "cannot be copied", "make room in the folder that TMPDIR names"
+        raise UrlError(url, f"{what} ({_QUERY.sub('', reason)[:300]})", hint) from error
 
 
 _NO_CREDENTIALS = (

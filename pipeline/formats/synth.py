@@ -38,6 +38,11 @@ from pipeline.formats.photos import write_photo
 TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
 MOST_LIGHTS = 12
+_OF_THE_STAMP = (
+    *("format", "font", "height_mm", "depth_mm", "face", "bevel_deg", "raised"),
+    *("practice", "die", "plate", "layout"),
+)
+"""Settings of a part that `stamp` takes as they are."""
 
 
 @dataclass(frozen=True)
@@ -136,18 +141,8 @@ class SynthSpec:
 def make_part(spec: SynthSpec, number: int) -> Part:
     """The part of that number, the same whatever was made before it."""
     return stamp(
-        format=spec.format,
-        font=spec.font,
-        height_mm=spec.height_mm,
-        depth_mm=spec.depth_mm,
-        face=spec.face,
-        bevel_deg=spec.bevel_deg,
-        raised=spec.raised,
+        **{name: getattr(spec, name) for name in _OF_THE_STAMP},
         variation=None if spec.variation else StampingVariation.none(),
-        practice=spec.practice,
-        die=spec.die,
-        plate=spec.plate,
-        layout=spec.layout,
         dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
         soil=spec.soiling.soils,
         seed=(spec.seed, number),
@@ -194,8 +189,7 @@ def write_parts(
     _prepare(folder, overwrite=overwrite)
     digits = max(3, len(str(parts - 1)))
     truth = []
-    texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
-    for number, text in enumerate(texts):
+    for number, text in enumerate(each(partial(_write_numbered, spec, folder, digits, photos), range(parts))):
         name = _name(number, digits)
         truth.append((name, text))
         if on_part is not None:
@@ -204,9 +198,7 @@ def write_parts(
         replacing(folder / TRUTH_FILE) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as stream,
     ):
-        writer = csv.writer(stream)
-        writer.writerow(("part", "text"))
-        writer.writerows(truth)
+        csv.writer(stream).writerows([("part", "text"), *truth])
     return truth
 
 
@@ -224,11 +216,9 @@ def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str
     write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
     if photos:
         photo = spec.photograph(part)
-        if photo.others:
-            for number, one in enumerate((photo, *photo.others), start=1):
-                write_photo(stem.with_name(f"{stem.name}.light-{number}.png"), one)
-        else:
-            write_photo(stem.with_suffix(".png"), photo)
+        for light, one in enumerate((photo, *photo.others), start=1):
+            of_several = f".light-{light}" if photo.others else ""
+            write_photo(stem.with_name(f"{stem.name}{of_several}.png"), one)
     return part.text
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-from pipeline.common.spreadsheet import original
+from pipeline.common.texts import original
 from pipeline.errors import problem_of
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id")

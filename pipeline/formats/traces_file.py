@@ -16,10 +16,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from glyphs.errors import FileError
-from pipeline.formats.toml_file import toml_table, wrong_key
+from pipeline.common.parsed import read_toml
 from pipeline.formats.units import TimeUnit, Unit
 
 _FORMAT_VERSION = 1
@@ -142,8 +141,5 @@ def read_traces_file(path: Path) -> TracesFile:
     Raises:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
     """
-    written = toml_table(path, format_version=_FORMAT_VERSION)
-    try:
-        return TracesFile.model_validate(written)
-    except ValidationError as error:
-        raise FileError(path, *wrong_key(error, hidden=("constrained-str", "constrained-int"))) from error
+    hidden = ("constrained-str", "constrained-int")
+    return read_toml(path, TracesFile, format_version=_FORMAT_VERSION, hidden=hidden)

@@ -8,16 +8,16 @@ is right. Spaces count for neither: they are not stamped. A part with an error c
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path, PurePath, PureWindowsPath
 
 from rapidfuzz.distance import Levenshtein
 
-from glyphs.errors import FileError, require_file
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.texts import without_blanks
+from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import is_height_map, is_photo, is_scan
 from pipeline.formats.table_file import (
     PART_HEADINGS,
@@ -31,25 +31,46 @@ from pipeline.formats.table_file import (
 _MAX_FILE_BYTES = 200_000_000
 
 
-@dataclass(frozen=True)
+@dataclass
 class Accuracy:
-    """Readings against the truth.
+    """Readings against the truth, counted as their records come.
 
     Attributes:
+        truth: text by part.
         parts: parts with a truth.
         parts_right: of these, read without any error.
         characters: true characters of those parts.
         edits: characters wrong, missing or too many.
         without_truth: parts that were read but have none.
-        not_read: parts that have a truth but were not among the inputs.
+        seen: names of the parts with a truth, as the table has them.
     """
 
-    parts: int
-    parts_right: int
-    characters: int
-    edits: int
-    without_truth: int
-    not_read: int
+    truth: PartTexts
+    parts: int = 0
+    parts_right: int = 0
+    characters: int = 0
+    edits: int = 0
+    without_truth: int = 0
+    seen: set[str] = field(default_factory=set)
+
+    def add(self, record: ReadingRecord) -> None:
+        """Count one reading."""
+        name = self.truth.name_of(record.part)
+        if name is None:
+            self.without_truth += 1
+            return
+        self.seen.add(name)
+        stamped = without_blanks(self.truth[name])
+        distance = Levenshtein.distance(stamped, without_blanks(record.text))
+        self.parts += 1
+        self.parts_right += distance == 0
+        self.characters += len(stamped)
+        self.edits += distance
+
+    @property
+    def not_read(self) -> int:
+        """Parts that have a truth but were not among the inputs."""
+        return len(self.truth) - len(self.seen)
 
     @property
     def character_accuracy(self) -> float:
@@ -136,36 +157,33 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     Raises:
         FileError: not such a table, or one that names a part twice and must not.
     """
-    require_file(path, most_bytes=_MAX_FILE_BYTES)
-    lines = table_lines(path)
-    head = next(lines, TableLine(1, ()))
-    part, text = column_of(head.cells, PART_HEADINGS), column_of(head.cells, TEXT_HEADINGS)
-    others: dict[str, int] = {}
-    if part is None and text is None and len(head.cells) == 2 and is_data(head.cells):
-        part, text, lines = 0, 1, chain((head,), lines)
-    elif part is None or text is None:
-        found = ", ".join(cell.lower() for cell in head.cells) or "none"
-        raise FileError(path, f"has the columns {found}", "its first line must name part and text")
-    else:
+    with reading(path, kind="table", most_bytes=_MAX_FILE_BYTES):
+        lines = table_lines(path)
+        head = next(lines, TableLine(1, ()))
         titles = [cell.lower() for cell in head.cells]
-        others = {name: place for place, name in enumerate(titles) if place not in (part, text)}
-    found_lines: list[PartLine] = []
-    seen: set[str] = set()
-    for line in lines:
-        name, value = line.cell(part), line.cell(text)
-        if not name and not value:
-            continue
-        if not name or len(line.cells) <= text:
-            raise FileError(path, f"line {line.number} is not complete", "give a part and its text")
-        name = part_name(name)
-        if name in seen and not repeated:
-            raise FileError(path, f"line {line.number} names {name} a second time", "keep one line a part")
-        more = {title: line.cell(place) for title, place in others.items()}
-        found_lines.append(PartLine(line.number, name, value, more))
-        seen.add(name)
-    if not found_lines:
-        raise FileError(path, "holds no part", "give a line for each part")
-    return found_lines
+        part, text = column_of(titles, PART_HEADINGS), column_of(titles, TEXT_HEADINGS)
+        if part is None and text is None and len(titles) == 2 and is_data(titles):
+            part, text, lines = 0, 1, chain((head,), lines)
+        elif part is None or text is None:
+            what = f"has the columns {', '.join(titles) or 'none'}"
+            raise DataError(what, "its first line must name part and text")
+        found: list[PartLine] = []
+        seen: set[str] = set()
+        for line in lines:
+            name, value = line.cell(part), line.cell(text)
+            if not name and not value:
+                continue
+            if not name or len(line.cells) <= text:
+                raise DataError(f"line {line.number} is not complete", "give a part and its text")
+            name = part_name(name)
+            if name in seen and not repeated:
+                raise DataError(f"line {line.number} names {name} a second time", "keep one line a part")
+            others = {title: line.cell(k) for k, title in enumerate(titles) if k not in (part, text)}
+            found.append(PartLine(line.number, name, value, others))
+            seen.add(name)
+        if not found:
+            raise DataError("holds no part", "give a line for each part")
+    return found
 
 
 def part_name(cell: str) -> str:
@@ -173,44 +191,3 @@ def part_name(cell: str) -> str:
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     known = is_height_map(path) or is_scan(path) or is_photo(path)
     return path.stem if known else cell
-
-
-def without_blanks(text: str) -> str:
-    """A text as it is stamped."""
-    return "".join(text.split())
-
-
-class Scores:
-    """Readings held against the truth, as they come."""
-
-    def __init__(self, truth: Mapping[str, str]) -> None:
-        self._truth = PartTexts(truth)
-        self._seen: set[str] = set()
-        self._parts = self._right = self._characters = self._edits = self._without = 0
-
-    def add(self, record: ReadingRecord) -> None:
-        """Count one reading."""
-        name = self._truth.name_of(record.part)
-        if name is None:
-            self._without += 1
-            return
-        self._seen.add(name)
-        stamped, read = without_blanks(self._truth[name]), without_blanks(record.text)
-        distance = Levenshtein.distance(stamped, read)
-        self._parts += 1
-        self._right += distance == 0
-        self._characters += len(stamped)
-        self._edits += distance
-
-    def accuracy(self) -> Accuracy:
-        """Of the readings so far."""
-        not_read = len(self._truth) - len(self._seen)
-        return Accuracy(self._parts, self._right, self._characters, self._edits, self._without, not_read)
-
-
-def score(records: Iterable[ReadingRecord], truth: Mapping[str, str]) -> Accuracy:
-    """Compare the readings with the truth."""
-    scores = Scores(truth)
-    for record in records:
-        scores.add(record)
-    return scores.accuracy()

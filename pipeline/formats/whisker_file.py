@@ -13,18 +13,18 @@ names = ["l1_mm", ...]         sd: standard deviations; correlation: a row for e
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
 
-from glyphs.atomic import check_writable, replacing
+from glyphs.atomic import check_writable
 from glyphs.errors import FileError
-from pipeline.formats.toml_file import toml_table, wrong_key
+from pipeline.common.parsed import read_toml, write_toml
+from pipeline.errors import DataError, naming
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.promises import Knowledge
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
@@ -37,7 +37,9 @@ FORMAT_VERSION = 1
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
 Length = Annotated[float, Field(gt=0.0, le=10_000.0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _MATERIALS = {"music wire": MUSIC_WIRE}
+_RASTER = ("character_height_mm", "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,22 +70,28 @@ class _Strict(BaseModel):
 
 
 class _Ribbon(_Strict):
-    kind: Literal["ribbon"]
+    kind: Literal["ribbon"] = "ribbon"
     thickness_mm: Length
     width_mm: Length
 
+    def made(self) -> Rectangle:
+        return Rectangle(self.thickness_mm, self.width_mm)
+
 
 class _Wire(_Strict):
-    kind: Literal["round"]
+    kind: Literal["round"] = "round"
     diameter_mm: Length
+
+    def made(self) -> Round:
+        return Round(self.diameter_mm)
 
 
 class _Material(_Strict):
     name: str = Field(min_length=1)
-    e_mpa: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    e_mpa: Positive
     poisson: float = Field(ge=0.0, lt=0.5)
-    density_g_cm3: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    yield_mpa: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    density_g_cm3: Positive
+    yield_mpa: Positive
 
 
 class _Identified(_Strict):
@@ -91,8 +99,13 @@ class _Identified(_Strict):
     sd: tuple[Annotated[float, Field(ge=0.0, allow_inf_nan=False)], ...]
     correlation: tuple[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], ...]
 
+    @classmethod
+    def of(cls, known: Knowledge) -> _Identified:
+        sd = np.where(known.sd > 0.0, known.sd, 1.0)
+        correlation = np.clip(known.covariance / np.outer(sd, sd), -1.0, 1.0).round(6)
+        return cls(names=known.names, sd=tuple(known.sd), correlation=tuple(map(tuple, correlation.tolist())))
+
     def knowledge(self) -> Knowledge:
-        """How well the whisker is known."""
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
             raise WhiskerError(
@@ -104,8 +117,6 @@ class _Identified(_Strict):
 
 class _Use(_Strict):
     beta_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
-    section: _Ribbon | _Wire = Field(discriminator="kind")
-    material: Literal["music wire"] | _Material = "music wire"
     preload_mm: Length
     tip_radius_mm: float = Field(ge=0.0, le=1000.0, allow_inf_nan=False)
     friction: float = Field(ge=0.0, lt=2.0)
@@ -113,35 +124,33 @@ class _Use(_Strict):
     line_pitch_mm: Length | None = None
     sample_pitch_mm: Length | None = None
     speed_mm_s: Length | None = None
+    material: Literal["music wire"] | _Material = "music wire"
+    section: _Ribbon | _Wire = Field(discriminator="kind")
     identified: _Identified | None = None
 
-    def _section(self) -> Rectangle | Round:
-        if isinstance(self.section, _Ribbon):
-            return Rectangle(self.section.thickness_mm, self.section.width_mm)
-        return Round(self.section.diameter_mm)
+    def _shape(self) -> tuple[float, Rectangle | Round, Material]:
+        """Angle, section and material."""
+        given = self.material
+        material = Material(**given.model_dump()) if isinstance(given, _Material) else _MATERIALS[given]
+        return math.radians(self.beta_deg), self.section.made(), material
 
-    def _made_of(self) -> Material:
-        if isinstance(self.material, str):
-            return _MATERIALS[self.material]
-        return Material(**self.material.model_dump())
-
-    def shape(self) -> LShaped:
+    def whisker(self) -> LShaped:
         """The whisker of this kind."""
         raise NotImplementedError
 
     def build(self) -> WhiskerFile:
         """Whisker, touch and raster, with defaults scaled to the character height."""
-        whisker, height = self.shape(), self.character_height_mm
+        whisker, height = self.whisker(), self.character_height_mm
+        touch = Touch(
+            whisker.tip_model(), self.preload_mm, self.tip_radius_mm, self.friction, whisker.describe()
+        )
+        row = touch.tip.compliance_mm_per_n[1]
+        if not row[1] - touch.friction * row[0] > 0.0:
+            raise DataError("describes a whisker that jams on the land", "take another setting angle")
         lines = self.line_pitch_mm or height / LINES_PER_HEIGHT
         return WhiskerFile(
             whisker=whisker,
-            touch=Touch(
-                tip=whisker.tip_model(),
-                preload_mm=self.preload_mm,
-                tip_radius_mm=self.tip_radius_mm,
-                friction=self.friction,
-                whisker=whisker.describe(),
-            ),
+            touch=touch,
             character_height_mm=height,
             line_pitch_mm=lines,
             sample_pitch_mm=self.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
@@ -151,28 +160,31 @@ class _Use(_Strict):
 
 
 class _L(_Use):
-    kind: Literal["L"]
+    kind: Literal["L"] = "L"
     l1_mm: Length
     l2_mm: float = Field(ge=0.0, le=10_000.0, allow_inf_nan=False)
     l3_mm: Annotated[float, Field(ge=-10_000.0, le=10_000.0, allow_inf_nan=False)] | None = None
 
-    def shape(self) -> LShaped:
+    def whisker(self) -> LShaped:
         """The L; l3 = l2 unless given."""
-        return LShaped(
-            self.l1_mm, self.l2_mm, self.l3_mm, math.radians(self.beta_deg), self._section(), self._made_of()
-        )
+        return LShaped(self.l1_mm, self.l2_mm, self.l3_mm, *self._shape())
 
 
 class _Straight(_Use):
-    kind: Literal["straight"]
+    kind: Literal["straight"] = "straight"
     l_mm: Length
 
-    def shape(self) -> LShaped:
+    def whisker(self) -> LShaped:
         """The straight one."""
-        return straight_whisker(self.l_mm, math.radians(self.beta_deg), self._section(), self._made_of())
+        return straight_whisker(self.l_mm, *self._shape())
 
 
-_KINDS: dict[str, type[_Use]] = {"L": _L, "straight": _Straight}
+_OneKind = Annotated[_L | _Straight, Field(discriminator="kind")]
+# a missing kind is told with those that there are
+_ANY: TypeAdapter[_Use] = TypeAdapter(
+    Annotated[_OneKind, BeforeValidator(lambda given: {"kind": "", **given})]
+)
+_HIDDEN = ("L", "straight", "ribbon", "round", "_Material")
 
 
 def read_whisker_file(path: Path) -> WhiskerFile:
@@ -182,21 +194,12 @@ def read_whisker_file(path: Path) -> WhiskerFile:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
             the land.
     """
-    written = toml_table(path, format_version=FORMAT_VERSION)
-    kind = written.get("kind")
-    if not isinstance(kind, str) or kind not in _KINDS:
-        says = "has no kind" if kind is None else f"has the kind {kind!r}"
-        raise FileError(path, says, f"write kind = one of {', '.join(map(repr, _KINDS))}")
+    written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
     try:
-        built = _KINDS[kind].model_validate(written).build()
-    except ValidationError as error:
-        raise FileError(path, *wrong_key(error, hidden=("ribbon", "round", "_Material"))) from error
+        with naming(path):
+            return written.build()
     except WhiskerError as error:
         raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
-    row, mu = built.touch.tip.compliance_mm_per_n[1], built.touch.friction
-    if not row[1] - mu * row[0] > 0.0:
-        raise FileError(path, "describes a whisker that jams on the land", "take another setting angle")
-    return built
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
@@ -208,9 +211,9 @@ def write_whisker_file(path: Path, content: WhiskerFile) -> None:
         FileError: not a .toml, it cannot be written, or the whisker is of a kind that this file cannot hold.
     """
     check_whisker_file(path)
-    text = "\n".join(_lines(path, content)) + "\n"
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    heading = f"# a whisker of tactile-marks and its use; lengths in mm\nformat_version = {FORMAT_VERSION}\n"
+    with naming(path):
+        write_toml(path, _written(content), heading=heading)
 
 
 def check_whisker_file(path: Path) -> None:
@@ -224,61 +227,25 @@ def check_whisker_file(path: Path) -> None:
     check_writable(path)
 
 
-def _lines(path: Path, content: WhiskerFile) -> list[str]:
+def _written(content: WhiskerFile) -> _Use:
     w, touch = content.whisker, content.touch
-    shape: dict[str, str | float] = (
-        {"kind": "straight", "l_mm": w.l1_mm}
-        if w.is_straight
-        else {"kind": "L", "l1_mm": w.l1_mm, "l2_mm": w.l2_mm, "l3_mm": w.lowered_mm}
-    )
-    shape["beta_deg"] = math.degrees(w.beta_rad)
-    use: dict[str, str | float] = {
-        "preload_mm": touch.preload_mm,
-        "tip_radius_mm": touch.tip_radius_mm,
-        "friction": touch.friction,
-        "character_height_mm": content.character_height_mm,
-        "line_pitch_mm": content.line_pitch_mm,
-        "sample_pitch_mm": content.sample_pitch_mm,
-        "speed_mm_s": content.speed_mm_s,
-    }
-    section: dict[str, str | float]
+    section: _Ribbon | _Wire
     if isinstance(w.section, Rectangle):
-        section = {"kind": "ribbon", "thickness_mm": w.section.thickness_mm, "width_mm": w.section.width_mm}
+        section = _Ribbon(thickness_mm=w.section.thickness_mm, width_mm=w.section.width_mm)
     elif isinstance(w.section, Round):
-        section = {"kind": "round", "diameter_mm": w.section.diameter_mm}
+        section = _Wire(diameter_mm=w.section.diameter_mm)
     else:
-        raise FileError(path, f"cannot hold {w.section}", f"write {_WRITABLE}")
-    version = f"format_version = {FORMAT_VERSION}"
-    lines = ["# a whisker of tactile-marks and its use; lengths in mm", version, *_pairs(shape | use)]
-    m = w.material
-    if _MATERIALS.get(m.name) == m:
-        lines += _pairs({"material": m.name})
-    else:
-        constants = ("e_mpa", "poisson", "density_g_cm3", "yield_mpa")
-        lines += ["[material]", *_pairs({"name": m.name} | {key: getattr(m, key) for key in constants})]
-    return [*lines, "[section]", *_pairs(section), *_known(content.known)]
-
-
-def _known(known: Knowledge | None) -> list[str]:
-    if known is None:
-        return []
-    sd = np.where(known.sd > 0.0, known.sd, 1.0)
-    correlation = np.clip(known.covariance / np.outer(sd, sd), -1.0, 1.0)
-    rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in correlation)
-    return [
-        "[identified]",
-        f"names = [{', '.join(_written(name.value) for name in known.names)}]",
-        f"sd = [{', '.join(_written(float(value)) for value in known.sd)}]",
-        f"correlation = [{', '.join(rows)}]",
-    ]
-
-
-def _pairs(table: dict[str, str | float]) -> list[str]:
-    return [f"{key} = {_written(value)}" for key, value in table.items()]
-
-
-def _written(value: str | float) -> str:
-    if isinstance(value, str):
-        # a JSON string is a TOML string, but for DEL, which TOML wants escaped
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return repr(float(value))
+        raise DataError(f"cannot hold {w.section}", f"write {_WRITABLE}")
+    known = _MATERIALS.get(w.material.name) == w.material
+    constants = {name: getattr(w.material, name) for name in _Material.model_fields}
+    use: dict[str, Any] = {
+        "beta_deg": math.degrees(w.beta_rad),
+        "section": section,
+        "material": w.material.name if known else _Material(**constants),
+        "identified": None if content.known is None else _Identified.of(content.known),
+        **{name: getattr(touch, name) for name in ("preload_mm", "tip_radius_mm", "friction")},
+        **{name: getattr(content, name) for name in _RASTER},
+    }
+    if w.is_straight:
+        return _Straight(l_mm=w.l1_mm, **use)
+    return _L(l1_mm=w.l1_mm, l2_mm=w.l2_mm, l3_mm=w.lowered_mm, **use)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
-from pipeline.common.same_text import same_text
+from pipeline.common.texts import same_text
 from recognition.decision.panels import edge_panel, height_panel
 
 if TYPE_CHECKING:

@@ -23,9 +23,8 @@ from pipeline.common.reading_records import (
     RivalRecord,
 )
 from pipeline.common.row import WORTH_SHOWING
-from pipeline.common.run_description import key_of
 from pipeline.common.settings import ReadSettings
-from pipeline.common.version import program_version
+from pipeline.common.version import key_of, program_version
 
 if TYPE_CHECKING:
     from recognition.decision.reading import CharacterReading, OtherLine, Reading

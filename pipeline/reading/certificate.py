@@ -21,9 +21,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, require_file
-from pipeline.common.run_description import differences
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
-from pipeline.common.version import reader_versions
+from pipeline.common.version import differences, reader_versions
 from recognition.decision.accepted_risk import ThresholdTest, certified, share_bounds
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.likeness import KindOfParts

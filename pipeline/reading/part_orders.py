@@ -30,8 +30,8 @@ from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import shown_as
-from pipeline.formats.limits import Limits
 from pipeline.formats.part_files import PartFiles
+from pipeline.formats.touch_file import Limits
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile

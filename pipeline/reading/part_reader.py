@@ -26,9 +26,8 @@ from glyphs.errors import FileError, MarksError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import naming, problem_of
-from pipeline.formats.limits import Limits, check_scan
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import read_map_and_rows, read_scan
+from pipeline.formats.touch_file import Limits, check_scan, read_map_and_rows, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo

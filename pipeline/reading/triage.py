@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import Agreement, PartState, ShadowRecord
-from pipeline.common.same_text import same_text
+from pipeline.common.texts import same_text
 
 
 def state_after(reading: ReadingRecord) -> PartState:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.formats.limits import Limits
+    from pipeline.formats.touch_file import Limits
 
 PLAIN = "K4X7H2"
 """Characters that nothing is mistaken for."""

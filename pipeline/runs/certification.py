@@ -18,9 +18,10 @@ from glyphs.compiling import compiling_shown, part_done
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
+from pipeline.common.texts import without_blanks
 from pipeline.common.version import reader_versions
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.truth import load_truth, without_blanks
+from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
 from pipeline.runs.journal import Journal, resumable

@@ -23,7 +23,7 @@ from pydantic import TypeAdapter
 
 from glyphs.atomic import sync_names
 from glyphs.errors import FileError
-from pipeline.common.run_description import differences, key_of
+from pipeline.common.version import differences, key_of
 from pipeline.workers.executors import Executor
 
 Kept = TypeVar("Kept")

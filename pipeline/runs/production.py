@@ -14,13 +14,12 @@ from glyphs.compiling import compiling_shown, part_done
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
-from pipeline.common.version import program_version
+from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import PassedOver
 from pipeline.formats.order_file import read_order
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.truth import Scores, load_truth
+from pipeline.formats.truth import Accuracy, load_truth
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
@@ -85,7 +84,7 @@ def _read(
     from pipeline.runs.read_table import print_table
     from pipeline.runs.second_pass import learns
 
-    scores = Scores(load_truth(options.truth)) if options.truth is not None else None
+    scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
     reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
@@ -132,7 +131,7 @@ def _read(
     about = {key: description[key] for key in ("program", "settings", "inputs")}
     _print_done(run, options, drift, found.passed_over, about, elapsed_s=elapsed_s, workers=executor.workers)
     if scores is not None:
-        print(scores.accuracy().describe())
+        print(scores.describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
         print(f"{len(missing)} parts of {options.verify} were not read: {visible(', '.join(missing[:5]))}")
     wanted = len(parts) if expected is not None else sum(bool(part.expected) for part in parts)

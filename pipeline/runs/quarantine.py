@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from glyphs.errors import FileError
-from pipeline.common.spreadsheet import harmless
+from pipeline.common.texts import harmless
 from pipeline.formats.manifest import COLUMNS, FILES
 from pipeline.formats.names import absolute
 from pipeline.formats.part_files import PartFiles

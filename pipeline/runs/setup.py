@@ -36,7 +36,7 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         FileError: the table holds another run, is being written, or cannot be.
         StoreError: a store that cannot be opened.
     """
-    from pipeline.common.run_description import key_of
+    from pipeline.common.version import key_of
     from pipeline.runs.quarantine import Quarantine
     from pipeline.runs.run_journal import RunJournal
     from pipeline.runs.store_target import RunStore

@@ -29,10 +29,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
-from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import Row
-from pipeline.common.spreadsheet import harmless
+from pipeline.common.texts import harmless
 
 CSV_COLUMNS = tuple(f.name for f in fields(Row))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")

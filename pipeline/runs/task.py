@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
-from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
+from pipeline.common.version import file_sha256
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.as_record import record_of_part
 

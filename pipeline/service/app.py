@@ -23,8 +23,8 @@ from pipeline.common.private import private_folder
 from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
-from pipeline.formats.limits import Limits
 from pipeline.formats.order_file import read_order
+from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.alerts import AlertWatch

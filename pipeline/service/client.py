@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from pipeline.common.record_json import from_json
+from pipeline.common.reading_records import from_json
 from pipeline.common.records import History, PartRecord, PartState, ReviewAction
 from pipeline.service.patient_http import PatientHttp, ServiceError, Source
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import MarksError, MissingExtraError
-from pipeline.common.retry_after import retry_after_s
+from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:
     import httpx

@@ -28,7 +28,7 @@ from pipeline.workers.pool import BusyError, WorkerLostError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.formats.limits import Limits
+    from pipeline.formats.touch_file import Limits
     from pipeline.service.metrics import Metrics
     from pipeline.service.stage.devices import ScanOrder
     from pipeline.store.evidence_folder import EvidenceFolder

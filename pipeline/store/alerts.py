@@ -13,8 +13,7 @@ from types import MappingProxyType
 
 import sqlalchemy as sa
 
-from pipeline.common.alert_record import AlertRecord
-from pipeline.common.records import PartState
+from pipeline.common.records import AlertRecord, PartState
 from pipeline.store.database import Transaction
 from pipeline.store.errors import cleaned
 from pipeline.store.outbox import put_in_outbox

@@ -28,8 +28,7 @@ from glyphs.errors import FileError, require_file
 from pipeline.common.file_lock import lock
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_file, private_folder
-from pipeline.common.run_description import file_sha256
-from pipeline.common.version import program_version
+from pipeline.common.version import file_sha256, program_version
 from pipeline.store.copying import copy_rows, is_empty, skip_deliveries
 from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder, FileState

@@ -16,7 +16,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import to_json
 from pipeline.common.records import Delivery, PartRecord, WaitingResults
 from pipeline.store.database import Transaction
 from pipeline.store.errors import cleaned, fit, fit_limit

@@ -10,8 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord, to_json
 from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord, TouchWait
 from pipeline.common.serial_rules import SerialRules
 from pipeline.store import tables

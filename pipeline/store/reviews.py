@@ -211,6 +211,6 @@ def _how_right(part: PartRecord, action: ReviewAction, after: str) -> dict[str, 
 
 
 def _characters_right(true: str, read: str) -> int:
-    from pipeline.common.alignment import align
+    from pipeline.common.texts import align
 
     return max(0, len(true) - sum(not pair.right for pair in align(true, read)))

@@ -9,8 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Row
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
-from pipeline.common.record_json import from_json
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord, from_json
 from pipeline.common.records import (
     Agreement,
     EventRecord,

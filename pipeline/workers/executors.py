@@ -18,8 +18,8 @@ from itertools import islice
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from pipeline.common.allocator import kept_memory
 from pipeline.common.settings import SettingsError
+from pipeline.workers.allocator import kept_memory
 from pipeline.workers.interrupts import raise_interrupt
 
 if TYPE_CHECKING:

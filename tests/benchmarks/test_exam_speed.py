@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from pipeline.common.allocator import kept_memory
+from pipeline.workers.allocator import kept_memory
 from tests.benchmarks.test_speed import ask, one_core
 
 pytestmark = pytest.mark.benchmark

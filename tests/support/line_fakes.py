@@ -12,8 +12,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.records import Delivery, PartRecord, PartState, WaitingResults
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)

@@ -12,8 +12,7 @@ from typing import Any
 import pyarrow.parquet
 
 from glyphs.errors import FileError
-from pipeline.common.reading_records import CandidateRecord, ReadingRecord
-from pipeline.common.record_json import from_json
+from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")

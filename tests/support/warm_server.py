@@ -6,7 +6,7 @@ import gc
 import os
 
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.limits import Limits
+from pipeline.formats.touch_file import Limits
 from pipeline.reading.warm_up import warm_up
 
 warm_up(ReadSettings(format=("A9",), font=("gothic",), height_mm=4.0), Limits())

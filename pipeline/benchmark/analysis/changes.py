@@ -19,7 +19,7 @@ from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped, 
 from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.exam.condition import Level, level_name
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.run_description import differences
+from pipeline.common.version import differences
 
 _SHOWN_NAMES = 3
 _NOT_OF_PARTS = ("name", "given", "kept_out_soils", "cross")

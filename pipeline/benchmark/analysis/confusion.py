@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.alignment import EXTRA, MISSING, align
+from pipeline.common.texts import EXTRA, MISSING, align
 
 
 def edits(trial: Trial) -> int:

@@ -20,8 +20,8 @@ from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
 from pipeline.benchmark.analysis.shares import resampled
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.alignment import align
 from pipeline.common.shares import Share, share
+from pipeline.common.texts import align
 
 GIVEN_FACTOR = "given"
 """All that a reader was given, as one factor."""

@@ -25,9 +25,9 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
+from pipeline.benchmark.export.layers import write_layer
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES, draw_edges, draw_heights
-from pipeline.formats.layers import write_layer
 from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import write_surface
 from recognition.language.orientation import Orientation

@@ -28,7 +28,7 @@ from pipeline.benchmark.export.exported_part import (
     sha256,
 )
 from pipeline.benchmark.export.label_files import label_files
-from pipeline.common.run_description import differences
+from pipeline.common.version import differences
 from pipeline.workers.executors import Executor, InlineExecutor
 
 MANIFEST, PAGE = "manifest.json", "README.md"

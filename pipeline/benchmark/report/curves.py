@@ -13,7 +13,7 @@ from pipeline.benchmark.analysis.calibration import Reliability
 from pipeline.benchmark.analysis.confusion import Confusion
 from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.report.charts import WIDTH_IN, modes_in, severities_in, severity_name, style_of
-from pipeline.common.alignment import EXTRA, MISSING
+from pipeline.common.texts import EXTRA, MISSING
 
 
 def risk_figure(groups: Sequence[Group]) -> Figure:

@@ -20,7 +20,7 @@ from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
-from pipeline.common.alignment import align
+from pipeline.common.texts import align
 from recognition.decision.panels import edge_panel, height_panel
 
 SHOWN = 12

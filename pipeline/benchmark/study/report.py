@@ -24,7 +24,7 @@ from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.study import Study
-from pipeline.common.spreadsheet import harmless
+from pipeline.common.texts import harmless
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
 _TEMPLATE = "study.html.j2"

@@ -19,7 +19,7 @@ from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
-from pipeline.common.run_description import key_of
+from pipeline.common.version import key_of
 from pipeline.formats.table_file import number_of
 from pipeline.formats.truth import PartLine, load_part_lines
 

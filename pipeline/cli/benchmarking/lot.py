@@ -52,8 +52,8 @@ def lot(
         from pipeline.benchmark.exam.designed_parts import DesignedParts
         from pipeline.benchmark.trials.answers import designed_items, load_answers
         from pipeline.cli.benchmarking.score import print_scores
-        from pipeline.common.run_description import key_of
         from pipeline.common.settings import ReadSettings
+        from pipeline.common.version import key_of
         from pipeline.runs.options import RunOptions
         from pipeline.runs.production import run_batch
         from pipeline.workers.executors import ordered_map

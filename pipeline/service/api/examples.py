@@ -5,8 +5,13 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import (
+    CandidateRecord,
+    CharacterRecord,
+    ReadingRecord,
+    ScanPlanRecord,
+    to_json,
+)
 from pipeline.common.records import (
     EvidenceKind,
     EvidenceRecord,

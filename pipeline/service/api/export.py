@@ -12,7 +12,7 @@ from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
 
 from pipeline.common.records import PartRecord, Scope
-from pipeline.common.spreadsheet import harmless
+from pipeline.common.texts import harmless
 from pipeline.service.api.answers import PartFilter, Sought, may, problems
 from pipeline.service.web.access import Access, Caller
 from pipeline.store.store import Store

@@ -27,9 +27,9 @@ from urllib.parse import urlsplit
 
 from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.records import Delivery
-from pipeline.common.retry_after import retry_after_s
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
+from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:
     import httpx

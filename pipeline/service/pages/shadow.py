@@ -12,8 +12,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.records import Agreement, AgreementDay, PartRecord
-from pipeline.common.same_text import same_text
 from pipeline.common.shares import Share, share
+from pipeline.common.texts import same_text
 from pipeline.service.pages.frame import Frame, PageError
 from pipeline.service.pages.places import Cell, expected_cells
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.common.run_description import differences, key_of
+from pipeline.common.version import differences, key_of
 
 
 def test_the_order_of_entries_does_not_matter() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.common.spreadsheet import harmless, original
+from pipeline.common.texts import harmless, original
 
 
 @pytest.mark.parametrize(

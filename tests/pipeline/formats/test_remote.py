@@ -23,6 +23,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.errors import UrlError
 from pipeline.formats import remote
 from pipeline.formats.find_parts import list_parts
+from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
@@ -155,7 +156,7 @@ def test_no_object_name_leads_out_of_the_folder(
 def test_what_is_too_long_is_not_copied(
     memory: Callable[[str, bytes], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 1000)
+    monkeypatch.setitem(MOST_BYTES, "height_map", 1000)
     assert len(read(memory("lot/a.npz", bytes(1000)))) == 1000
     from fsspec.implementations.memory import MemoryFileSystem
 
@@ -320,7 +321,7 @@ def test_what_a_bucket_has_not(bucket: str) -> None:
 
 
 def test_a_long_object_is_refused_unread(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 3)
+    monkeypatch.setitem(MOST_BYTES, "height_map", 3)
     refused(f"{bucket}/lot/a.npz", "over the limit of .*; crop it")
 
 
@@ -492,7 +493,7 @@ def test_a_signed_address_is_fetched_and_not_told() -> None:
 
 
 def test_an_endless_file_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.formats.npz.MAX_FILE_BYTES", 20_000_000)
+    monkeypatch.setitem(MOST_BYTES, "height_map", 20_000_000)
     with serving(_Endless) as url:
         refused(f"{url}/a.npz", "over the limit of 0.0 GB; crop it")
 

@@ -8,7 +8,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.row import Row
-from pipeline.formats.truth import load_truth, score
+from pipeline.formats.truth import Accuracy, PartTexts, load_truth
 
 
 def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
@@ -45,6 +45,13 @@ def test_truth_tables_that_are_none(content: bytes, message: str, tmp_path: Path
     with pytest.raises(FileError, match=message) as caught:
         truth_of(tmp_path, content)
     assert str(tmp_path / "truth.csv") in str(caught.value)
+
+
+def score(rows: list[Row], truth: dict[str, str]) -> Accuracy:
+    found = Accuracy(PartTexts(truth))
+    for row in rows:
+        found.add(row)
+    return found
 
 
 def test_accuracy_by_its_definition() -> None:

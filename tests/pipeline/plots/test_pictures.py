@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.common.same_text import same_text
+from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.panels import moment_image

@@ -13,12 +13,10 @@ import pytest
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
-from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
-from pipeline.common.record_json import from_json, to_json
+from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord, from_json, to_json
 from pipeline.common.row import Row
-from pipeline.common.run_description import key_of
 from pipeline.common.settings import MapSettings, ReadSettings
-from pipeline.common.version import program_version
+from pipeline.common.version import key_of, program_version
 from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles

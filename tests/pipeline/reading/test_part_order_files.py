@@ -25,7 +25,7 @@ def outcomes(pipe: Any) -> None:
     from glyphs.errors import FileError
     from pipeline.common.settings import ReadSettings
     from pipeline.formats.kinds import is_photo, is_scan
-    from pipeline.formats.limits import Limits
+    from pipeline.formats.touch_file import Limits
     from pipeline.reading.part_orders import PartOrder, read_order
 
     settings = ReadSettings(font=("gothic",), height_mm=5.0)

@@ -13,10 +13,10 @@ from glyphs.errors import FaultError, FileError, OwnFileError, damage_reported
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.limits import Limits
 from pipeline.formats.npz import write_npz
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
+from pipeline.formats.touch_file import Limits
 from pipeline.reading.kept_readers import MOST_KEPT, reader_of
 from pipeline.reading.part_orders import Done, PartOrder, read_order
 from pipeline.reading.scan_plan import plan_of

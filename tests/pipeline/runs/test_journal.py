@@ -33,7 +33,7 @@ from pipeline.common.reading_records import (
     RivalRecord,
 )
 from pipeline.common.row import Row
-from pipeline.common.spreadsheet import harmless
+from pipeline.common.texts import harmless
 from pipeline.runs.run_journal import RecordJournal, RunJournal
 from pipeline.runs.tables import MOST_TEXT, write_records
 from tests.support.run_tables import TableRow, read_rows, record_of, record_of_json

@@ -11,8 +11,7 @@ from starlette.testclient import TestClient
 
 from glyphs.soiling.soiled import Soiling
 from pipeline.common.part_id import new_part_id
-from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.common.record_json import from_json
+from pipeline.common.reading_records import ScanPlanRecord, from_json
 from pipeline.common.records import PartState, ReviewAction, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part

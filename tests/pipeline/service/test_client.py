@@ -15,7 +15,7 @@ import uvicorn
 from fastapi import FastAPI, File, Form, Header, Request, UploadFile
 from fastapi.responses import JSONResponse, Response
 
-from pipeline.common.record_json import to_json
+from pipeline.common.reading_records import to_json
 from pipeline.common.records import (
     EventRecord,
     EvidenceKind,

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from pipeline.common.record_json import from_json
+from pipeline.common.reading_records import from_json
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.store.store import Store
 from tests.support.store_samples import Clock, due, reading, received

@@ -13,7 +13,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.limits import Limits
+from pipeline.formats.touch_file import Limits
 from pipeline.reading.warm_up import warm_up
 from pipeline.workers.pool import BusyError, WorkerLostError, WorkPool
 from tests.support import pool_calls as calls

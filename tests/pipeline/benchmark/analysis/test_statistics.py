@@ -18,8 +18,8 @@ from pipeline.benchmark.analysis.risk import risk_coverage
 from pipeline.benchmark.analysis.shares import resampled
 from pipeline.benchmark.analysis.statistics import plain, statistics_of
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial
-from pipeline.common.alignment import EXTRA, MISSING, align
 from pipeline.common.shares import share
+from pipeline.common.texts import EXTRA, MISSING, align
 
 SERIAL = st.text(alphabet="AB1", max_size=7)
 

@@ -20,8 +20,8 @@ from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, 
 from pipeline.benchmark.readers.modes import open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-from pipeline.common.run_description import key_of
 from pipeline.common.settings import SettingsError
+from pipeline.common.version import key_of
 from pipeline.workers.executors import PoolExecutor
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box

@@ -1,22 +1,47 @@
-"""Which character was read for which: a true serial beside the one that was read.
+"""Texts: as they are stamped, as cells of a table, and a true serial beside the one that was read.
 
-Serials of one length are compared place by place, for the places are known::
+Cells of CSV that a spreadsheet takes for formulas are text with an apostrophe in front: =1+1 <-> '=1+1.
 
-    true   A B 1 2 3        of another length the fewest edits are taken       true   A B 1 2 3
-    read   A 8 1 2 3        (Levenshtein), EXTRA and MISSING where one has     read   A   1 2 3 7
-                            nothing beside it                                         MISSING   EXTRA
+Serials of one length are compared place by place, for the places are known; of another length the fewest edits are
+taken (Levenshtein), EXTRA and MISSING where one has nothing beside it::
+
+    true   A B 1 2 3             true   A B 1 2 3
+    read   A 8 1 2 3             read   A   1 2 3 7
+                                        MISSING   EXTRA
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from rapidfuzz.distance import Levenshtein
 
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
 MISSING = "nothing"
 """Read for a character that was stamped: nothing."""
 EXTRA = "nothing stamped"
 """Stamped for a character that was read: nothing."""
+
+
+def without_blanks(text: str) -> str:
+    """A text as it is stamped."""
+    return "".join(text.split())
+
+
+def same_text(one: str, other: str) -> bool:
+    """Whether two serials are the same; spaces are not stamped."""
+    return without_blanks(one) == without_blanks(other)
+
+
+def harmless(text: str) -> str:
+    """A cell's text as it is written."""
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def original(cell: str) -> str:
+    """The text of a cell that was written so."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
 @dataclass(frozen=True)
