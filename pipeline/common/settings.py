@@ -332,9 +332,6 @@ class ReadSettings(MapSettings):
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
     accept_confidence: Share | None = None
     """Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given."""
-    accept_margin: Share | None = None
-    """Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the reader's own
-    unless given."""
     certificate: Path | None = None
     """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
     the parts are unlike the certified ones."""

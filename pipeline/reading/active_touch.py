@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.belief.line_search import MOST_SCANS
-from recognition.decision.accept import serial_is_sure
+from recognition.decision.score import serial_is_sure
+from recognition.views.first_pass import felt_heights_mm
 from recognition.views.levelling import level
-from recognition.views.view import heights_view
 from whisker_array.scan.framed_session import FramedSession
 from whisker_array.simulation.traces import Fidelity
 
@@ -34,8 +34,8 @@ def read_actively(
 ) -> Reading:
     """Read a height map by passes that are chosen one after the other; a note says what they cost.
 
-    The whiskers are those for the character height that is known, or that the map shows; where nothing is sure with
-    them, and the budget is not spent, those for the next height are tried.
+    The whiskers are those for the character height that is known, or that a first pass finds; where nothing is sure
+    with them, and the budget is not spent, those for the next height are tried.
 
     Args:
         reader: by touch.
@@ -51,13 +51,15 @@ def read_actively(
     from pipeline.reading.simulated_scan import open_session
 
     levelled, found, spent_s = level(surface), None, 0.0
-    for height_mm in reader.lines.search.heights_mm(heights_view(levelled))[:MOST_SCANS]:
+    fidelity = Fidelity(reader.settings.fidelity)
+    heights = felt_heights_mm(reader.lines.search, levelled, fidelity=fidelity, soil=soil)
+    for height_mm in heights[:MOST_SCANS]:
         if spent_s >= budget_s:
             break
         session: StageSession = open_session(
             surface,
             height_mm=height_mm,
-            fidelity=Fidelity(reader.settings.fidelity),
+            fidelity=fidelity,
             noise=False,
             part_id=part_id,
             soil=soil,

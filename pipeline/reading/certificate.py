@@ -109,7 +109,7 @@ class Certificate:
         """What a reader accepts that reads as the certified one did, as options of `recognition.Reader`."""
         own = {
             name: self.settings[name]
-            for name in ("accept_confidence", "accept_margin", "orientation")
+            for name in ("accept_confidence", "orientation")
             if name in self.settings
         }
         return {**own, "certified": self.acceptance}

@@ -14,7 +14,7 @@ from recognition.decision.likeness import Unlike, unlike
 
 if TYPE_CHECKING:
     from pipeline.reading.certificate import Certificate
-    from recognition.decision.part_measures import Measure
+    from recognition.decision.evidence import Measure
 
 EVERY = 20
 """Parts between two comparisons."""

@@ -36,7 +36,7 @@ from pipeline.formats.touch_file import Limits
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile
     from recognition.active.active_reading import ActiveReading
-    from recognition.decision.part_measures import Measure
+    from recognition.decision.evidence import Measure
     from recognition.reader import Reader
     from whisker_array.scan.session import SessionStage
 
@@ -139,7 +139,7 @@ def read_order(
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
-    from recognition.decision.part_measures import measures_of
+    from recognition.decision.evidence import measures_of
 
     tactile = order.scan is not None or order.height_map is not None
     if not tactile and (not order.photos or order.earlier_photos):

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from recognition.active.moves import Region
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
-    from recognition.senses.touch import Feel
+    from recognition.views.first_pass import Feel
 
     Where = Callable[[HeightMap], Region | None]
 
@@ -252,12 +252,11 @@ def _reviewed_if_cut_short(reading: Reading) -> Reading:
     scan = None if reading.touch is None else reading.touch.trace.scan
     if scan is None or scan.log is None or not scan.log.problem:
         return reading
-    from recognition.decision.reading import Decision
+    from recognition.decision.flags import Finding, ReadingFlag
 
     n = len(scan.log.passes)
     note = f"the stage failed after {n} {'pass' if n == 1 else 'passes'}: {scan.log.problem}"
-    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
-    return replace(reading, decision=decision, notes=(*reading.notes, note))
+    return reading.found(Finding(ReadingFlag.STAGE_FAILED, note))
 
 
 def read_surface(
@@ -297,7 +296,7 @@ def read_surface(
     found = read(surface, soil, region_mm)
     if rows_known:
         return found
-    from recognition.decision.accept import serial_is_sure
+    from recognition.decision.score import serial_is_sure
 
     found = reader.touch.weighed(found, rows_known=False)
     # what scans the part again has the dirt of the map as it was given

@@ -27,8 +27,8 @@ def open_reader(settings: ReadSettings) -> Reader:
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
     """
-    given = {key: getattr(settings, key) for key in ("accept_confidence", "accept_margin")}
-    thresholds: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    least = settings.accept_confidence
+    threshold: dict[str, Any] = {} if least is None else {"accept_confidence": least}
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -40,7 +40,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         lines=lines_of(settings),
         certified=acceptance_of(settings),
         orientation=Orientation(settings.orientation),
-        **thresholds,
+        **threshold,
     )
 
 

@@ -38,8 +38,8 @@ from recognition.decision.accepted_risk import (
     parts_missing,
     threshold_tests,
 )
+from recognition.decision.evidence import Measure
 from recognition.decision.likeness import KindOfParts
-from recognition.decision.part_measures import Measure
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
-    from recognition.decision.part_measures import Measure
+    from recognition.decision.evidence import Measure
     from recognition.decision.reading import Reading
     from recognition.language.grammar import Grammar
     from recognition.reader import Reader
@@ -82,7 +82,7 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
     record, reading = record_of_part(listed.name, file, lambda: _read(order, listed, digests))
     read = ReadPart(listed, record, sha256=_joined(digests) if order.digests else "")
     if reading is not None and order.measures:
-        from recognition.decision.part_measures import measures_of
+        from recognition.decision.evidence import measures_of
 
         read = replace(read, measures=measures_of(reading))
     if reading is None or not order.pictures:

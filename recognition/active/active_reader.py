@@ -22,9 +22,9 @@ from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.telling import Untold, doubted_untold, untold
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
-from recognition.decision.accept import decided_anew
-from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import Decision
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Reading
 from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
@@ -45,13 +45,14 @@ LOOKS_APART = 4
 """Looks from one full reading to the next where none of them is sure: a reading takes as long as four of them."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
-    | ReadingFlag.AMBIGUOUS
     | ReadingFlag.FORMAT_OVERRULED
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.FOREIGN_SHAPES
     | ReadingFlag.NO_CHARACTERS
     | ReadingFlag.STROKES_MISSING
     | ReadingFlag.STROKES_UNDECIDED
+    | ReadingFlag.NOT_WHOLE
+    | ReadingFlag.UNTOLD
 )
 """Doubts that more touch may settle."""
 
@@ -185,9 +186,7 @@ class _Part:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
             note = f"the stage failed between passes: {self.problem}"
-            accepted = self.reading.decision is Decision.ACCEPT
-            decision = Decision.REVIEW if accepted else self.reading.decision
-            self.reading = replace(self.reading, notes=(*self.reading.notes, note), decision=decision)
+            self.reading = self.reading.found(Finding(ReadingFlag.STAGE_FAILED, note))
         return ActiveReading(
             self.reading,
             tuple(self.passes),
@@ -269,12 +268,12 @@ class _Part:
 
     def _full(self) -> Reading:
         if self.edges is None or self.scan is None:
-            return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+            return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
         relief = relief_of(self.scan, self.edges)
         reading = self.active.reader.read_edge_map(
             self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
         )
-        return decided_anew(reading).traced(scan=self.scan)
+        return reading.traced(scan=self.scan)
 
     def _note(self, before: int, look: Look | None, thought_s: float) -> None:
         """Write down what is believed after a step, with its last pass."""

@@ -8,7 +8,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from glyphs.surface.display import one_line
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import Decision
+from recognition.decision.reading import Reading
 
 if TYPE_CHECKING:  # the service's pages need the words alone
     from recognition.active.moves import Way

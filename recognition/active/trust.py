@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from recognition.decision.accept import decided_anew, serial_is_sure
+from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
+from recognition.decision.score import serial_is_sure
 
 EVEN = 0.5
 """Confidence from which a text was believed."""
@@ -37,5 +38,5 @@ class Trust:
         """The reading, sent to review where it would be accepted and is not sure enough."""
         if reading.decision is not Decision.ACCEPT or self.takes(reading):
             return reading
-        low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: another text was believed before")
-        return decided_anew(reading.found(low))
+        before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: another text was believed before")
+        return reading.found(before)

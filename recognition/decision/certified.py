@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from recognition.decision.accept import decided_anew
+from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 
 DIGITS = 6
 """To which confidences are kept in records, on which a certificate rests."""
@@ -42,4 +42,4 @@ def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Readi
         why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
     else:
         return reading
-    return decided_anew(reading.found(Finding(ReadingFlag.NOT_CERTIFIED, why)))
+    return reading.found(Finding(ReadingFlag.NOT_CERTIFIED, why))

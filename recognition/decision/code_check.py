@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.language.code_text import holds
@@ -39,4 +38,4 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
                 if same is False
             )
         )
-    return made if made.flags == reading.flags else decided_anew(made)
+    return made

@@ -1,101 +1,81 @@
-"""The one place where a reading is built: beliefs in, doubts and accept, review or reject out.
+"""Accept, review or reject: the one place, and a pure function.
 
-characters, confidence --thresholds--> LOW_CONFIDENCE, AMBIGUOUS ----+
-choice, grammar -------> FORMAT_OVERRULED, SEARCH_EXHAUSTED, CHECK_BLIND --> any doubt: review --> Reading
-flags of who has read it --------------------------------------------+       half unread: reject
-strokes felt -----------> STROKES_MISSING, STROKES_UNDECIDED --------+       (recognition.decision.accept)
-rules for the marks ----> TOO_SHALLOW, TOO_DEEP, BURR_TOO_HIGH ... --+
+    score: probability that the whole serial is right ---- at least the threshold ----+
+    contracts: rules that hold whatever the score is ----- none broken ---------------+--> accept; else review
+    places: half of them cannot be read -------------------------------------------------> reject
 
 Accept means that nothing is left to do. So an accepted part asks for no action (`Reading.actions`); its grades still
-say how well it is marked, and dirt beside strokes that are all there costs a grade and no acceptance.
+say how well it is marked.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from enum import StrEnum
+from functools import reduce
+from operator import or_
+from types import MappingProxyType
+from typing import Protocol
 
-from recognition.decision.accept import decided_anew, decision_of
-from recognition.decision.flags import Finding, ReadingFlag, flags_of
-from recognition.decision.reading import CharacterReading, Decision, Reading
-from recognition.language.constrained_decoding import Choice, ChoiceFlag, blind_warnings
-from recognition.language.grammar import Grammar
+from recognition.decision.flags import MEASURE_FLAGS, ReadingFlag
+from recognition.language.confusions import CharacterState, PlaceState
 
-LEAST_VALID_MASS = 0.02
-"""Belief in all serials of the format together below which another one stands there."""
-CHOICE_FLAGS = (
-    ReadingFlag.LOW_CONFIDENCE
-    | ReadingFlag.AMBIGUOUS
-    | ReadingFlag.FORMAT_OVERRULED
-    | ReadingFlag.SEARCH_EXHAUSTED
-    | ReadingFlag.CHECK_BLIND
+CONTRACTS = MappingProxyType(
+    {
+        ReadingFlag.FORMAT_NOT_MET: "the text obeys the format",
+        ReadingFlag.FORMAT_OVERRULED: "the text stands there, and not by the format's word alone",
+        ReadingFlag.SEARCH_EXHAUSTED: "all serials of the format were compared",
+        ReadingFlag.CHECK_BLIND: "no rival has the same check digit",
+        ReadingFlag.CASE_UNKNOWN: "no letter may be a small one, where no format tells",
+        ReadingFlag.FOREIGN_SHAPES: "the characters are those of the font that was named",
+        ReadingFlag.NOT_WHOLE: "every character was felt from edge to edge",
+        ReadingFlag.UNTOLD: "of what is felt pass by pass, enough lines tell each character from its rivals",
+        ReadingFlag.UNREAD_MARKS: "no other line can be read that may be the serial",
+        ReadingFlag.LINE_MISSING: "every other line that was asked for is read surely",
+        ReadingFlag.SENSES_DISAGREE: "touch and camera agree where both are sure",
+        ReadingFlag.CODE_DISAGREES: "a Data Matrix or QR code beside it, if one speaks of a serial, holds this one",
+        ReadingFlag.ORIENTATION_UNKNOWN: "upside down or mirrored, as far as may be, the marks read no other serial",
+        ReadingFlag.NOT_CERTIFIED: "the certificate, if there is one, vouches for it",
+        ReadingFlag.MISMATCH: "the text is the one that was expected, if one was",
+        ReadingFlag.BELIEVED_OTHERWISE: "no other text was believed while the part was felt",
+        ReadingFlag.STAGE_FAILED: "the stage felt all that was asked of it",
+        MEASURE_FLAGS: "the mark keeps every rule that was asked for",
+    }
 )
-"""What `decided` may set."""
+"""What sends a reading to a person whatever its score, and what holds where it is not set."""
+BROKEN = reduce(or_, CONTRACTS)
+HOPELESS_SHARE = 0.5
+"""Share of places that cannot be read from which a part is rejected."""
 
 
-class Thresholds(Protocol):
-    """What a decision needs of the settings."""
+class Decision(StrEnum):
+    """What to do with a reading."""
+
+    ACCEPT = "accept"
+    REVIEW = "review"
+    REJECT = "reject"
+
+
+class Place(Protocol):
+    """What a decision needs of a character."""
 
     @property
-    def accept_confidence(self) -> float:
-        """Least confidence for acceptance."""
-
-    @property
-    def accept_margin(self) -> float:
-        """Least margin for acceptance."""
+    def state(self) -> PlaceState | None:
+        """Read, confused, not read or mismatch; None where nobody asked."""
 
 
-def decided(
-    characters: Sequence[CharacterReading],
-    confidence: float,
-    settings: Thresholds,
-    *,
-    flags: ReadingFlag = ReadingFlag.NONE,
-    choice: Choice | None = None,
-    grammar: Grammar | None = None,
-    findings: tuple[Finding, ...] = (),
-    **about: Any,
-) -> Reading:
-    """The reading of these characters; rejected without any.
+def decide(places: Sequence[Place], *, score: float, threshold: float | None, flags: ReadingFlag) -> Decision:
+    """What to do with a reading.
 
     Args:
-        characters: left to right.
-        confidence: that all of them are right.
-        settings: thresholds of acceptance.
-        flags: known beside what is found out here.
-        choice: what the grammar made of the beliefs, if it was asked.
-        grammar: that the choice was made under.
-        findings: known beside what is found out here; their flags are set.
-        about: other fields of the reading.
+        places: its characters.
+        score: probability that all of them are right, 0 to 1.
+        threshold: least score for acceptance; None asks for none.
+        flags: what is known about it.
     """
-    flags |= flags_of(findings)
-    if not characters:
-        flags |= ReadingFlag.NO_CHARACTERS
-        return Reading((), Decision.REJECT, 0.0, flags, findings=findings, **about)
-    if confidence < settings.accept_confidence:
-        flags |= ReadingFlag.LOW_CONFIDENCE
-    if min(c.margin for c in characters) < settings.accept_margin:
-        flags |= ReadingFlag.AMBIGUOUS
-    if choice is not None:
-        if choice.valid_mass < LEAST_VALID_MASS or not choice.text:
-            flags |= ReadingFlag.FORMAT_OVERRULED
-        if ChoiceFlag.EXHAUSTED in choice.flags:
-            flags |= ReadingFlag.SEARCH_EXHAUSTED
-    made = Reading(
-        tuple(characters),
-        decision_of(flags, characters),
-        confidence,
-        flags,
-        findings=findings,
-        threshold=settings.accept_confidence,
-        **about,
-    )
-    return made if choice is None or grammar is None else check_doubted(made, choice, grammar)
-
-
-def check_doubted(reading: Reading, choice: Choice, grammar: Grammar) -> Reading:
-    """The reading, doubted where the check digit cannot tell a character from its rival."""
-    blind = blind_warnings(choice, grammar) if choice.text else ()
-    if not blind:
-        return reading
-    return decided_anew(reading.found(*(Finding(ReadingFlag.CHECK_BLIND, text) for text in blind)))
+    unread = sum(one.state is not None and one.state.state is CharacterState.NOT_READ for one in places)
+    if unread >= HOPELESS_SHARE * len(places):
+        return Decision.REJECT
+    if flags & BROKEN or (threshold is not None and score < threshold):
+        return Decision.REVIEW
+    return Decision.ACCEPT

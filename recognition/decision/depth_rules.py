@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import CharacterReading, Reading
 
@@ -203,7 +202,7 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
     broken = [Finding(flag, text) for rule in rules for flag, text in _broken(reading, rule)]
     if not broken:
         return reading
-    return decided_anew(reading.found(*broken))
+    return reading.found(*broken)
 
 
 def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:

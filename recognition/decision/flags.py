@@ -16,7 +16,7 @@ class ReadingFlag(Flag):
     NO_CHARACTERS = auto()
     FORMAT_NOT_MET = auto()
     LOW_CONFIDENCE = auto()
-    AMBIGUOUS = auto()
+    CASE_UNKNOWN = auto()
     CONTACT_LOST = auto()
     JAMMED = auto()
     OUT_OF_RANGE = auto()
@@ -42,6 +42,10 @@ class ReadingFlag(Flag):
     WHISKER_FAULTY = auto()
     BENCH_FAULTY = auto()
     ORIENTATION_UNKNOWN = auto()
+    NOT_WHOLE = auto()
+    UNTOLD = auto()
+    BELIEVED_OTHERWISE = auto()
+    STAGE_FAILED = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -52,7 +56,7 @@ _MESSAGES = {
     ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
     ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
     ReadingFlag.LOW_CONFIDENCE: "low confidence",
-    ReadingFlag.AMBIGUOUS: "two characters are almost equally likely",
+    ReadingFlag.CASE_UNKNOWN: "a letter may be a small one (a format says which)",
     ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
     ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
     ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
@@ -78,6 +82,10 @@ _MESSAGES = {
     ReadingFlag.BENCH_FAULTY: "something is wrong with the stage, the plate's seat or the wiring (see to it)",
     ReadingFlag.ORIENTATION_UNKNOWN: "the serial can be read otherwise with the part turned (set the orientation)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
+    ReadingFlag.NOT_WHOLE: "a character was not felt from edge to edge (scan a longer or wider stretch)",
+    ReadingFlag.UNTOLD: "too few lines were felt to tell two characters apart (feel more lines)",
+    ReadingFlag.BELIEVED_OTHERWISE: "another text was believed before (look at the part)",
+    ReadingFlag.STAGE_FAILED: "the stage failed between passes (see to it)",
 }
 MEASURE_FLAGS = (
     ReadingFlag.TOO_SHALLOW
@@ -88,7 +96,8 @@ MEASURE_FLAGS = (
     | ReadingFlag.NO_DEPTH_RULE
 )
 """What a rule for the mark found; findings say it with places and numbers."""
-DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
+EXPLANATIONS = ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED
+"""Why a score is low: they break no contract by themselves."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ vision's lattice -+
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
-from recognition.belief.calibration import calibration_of
 from recognition.belief.fuse_lattices import (
     VISION_ALONE,
     Reliability,
@@ -22,15 +20,18 @@ from recognition.belief.fuse_lattices import (
     tempered,
 )
 from recognition.decision.code_check import checked_by_codes
-from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
-from recognition.decision.known_ground import on_known_ground
-from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
-from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
+from recognition.decision.reading import OtherLine, Reading, ReadingTrace
+from recognition.decision.reading_of_line import (
+    LineSettings,
+    characters_of,
+    contracts_of_choice,
+    doubts_of_lines,
+)
+from recognition.decision.score import log_odds, score_of, scored
 from recognition.decision.stroke_doubts import strokes_asked
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import Choice, choose
-from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation, other_text
 
@@ -40,16 +41,17 @@ VOUCHED = 0.9
 """Belief of the camera in a character by which it vouches for it where touch felt few of its strokes."""
 
 
-class FusionSettings(Thresholds, Protocol):
+CHOICE_FLAGS = (
+    ReadingFlag.LOW_CONFIDENCE
+    | ReadingFlag.FORMAT_OVERRULED
+    | ReadingFlag.SEARCH_EXHAUSTED
+    | ReadingFlag.CHECK_BLIND
+)
+"""What is found anew of both."""
+
+
+class FusionSettings(LineSettings, Protocol):
     """What fusing needs of the settings."""
-
-    @property
-    def grammar(self) -> Grammar | None:
-        """What serials may be; None where nothing is known."""
-
-    @property
-    def asked(self) -> Collection[str]:
-        """Names of other lines that should stand on the part."""
 
     @property
     def orientation(self) -> Orientation:
@@ -69,11 +71,25 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
         and never where both senses are sure of different characters.
     """
     made = _fused(touch, vision, settings)
-    trace = ReadingTrace(strokes=made.trace.strokes, touch=touch, vision=vision, photo=vision.trace.photo)
-    made = on_known_ground(replace(made, source="fused", photos=vision.photos, trace=trace), settings)
+    trace = replace(
+        ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo),
+        strokes=made.trace.strokes, evidence=made.trace.evidence,
+        odds=_odds_of(touch, made.text), camera_odds=_odds_of(vision, made.text),
+    )  # fmt: skip
+    made = scored(replace(made, source="fused", photos=vision.photos, trace=trace))
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(made, codes)
+
+
+def _odds_of(reading: Reading, text: str) -> float | None:
+    """Log odds of a text by one sense; None where it has read nothing, or another number of characters."""
+    lattice, plain = reading.trace.lattice, text.replace(" ", "")
+    if lattice is None or not reading.characters or lattice.n_places != len(plain):
+        return None
+    if not set(plain) <= set(lattice.chars):
+        return -math.inf
+    return log_odds(math.exp(sum(lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(plain))))
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
@@ -129,7 +145,7 @@ def _reading(
     others, contradicted_lines = _joined_lines(tactile, vision)
     contradicted += contradicted_lines
     # what touch has found about characters, format and lines is found anew of both
-    own = doubts_of_lines(tactile.others, settings.asked, settings)
+    own = doubts_of_lines(tactile.others, settings)
     kept = tactile.without(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     characters = []
     boxed = replace(lattice, boxes=felt.boxes)
@@ -137,39 +153,22 @@ def _reading(
         # what was measured at a place stays with its character
         same = old.char == new.char
         characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
-    disagree = tuple(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted)
-    made = decided(
-        characters,
-        calibration_of("fused").confidence(choice.probability),
-        settings,
-        flags=kept.flags,
-        choice=choice,
-        grammar=settings.grammar,
-        findings=(
-            *kept.findings,
-            *_beyond_format(tactile, vision),
-            *doubts_of_lines(others, settings.asked, settings),
-            *disagree,
-            *_orientation_doubts(tactile, vision, choice.text, settings),
-        ),
+    made = replace(
+        kept, characters=tuple(characters), others=others, seconds=_seconds(tactile, vision)
+    ).found(
+        *_beyond_format(tactile, vision),
+        *doubts_of_lines(others, settings),
+        *(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted),
+        *_orientation_doubts(tactile, vision, choice.text, settings),
     )
+    made = contracts_of_choice(made, choice, settings.grammar)
+    made = made.traced(choice=choice, strokes=())
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
     made = replace(made, spaces_after=tactile.spaces_after if known is None else known)
     if tactile.trace.felt_line is not None:
-        slope = calibration_of("fused").slope
+        slope = score_of("fused").slope
         made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
-    made = strokes_asked(replace(made, font=tactile.font), vouched=_sure_places(vision, made.text))
-    return replace(
-        tactile,
-        characters=made.characters,
-        decision=made.decision,
-        confidence=made.confidence,
-        flags=made.flags,
-        findings=made.findings,
-        others=others,
-        seconds=_seconds(tactile, vision),
-        trace=made.trace,
-    )
+    return strokes_asked(made, vouched=_sure_places(vision, made.text))
 
 
 def _orientation_doubts(
@@ -226,27 +225,17 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) 
     """Vision's reading, doubted as vision is; nothing where it has read nothing either."""
     seen = vision.trace.lattice
     if seen is None or not vision.characters:
-        return replace(touch, decision=Decision.REJECT, flags=touch.flags | ReadingFlag.NO_CHARACTERS)
+        return replace(touch, characters=(), flags=touch.flags | ReadingFlag.NO_CHARACTERS)
     lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
     choice = choose(lattice, settings.grammar)
-    doubts = doubts_of_lines(vision.others, settings.asked, settings)
-    kept = vision.without(CHOICE_FLAGS | flags_of(doubts))
-    made = decided(
-        characters_of(choice, lattice), choice.probability, settings,
-        flags=kept.flags, choice=choice, grammar=settings.grammar,
-        findings=(*kept.findings, *doubts),
-        box=hull(lattice.boxes), spaces_after=lattice.spaces_after, others=vision.others,
-    )  # fmt: skip
+    kept = vision.without(CHOICE_FLAGS)
+    made = contracts_of_choice(
+        replace(kept, characters=tuple(characters_of(choice, lattice)), seconds=_seconds(touch, vision)),
+        choice,
+        settings.grammar,
+    ).traced(choice=choice)
     note = "touch has found no characters, so the camera alone has read it"
-    return replace(
-        made,
-        font=vision.font,
-        height_mm=vision.height_mm,
-        rotation_deg=vision.rotation_deg,
-        unit=vision.unit,
-        notes=(*vision.notes, note),
-        seconds=_seconds(touch, vision),
-    )
+    return replace(made, notes=(*vision.notes, note))
 
 
 def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:

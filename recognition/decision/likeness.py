@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recognition.decision.part_measures import Measure
+from recognition.decision.evidence import Measure
 
 P_VALUE = 1e-4
 """Chance that parts of the same kind are called unlike, at one test of all measures."""

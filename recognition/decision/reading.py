@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+from recognition.decision.decide import Decision, decide
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
@@ -29,14 +29,6 @@ if TYPE_CHECKING:
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
-
-
-class Decision(StrEnum):
-    """What to do with a reading."""
-
-    ACCEPT = "accept"
-    REVIEW = "review"
-    REJECT = "reject"
 
 
 @dataclass(frozen=True)
@@ -121,6 +113,10 @@ class ReadingTrace:
         lattice: beliefs of the places before the format has its say; None of a fused reading.
         open_lattice: of vision: beliefs that a wrong serial has its place in; None where nobody asked.
         choice: what the format made of them; None where the reading rests on correlation alone.
+        odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no
+            text was read.
+        camera_odds: of a fused reading, log odds of its text by the camera; None where it has read nothing.
+        evidence: log probability of all that the format allows together; None where it was not asked.
         scan: the moments.
         height_map: the levelled height map.
         relief: heights and slopes by touch.
@@ -139,6 +135,9 @@ class ReadingTrace:
     lattice: Lattice | None = None
     open_lattice: Lattice | None = None
     choice: Choice | None = None
+    odds: float | None = None
+    camera_odds: float | None = None
+    evidence: float | None = None
     scan: Scan | None = None
     height_map: HeightMap | None = None
     relief: Relief | None = None
@@ -166,8 +165,7 @@ class Reading:
 
     Attributes:
         characters: left to right as read; empty when none were found.
-        decision: accept, review or reject.
-        confidence: probability that the whole text is right, 0 to 1.
+        confidence: probability that the whole text is right, 0 to 1 (`recognition.decision.score`).
         flags: what to know about it.
         font: that was named, or that suits the marks; of several the one that suits best.
         height_mm: character height found, in `unit`.
@@ -182,12 +180,11 @@ class Reading:
         others: the part's other lines.
         photos: photographs that it is of; 0 of touch alone.
         codes: Data Matrix and QR codes in them.
-        threshold: least confidence for acceptance that it was decided by; None where none was.
+        threshold: least confidence for acceptance; None where none is asked for.
         trace: what it was made from.
     """
 
     characters: tuple[CharacterReading, ...]
-    decision: Decision
     confidence: float
     flags: ReadingFlag = ReadingFlag.NONE
     font: str = ""
@@ -206,6 +203,11 @@ class Reading:
     codes: tuple[Code, ...] = ()
     threshold: float | None = None
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
+
+    @property
+    def decision(self) -> Decision:
+        """Accept, review or reject (`recognition.decision.decide`)."""
+        return decide(self.characters, score=self.confidence, threshold=self.threshold, flags=self.flags)
 
     @property
     def fields(self) -> Mapping[str, str]:

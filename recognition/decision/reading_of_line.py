@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.belief.calibration import Calibration, calibration_of
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
-from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
+from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
-from recognition.language.constrained_decoding import Choice, choose
+from recognition.language.constrained_decoding import Choice, ChoiceFlag, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS
@@ -29,6 +28,8 @@ CANDIDATES = 5
 LEAST_READ = 0.5
 """Belief in the surest character, with the format and without it, below which there is no line at all: land, seen by
 who looks for characters."""
+LEAST_VALID_MASS = 0.02
+"""Belief in all serials of the format together below which another one stands there."""
 LEAST_PLACES = 4
 """Characters of a line of which nothing is known, from which it is text although it is not sure."""
 TWINS = ("0O", "1I")
@@ -51,90 +52,98 @@ WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
 """Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
 
 
+class LineSettings(Protocol):
+    """What a line's reading needs of the settings."""
+
+    @property
+    def accept_confidence(self) -> float:
+        """Least confidence for acceptance."""
+
+    @property
+    def grammar(self) -> Grammar | None:
+        """What serials may be; None where nothing is known."""
+
+    @property
+    def asked(self) -> Mapping[str, LineFormat]:
+        """Other lines that should stand on the part, by name."""
+
+
 def reading_of_line(
     part: PartLines,
-    settings: Thresholds,
+    settings: LineSettings,
     *,
-    grammar: Grammar | None,
     flags: ReadingFlag,
     source: str,
-    asked: Mapping[str, LineFormat] = MappingProxyType({}),
 ) -> Reading:
-    """The reading of a part's line, sent to review where another can be read that may be the serial as well.
+    """The reading of a part's line as the format has it, with the contracts that it breaks; `scored` comes later.
 
     Args:
         part: its lines.
-        settings: thresholds of acceptance.
-        grammar: what the serial obeys.
+        settings: threshold of acceptance, what the serial obeys, other lines that should stand on the part.
         flags: known beforehand.
         source: the sense.
-        asked: other lines that should stand on the part.
     """
-    main = part.main
+    main, grammar, asked = part.main, settings.grammar, settings.asked
+    nothing = Reading((), 0.0, flags | ReadingFlag.NO_CHARACTERS, source=source)
     if main is None:
-        return replace(decided((), 0.0, settings, flags=flags), source=source)
+        return nothing
     boxes = main.boxes()
     lattice = replace(main.belief.lattice, boxes=boxes)
     choice = choose(lattice, grammar)
     spaces = spaces_of(choice.text, grammar, main.belief.looks, main.belief.columns)
     lattice = replace(lattice, spaces_after=spaces)
     if not choice.text or min(_surest(lattice), _surest(main.belief.openly[0])) < LEAST_READ:
-        nothing = decided((), 0.0, settings, flags=flags, findings=_outside_format(main, grammar))
-        return replace(nothing, source=source).traced(lattice=lattice)
+        return nothing.found(*_outside_format(main, grammar)).traced(lattice=lattice)
     if (
         grammar is None
         and len(choice.text) < LEAST_PLACES
         and choice.probability < settings.accept_confidence
     ):
         # a scratch reads as a 1, two dents as OO
-        return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
+        return nothing.traced(lattice=lattice)
     changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
     small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
-    worth = calibration_of(source)
+    worth = score_of(source)
     others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
     others += [
         OtherLine(
             "",
             spaced(text_of(one), spaces_of(text_of(one), None, one.belief.looks, one.belief.openly[1])),
-            worth.confidence(_likely(one)),
+            worth.of_belief(_likely(one)),
             hull(one.open_boxes()),
             may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
             line=one.line,
         )
         for one in part.others
     ]
-    reading = decided(
-        characters_of(choice, lattice),
-        worth.confidence(choice.probability * main.belief.likely),
-        settings,
-        flags=flags,
-        choice=choice,
-        grammar=grammar,
-        findings=(*changed, *small, *doubts_of_lines(others, asked, settings)),
+    belief = choice.probability * main.belief.likely
+    reading = Reading(
+        tuple(characters_of(choice, lattice)),
+        worth.of_belief(belief),
+        flags,
         others=tuple(others),
         height_mm=main.line.height_mm,
         rotation_deg=main.line.turned_deg,
         box=hull(boxes),
         spaces_after=spaces,
         source=source,
-    )
+        threshold=settings.accept_confidence,
+    ).found(*changed, *small, *doubts_of_lines(others, settings))
+    reading = contracts_of_choice(reading, choice, grammar)
     openly = replace(main.belief.openly[0], boxes=main.open_boxes())
     by_expert = {name: replace(own, boxes=boxes) for name, own in main.belief.by_expert.items()}
     return reading.traced(
         lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
-        experts="+".join(by_expert),
+        experts="+".join(by_expert), odds=log_odds(belief), evidence=main.belief.evidence,
     )  # fmt: skip
 
 
-def doubts_of_lines(
-    others: Sequence[OtherLine], asked: Iterable[str], settings: Thresholds
-) -> tuple[Finding, ...]:
-    """What is doubtful about a part's other lines.
+def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tuple[Finding, ...]:
+    """Contracts about a part's other lines that are broken.
 
     Args:
         others: that were read.
-        asked: names of those that should stand on the part.
-        settings: thresholds of acceptance.
+        settings: which should stand on the part, and from which confidence they are read surely.
     """
     found = {other.name for other in others}
     return (
@@ -145,15 +154,27 @@ def doubts_of_lines(
         ),
         *(
             Finding(ReadingFlag.LINE_MISSING, f"no line was found that {name} may be")
-            for name in asked
+            for name in settings.asked
             if name not in found
         ),
         *(
-            Finding(ReadingFlag.LOW_CONFIDENCE, f"low confidence: {other.name} {other.text}?")
+            Finding(ReadingFlag.LINE_MISSING, f"low confidence: {other.name} {other.text}?")
             for other in others
             if other.name and other.confidence < settings.accept_confidence
         ),
     )
+
+
+def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | None) -> Reading:
+    """The reading with the contracts about format and check digit that its choice breaks."""
+    flags = ReadingFlag.NONE
+    if choice.valid_mass < LEAST_VALID_MASS or not choice.text:
+        flags |= ReadingFlag.FORMAT_OVERRULED
+    if ChoiceFlag.EXHAUSTED in choice.flags:
+        flags |= ReadingFlag.SEARCH_EXHAUSTED
+    blind = () if grammar is None else blind_warnings(choice, grammar)
+    made = replace(reading, flags=reading.flags | flags)
+    return made.found(*(Finding(ReadingFlag.CHECK_BLIND, text) for text in blind))
 
 
 def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
@@ -239,13 +260,13 @@ def _twins(char: str) -> str:
     return next((twins for twins in TWINS if char in twins), char)
 
 
-def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> OtherLine:
+def _other(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
     choice = choose(one.belief.lattice, grammar)
     spaces = spaces_of(choice.text, grammar, one.belief.looks, one.belief.columns)
     return OtherLine(
         name,
         spaced(choice.text, spaces),
-        worth.confidence(choice.probability),
+        worth.of_belief(choice.probability),
         hull(one.boxes()),
         line=one.line,
     )
@@ -293,7 +314,7 @@ def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: st
         return ()
     k = int(small[0])
     words = f"{text[k]} at place {k + 1} may be a small letter (a format says which: A or a)"
-    return (Finding(ReadingFlag.LOW_CONFIDENCE, words),)
+    return (Finding(ReadingFlag.CASE_UNKNOWN, words),)
 
 
 def _greatest_between(

@@ -15,7 +15,7 @@ from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING
 
-from recognition.decision.flags import DOUBT_FLAGS, MEASURE_FLAGS, ReadingFlag, flags_of
+from recognition.decision.flags import MEASURE_FLAGS, ReadingFlag, flags_of
 from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState
 
@@ -29,8 +29,12 @@ IMPORTANCE = (
     ReadingFlag.SENSES_DISAGREE,
     ReadingFlag.CODE_DISAGREES,
     ReadingFlag.ORIENTATION_UNKNOWN,
-    ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
+    ReadingFlag.LOW_CONFIDENCE,
+    ReadingFlag.CASE_UNKNOWN,
     ReadingFlag.LINE_MISSING,
+    ReadingFlag.NOT_WHOLE,
+    ReadingFlag.UNTOLD,
+    ReadingFlag.BELIEVED_OTHERWISE,
     ReadingFlag.STROKES_MISSING,
     ReadingFlag.STROKES_UNDECIDED,
     ReadingFlag.UNREAD_MARKS,
@@ -75,10 +79,10 @@ def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
     if not reading.flags & flag:
         return ()
     found = tuple(dict.fromkeys(finding.text for finding in reading.findings if finding.flag & flag))
-    if flag & DOUBT_FLAGS:
+    if flag & ReadingFlag.LOW_CONFIDENCE:
         found = (*found, *_doubts(reading, found))
     unsaid = flag & reading.flags & ~flags_of(reading.findings)
-    return found if flag & DOUBT_FLAGS and found else (*_merged(found), *unsaid.messages())
+    return found if flag & ReadingFlag.LOW_CONFIDENCE and found else (*_merged(found), *unsaid.messages())
 
 
 def _merged(texts: Sequence[str]) -> tuple[str, ...]:
@@ -93,8 +97,6 @@ def _merged(texts: Sequence[str]) -> tuple[str, ...]:
 def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
     """What is doubtful about the characters: rivals, places that cannot be read, their number; else the least sure."""
     why = reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
-    if not reading.flags & ReadingFlag.LOW_CONFIDENCE:
-        why = ReadingFlag.AMBIGUOUS.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
     rivals = _rivals(reading)

@@ -9,9 +9,9 @@ import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
-from recognition.decision.accept import DOUBTS, decided_anew
-from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import BROKEN, Decision
+from recognition.decision.flags import EXPLANATIONS, Finding, ReadingFlag
+from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes_felt import LIVE, RivalStrokes
@@ -52,18 +52,18 @@ _REMEDIES = {
 
 
 def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading:
-    """The reading, doubted where most strokes of a character are missing, or where strokes fit a rival as well.
+    """The reading, with what is found of the strokes: most of a character missing, or a rival that they fit as well.
 
     Args:
         reading: with the grades of its marks, and the strokes in its trace.
         vouched: places, from 0, that another sense is sure of: what is missing or hidden there was seen.
     """
-    reading = reading.without(ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED)
+    reading = reading.without(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
     felt = reading.strokes_felt
     if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT and not vouched:
         return no_text(reading)
     found = (*_cut(reading, vouched), *_missing(reading, vouched), *_undecided(reading, vouched))
-    return decided_anew(reading.found(*found))
+    return reading.found(*found)
 
 
 def no_text(reading: Reading) -> Reading:
@@ -71,13 +71,15 @@ def no_text(reading: Reading) -> Reading:
 
     What is surely read there, and is only no serial of the format, is named.
     """
-    openly, bare = reading.trace.open_lattice, reading.without(DOUBTS)
+    openly, bare = (
+        reading.trace.open_lattice,
+        reading.without(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE),
+    )
     sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(READ_OPENLY)
     outside = [f.text for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
     return replace(
         bare.found(*(Finding(ReadingFlag.NO_CHARACTERS, text) for text in outside)),
         characters=(),
-        decision=Decision.REJECT,
         confidence=0.0,
         flags=bare.flags | ReadingFlag.NO_CHARACTERS,
         box=None,
@@ -91,7 +93,7 @@ def _cut(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
     if places:
         where = places_text(reading, places)
         yield Finding(
-            ReadingFlag.STROKES_MISSING, f"not felt to the edge: {where} (scan a longer or wider stretch)"
+            ReadingFlag.NOT_WHOLE, f"not felt to the edge: {where} (scan a longer or wider stretch)"
         )
 
 
@@ -147,9 +149,7 @@ def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
         if place.untold and k not in vouched:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
-            yield Finding(
-                ReadingFlag.STROKES_UNDECIDED, f"{pair} at place {k + 1}: {place.untold} (feel more lines)"
-            )
+            yield Finding(ReadingFlag.UNTOLD, f"{pair} at place {k + 1}: {place.untold} (feel more lines)")
         elif rivals:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.marks.laid_text import LaidText
@@ -42,4 +41,4 @@ def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | No
             doubted.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
     if not doubted:
         return reading
-    return decided_anew(reading.found(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted)))
+    return reading.found(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted))

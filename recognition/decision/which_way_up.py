@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import UPSIDE_DOWN_DEG
 from recognition.belief.part_lines import ReadLine
-from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.language.constrained_decoding import choose
@@ -87,7 +86,7 @@ def weighed(
             if one.confidence >= accept_confidence
         ):
             found.append(also_readable(way, words))
-    return decided_anew(reading.found(*found)) if found else reading
+    return reading.found(*found) if found else reading
 
 
 def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> float:

@@ -20,6 +20,7 @@ from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.opencv import cv2
+from recognition.learning.dots import dotted_font, middle_dots
 from recognition.learning.training_parts import draw_text
 from recognition.learning.training_strips import TALL_ROWS, WIDE_MARGIN, Places, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS
@@ -77,6 +78,50 @@ def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[Train
     ]
 
 
+@dataclass(frozen=True, eq=False)
+class SketchedPart:
+    """A sketch to be read as a whole part.
+
+    Attributes:
+        text: what stands on it.
+        surface: (rows, cols) heights, character heights.
+        picture: (rows, cols) uint8, the same under a light.
+        rows_per_height: rows to a character's height.
+        severity: of the dirt, 0 to 1.
+        font: its file's name.
+    """
+
+    text: str
+    surface: Field
+    picture: NDArray[np.uint8]
+    rows_per_height: int
+    severity: float
+    font: str
+
+
+def sketch_part(fonts: Sequence[Path], rng: np.random.Generator, *, text: str) -> SketchedPart:
+    """A line with some land about it, and its photograph.
+
+    Args:
+        fonts: files to choose from, beside the built-in ones.
+        rng: the only source of randomness.
+        text: what is to stand there.
+
+    Raises:
+        MarksError: the font cannot draw it.
+    """
+    made = _sketch(fonts, rng, text=text)
+    grey = np.repeat(np.repeat(_photographed(made, rng)[GREY], _FINE, axis=0), _FINE, axis=1)
+    return SketchedPart(
+        text,
+        np.pad(made.surface, ((_H // 2, _H // 2), (0, 0)), mode="edge"),
+        np.asarray(np.clip(255.0 * grey, 0.0, 255.0), dtype=np.uint8),
+        _H,
+        made.severity,
+        made.font,
+    )
+
+
 def _noise(shape: tuple[int, int], cell: tuple[float, float], rng: np.random.Generator) -> Field:
     """Smooth noise of spread 1, a value every so many rows and columns."""
     small = [max(2, round(n / c)) for n, c in zip(shape, cell, strict=True)]
@@ -96,15 +141,19 @@ def _blur(field: Field, sigma: float) -> Field:
     return np.asarray(cv2.GaussianBlur(field, (0, 0), sigma), dtype=np.float32) if sigma > 0.2 else field
 
 
-def _sketch(fonts: Sequence[Path], rng: np.random.Generator) -> _Sketch:
+def _sketch(fonts: Sequence[Path], rng: np.random.Generator, *, text: str = "") -> _Sketch:
     name = str(rng.choice(BUILTIN_FONTS)) if rng.random() < 0.2 else str(fonts[int(rng.integers(len(fonts)))])
     font = load_font(name)
-    text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
+    if not text:
+        text = "".join(map(str, rng.integers(0, 10, 6))) if rng.random() < 0.12 else draw_text(font, rng)
+    matrix = rng.random() < 0.1
+    if matrix:
+        font = dotted_font(font, text, rng=rng)
     mask, depth_of, places = _mask(text, font, rng)
     shape = mask.shape
     depth = float(np.exp(rng.uniform(np.log(0.02), np.log(0.13))))
     raised = rng.random() < 0.25
-    marks = _profile(mask, rng) * depth_of
+    marks = _profile(mask, rng, dotted=matrix) * depth_of
     ink = np.clip(marks * 1.5, 0.0, 1.0)
     flat = rng.random() < 0.08  # a laser's or a printer's: no relief worth the name
     severity = 0.0 if rng.random() < 0.2 else float(rng.uniform(0.1, 1.0))
@@ -151,7 +200,9 @@ def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field
         if glyph.contours:
             cv2.fillPoly(mask, [placed(c) for c in glyph.contours], 255, lineType=cv2.LINE_AA, shift=4)
         for line in glyph.strokes:
-            cv2.polylines(mask, [placed(line)], False, 255, max(1, round(stroke * _H)), cv2.LINE_AA, 4)
+            wide = max(1, round((font.stroke_ratio if len(line) == 1 else stroke) * _H))
+            at = placed(line if len(line) > 1 else np.repeat(line, 2, axis=0))
+            cv2.polylines(mask, [at], False, 255, wide, cv2.LINE_AA, 4)
         points = [placed(c)[:, 0] / 16 for c in glyph.contours + glyph.strokes]
         first, last = (
             (min(p.min() for p in points), max(p.max() for p in points))
@@ -178,9 +229,9 @@ def _add_clutter(mask: NDArray[np.uint8], rng: np.random.Generator) -> None:
         cv2.line(mask, (ends[0], int(near - tilt)), (ends[1], int(near + tilt)), 255, wide, cv2.LINE_AA)
 
 
-def _profile(mask: Field, rng: np.random.Generator) -> Field:
+def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
     """The tool's section, 0 on the land to 1 at the floor of the mark."""
-    kind = rng.random()
+    kind = 0.0 if dotted else rng.random()
     ink = (mask > 0.5).astype(np.uint8)
     grown = round(float(rng.normal(0.0, 0.02)) * _H)
     if grown:
@@ -205,20 +256,9 @@ def _profile(mask: Field, rng: np.random.Generator) -> Field:
 def _dotted(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
     """Peened: a dot every so far along the middle of the strokes."""
     pitch = float(rng.uniform(0.08, 0.16)) * _H
-    inside = cv2.distanceTransform(ink, cv2.DIST_L2, 3)
-    middle = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 0.3) & (inside > 1.0)
-    left = np.argwhere(middle)
-    left = left[np.lexsort((left[:, 0], left[:, 1] // max(1.0, pitch)))]
-    dots: list[NDArray[np.int64]] = []
-    taken = np.zeros(ink.shape, dtype=bool)
-    reach = max(1, round(0.8 * pitch))
-    for row, column in left:
-        if not taken[row, column]:
-            dots.append(np.array([row, column]))
-            taken[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = True
     field = np.zeros(ink.shape, dtype=np.float32)
     jitter = float(rng.uniform(0.0, 0.12)) * pitch
-    for dot in dots:
+    for dot in middle_dots(ink, pitch):
         if rng.random() < 0.97:
             row, column = np.round(dot + rng.normal(0.0, jitter, 2)).astype(int)
             if 0 <= row < ink.shape[0] and 0 <= column < ink.shape[1]:

@@ -9,8 +9,9 @@ from glyphs.surface.maps import HeightMap
 from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.learning.exemplars import Cut, ExemplarError, cut_line
+from recognition.views.first_pass import felt_heights_mm
 from recognition.views.levelling import level
-from recognition.views.view import heights_view, relief_of
+from recognition.views.view import relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import default_plan
@@ -55,9 +56,8 @@ def cut_height_map(
         MapError: a map that cannot be scanned, a soil on another grid.
     """
     levelled = level(height_map)
-    heights = LineSearch(None, ALPHANUMERIC, height_mm=height_mm).heights_mm(heights_view(levelled))[
-        :MOST_SCANS
-    ]
+    search = LineSearch(None, ALPHANUMERIC, height_mm=height_mm)
+    heights = felt_heights_mm(search, levelled, soil=soil)[:MOST_SCANS]
     best: tuple[float, tuple[Cut, ...]] | None = None
     problem: ExemplarError | None = None
     for height in heights:

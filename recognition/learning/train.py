@@ -22,12 +22,10 @@ from torch.nn import functional as f
 
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.augment import augmented
-from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import quantise
-from recognition.learning.surroundings import set_about
-from recognition.learning.train_batches import batches, gathered, rounds, targets
+from recognition.learning.train_batches import Batch, ready_batches, rounds
 from recognition.learning.train_measure import measured, plain, shares
 from recognition.learning.training_strips import TrainingStrip, read_strips
 from recognition.views.text_line import ROWS
@@ -65,6 +63,7 @@ class Training:
         start: weights to go on from.
         noise: begin from noise instead of public weights.
         covers: lay covers over the strokes that tell characters apart.
+        workers: processes that make batches ready.
     """
 
     minutes: float
@@ -75,6 +74,7 @@ class Training:
     start: Path | None = None
     noise: bool = False
     covers: bool = True
+    workers: int = 0
 
 
 class Average:
@@ -104,35 +104,31 @@ def _rate(most: float, share: float) -> float:
 
 
 def _step(
-    network: Recogniser,
-    optimiser: torch.optim.Optimizer,
-    batch: Sequence[TrainingStrip],
-    how: Training,
-    draw: torch.Generator,
-    rng: np.random.Generator,
-) -> float:
+    network: Recogniser, optimiser: torch.optim.Optimizer, batch: Batch, draw: torch.Generator
+) -> Tensor:
     """Learn from a batch; its loss."""
-    batch = set_about(batch, rng=rng)
-    with torch.no_grad():
-        tall, columns = gathered(batch)
-        if how.covers:
-            tall = cover_rivals(tall, [s.text for s in batch], [s.places for s in batch], rng=draw)
-        drawn = network.drawn(augmented(tall, columns, rng=draw).to(network.drawn.bell.device))
-        device = next(network.parameters()).device
-        drawn = drawn.to(device, memory_format=torch.channels_last)
+    device = draw.device
+    with torch.no_grad(), device:
+        tall, columns = batch.tall.to(device).float(), batch.columns.to(device)
+        drawn = network.drawn(augmented(tall, columns, rng=draw)).to(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
         posteriors = network.read(drawn)
-    classes, lengths = targets(batch)
-    steps = torch.full((len(batch),), posteriors.shape[1])
+    lengths = batch.lengths.to(device)
+    steps = torch.full_like(lengths, posteriors.shape[1])
     each = f.ctc_loss(
-        posteriors.permute(1, 0, 2), classes, steps, lengths, reduction="none", zero_infinity=True
+        posteriors.permute(1, 0, 2),
+        batch.classes.to(device),
+        steps,
+        lengths,
+        reduction="none",
+        zero_infinity=True,
     )
-    loss = (each / torch.where(lengths > 0, lengths, _OF_NOTHING).to(each.device)).mean()
+    loss = (each / torch.where(lengths > 0, lengths, _OF_NOTHING)).mean()
     optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(network.parameters(), 2.0)
     optimiser.step()
-    return float(loss.item())
+    return loss.detach()
 
 
 class _Reports:
@@ -212,26 +208,28 @@ def _learned(
     out: Path,
 ) -> int:
     """Learn until the time is over; the number of strips learned from."""
-    rng, draw = np.random.default_rng(how.seed), torch.Generator().manual_seed(how.seed)
+    device = next(network.parameters()).device
+    draw = torch.Generator(device).manual_seed(how.seed)
     early = [] if how.noise or how.start else network.early()
-    optimiser = torch.optim.Adam([{"params": [p], "size": _size(p)} for p in network.parameters()])
-    losses: list[float] = []
-    for chosen in rounds(folders, rng):
-        if len(chosen) < how.batch:
-            raise ValueError(f"{len(chosen)} strips are fewer than a batch of {how.batch}: draw more of them")
-        for batch in batches(chosen, how.batch, rng):
-            share = reports.minutes() / how.minutes
-            if share >= 1.0:
-                return how.batch * len(losses)
-            for group in optimiser.param_groups:
-                group["lr"] = _rate(how.rate, share) * group["size"]
-            for weights in early:
-                weights.requires_grad_(share >= how.frozen_share)
-            losses.append(_step(network, optimiser, batch, how, draw, rng))
-            if len(losses) % _AVERAGE_STEPS == 0:
-                average.add(network)
-            if reports.due(len(losses)):
-                _report(network, average, held, how.batch * len(losses), losses, reports=reports, out=out)
+    optimiser = torch.optim.Adam(
+        [{"params": [p], "size": _size(p)} for p in network.parameters()], fused=device.type == "cuda"
+    )
+    losses: list[Tensor] = []
+    for batch in ready_batches(
+        folders, size=how.batch, covers=how.covers, seed=how.seed, workers=how.workers
+    ):
+        share = reports.minutes() / how.minutes
+        if share >= 1.0:
+            break
+        for group in optimiser.param_groups:
+            group["lr"] = _rate(how.rate, share) * group["size"]
+        for weights in early:
+            weights.requires_grad_(share >= how.frozen_share)
+        losses.append(_step(network, optimiser, batch, draw))
+        if len(losses) % _AVERAGE_STEPS == 0:
+            average.add(network)
+        if reports.due(len(losses)):
+            _report(network, average, held, how.batch * len(losses), losses, reports=reports, out=out)
     return how.batch * len(losses)
 
 
@@ -240,7 +238,7 @@ def _report(
     average: Average,
     held: Sequence[TrainingStrip],
     done: int,
-    losses: Sequence[float],
+    losses: Sequence[Tensor],
     *,
     reports: _Reports,
     out: Path,
@@ -249,7 +247,7 @@ def _report(
     line: dict[str, Any] = {
         "minutes": round(reports.minutes(), 1),
         "strips": done,
-        "loss": round(float(np.mean(losses[-_LOSSES:])), 4),
+        "loss": round(float(torch.stack(list(losses[-_LOSSES:])).mean()), 4),
     }
     if reports.measuring():
         line["held out"] = shares(measured(network, held), 1)
@@ -300,6 +298,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--minutes", type=float, default=70.0)
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--rate", type=float, default=Training.rate, help="of learning, at most")
+    asked.add_argument("--batch", type=int, default=Training.batch, help="strips to a step")
+    asked.add_argument("--workers", type=int, default=0, help="processes that make batches ready")
     asked.add_argument("--threads", type=int, default=2)
     asked.add_argument("--start", type=Path, help="weights (.pt) to go on from")
     asked.add_argument("--noise", action="store_true", help="begin from noise, not from public weights")
@@ -315,6 +315,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         start=given.start,
         noise=given.noise,
         covers=not given.no_covers,
+        batch=given.batch,
+        workers=given.workers,
     )
     train(given.strips, given.held_out, how, out=given.out, log=given.log)
 

@@ -1,15 +1,19 @@
-"""Strips of a folder in batches: of alike widths, in another order each time."""
+"""Strips of a folder in batches: of alike widths, in another order each time, made ready by worker processes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.covers import cover_rivals
+from recognition.learning.surroundings import set_about
 from recognition.learning.training_strips import TALL_ROWS, TrainingStrip, read_strips
 from recognition.views.view import LAYERS
 
@@ -68,3 +72,64 @@ def batches(
         groups = [part[i : i + size] for i in range(0, len(part) - size + 1, size)]
         for k in rng.permutation(len(groups)):
             yield [strips[i] for i in groups[k]]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Strips to learn from at once.
+
+    Attributes:
+        tall: (n, LAYERS, TALL_ROWS, columns) float16, each filled from the left.
+        columns: (n,) how many of them are its own.
+        classes: of all texts, one after the other.
+        lengths: (n,) of the texts.
+    """
+
+    tall: Tensor
+    columns: Tensor
+    classes: Tensor
+    lengths: Tensor
+
+
+class _Endless(IterableDataset[Batch]):
+    """Batches for ever; each worker process draws its own."""
+
+    def __init__(self, folders: Sequence[Path], *, size: int, covers: bool, seed: int) -> None:
+        self.folders, self.size, self.covers, self.seed = tuple(folders), size, covers, seed
+
+    def __iter__(self) -> Iterator[Batch]:
+        worker = get_worker_info()
+        seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)
+        rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+        for chosen in rounds(self.folders, rng):
+            if len(chosen) < self.size:
+                raise ValueError(
+                    f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more of them"
+                )
+            for strips in batches(chosen, self.size, rng):
+                strips = set_about(strips, rng=rng)
+                tall, columns = gathered(strips)
+                if self.covers:
+                    tall = cover_rivals(tall, [s.text for s in strips], [s.places for s in strips], rng=draw)
+                yield Batch(tall.half(), columns, *targets(strips))
+
+
+def ready_batches(
+    folders: Sequence[Path], *, size: int, covers: bool, seed: int, workers: int = 0
+) -> Iterator[Batch]:
+    """Batches for ever.
+
+    Args:
+        folders: of files of strips.
+        size: strips to a batch.
+        covers: lay covers over the strokes that tell characters apart.
+        seed: of order, surroundings and covers.
+        workers: processes that make them ready; 0 is this one.
+
+    Raises:
+        ValueError: no strips, or fewer than a batch has.
+    """
+    made = _Endless(folders, size=size, covers=covers, seed=seed)
+    return iter(
+        DataLoader(made, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None)
+    )

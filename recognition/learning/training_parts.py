@@ -16,13 +16,14 @@ from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import draw_camera
 from glyphs.errors import MarksError
-from glyphs.fonts.glyph import Font
+from glyphs.fonts.glyph import Font, transformed
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.part import Part, stamp
 from glyphs.stamping.dies import DIES
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plates import PLATES
 from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.dots import dotted_font
 from recognition.learning.training_fonts import has_small_letters
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
@@ -37,8 +38,10 @@ _PHOTOS = 3
 """Of a part: they cost little beside its scan."""
 _POINTWISE = 0.4
 """Share of scans by the pointwise map: a fifth of the cost of contact."""
-_BUILTIN, _DOTTED = 0.2, 0.6
-"""Share of parts of built-in fonts, whose strokes alone can be dotted, and of those that are."""
+_BUILTIN, _DOTTED = 0.2, 0.25
+"""Shares of parts of built-in fonts, and of dotted ones: the hardest to read."""
+_WIDER = 0.15
+"""Spread of the logarithm of how much wider than drawn a font is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +108,24 @@ def draw_part(
     Raises:
         MarksError: what was drawn cannot be; draw again.
     """
-    builtin = rng.random() < _BUILTIN
+    dotted = rng.random() < _DOTTED
+    builtin = rng.random() < (0.5 if dotted else _BUILTIN)
     name = str(rng.choice(BUILTIN_FONTS)) if builtin else str(fonts[int(rng.integers(len(fonts)))])
     font = load_font(name)
     text = draw_text(font, rng)
+    if dotted and (not builtin or rng.random() < 0.4):
+        font = dotted_font(font, text, rng=rng)
+    else:
+        font = _widened(font, text, float(np.exp(rng.normal(0.0, _WIDER))))
     height_mm = float(np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
     dies = [die for die in DIES if die != "dotted"]
-    die = "dotted" if builtin and rng.random() < _DOTTED else str(rng.choice(dies))
+    die = "dotted" if dotted else str(rng.choice(dies))
     severity = 0.0 if rng.random() < 0.12 else float(rng.uniform(0.1, 1.0))
     many = 2 if rng.random() < 0.15 else 1
     layout = _draw_layout(font, text, height_mm, rng)
     part = stamp(
         text,
-        font=name,
+        font=font,
         height_mm=height_mm,
         pitch_mm=height_mm / float(rng.uniform(50.0, 75.0)),
         die=die,
@@ -132,6 +140,12 @@ def draw_part(
     scan = _felt(part, rng)
     photos = tuple(_photographed(part, rng) for _ in range(_PHOTOS))
     return TrainingPart(part, name, height_mm, layout, scan, photos)
+
+
+def _widened(font: Font, text: str, x_scale: float) -> Font:
+    """The characters of a text, wider or narrower than the font has them."""
+    have = {char: transformed(font.glyph(char), x_scale=x_scale) for char in set(text)}
+    return replace(font, glyphs={**font.glyphs, **have})
 
 
 def _photographed(part: Part, rng: np.random.Generator) -> Photo:

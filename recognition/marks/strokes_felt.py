@@ -126,7 +126,7 @@ class FeltLine:
         Args:
             text: a character a place.
             lattice: beliefs in all that may stand there.
-            slope: of what beliefs are worth, in log odds (`recognition.belief.calibration`).
+            slope: of what beliefs are worth, in log odds (`recognition.decision.score`).
         """
         if len(text) != self.columns.size or lattice.n_places != len(text):
             return ()

@@ -16,9 +16,9 @@ from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader, agreed
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
+from recognition.decision.score import scored
 from recognition.decision.which_way_up import ways_possible, weighed
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
@@ -88,14 +88,7 @@ class VisionReader:
             views, left_out = photo_views(without_codes(photo, codes))
             judge = partial(self._judged, views) if self.prototypes else None
             part = self._readers[scaled].read(*views, about=about, judge=judge)
-        made = reading_of_line(
-            part,
-            self.settings,
-            grammar=self.grammar,
-            flags=ReadingFlag.NONE,
-            source="vision",
-            asked=self.settings.asked,
-        )
+        made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
         places = () if made.characters else part.candidates
         notes = (
             *made.notes,
@@ -110,7 +103,7 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).traced(photo=photo)
-        made = on_known_ground(made, self.settings)
+        made = scored(made)
         ways = ways_possible(self.settings.orientation, turned_deg=made.rotation_deg)
         accept = self.settings.accept_confidence
         return weighed(made, views[0], self._readers[scaled], ways, accept_confidence=accept)

@@ -34,7 +34,6 @@ class ReaderOptions(TypedDict, total=False):
     height_mm: float | None
     fidelity: Fidelity
     accept_confidence: float
-    accept_margin: float
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     region: Region | None
@@ -53,8 +52,7 @@ class ReaderSettings:
             grammar; None where nothing is known.
         height_mm: character height, if known.
         fidelity: how the virtual array feels a height map.
-        accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
-        accept_margin: least lead of the first over the second candidate for acceptance.
+        accept_confidence: readings at least so sure are accepted, if no contract is broken.
         depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: who has a say, of `EXPERTS`; empty for all there are.
         region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned;
@@ -73,8 +71,7 @@ class ReaderSettings:
     format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = 0.98
-    accept_margin: float = 0.3
+    accept_confidence: float = 0.97
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     region: Region | None = None
@@ -89,9 +86,8 @@ class ReaderSettings:
         object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
-        for name in ("accept_confidence", "accept_margin"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
+        if not 0.0 <= self.accept_confidence <= 1.0:
+            raise ValueError(f"accept_confidence is {self.accept_confidence}; it lies between 0 and 1")
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # pairs, so that settings can be keys

@@ -6,7 +6,7 @@ scan --edge_map, relief--> felt view --LineReader--> line and beliefs --template
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -16,18 +16,16 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
-from recognition.belief.calibration import calibration_of
 from recognition.belief.correlation_search import CorrelationSearch
 from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
-from recognition.belief.part_lines import PartLines, ReadLine
-from recognition.decision.accept import serial_is_sure
+from recognition.belief.part_lines import ReadLine
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.known_ground import on_known_ground
-from recognition.decision.reading import Decision, Reading, ReadingTrace
+from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
+from recognition.decision.score import score_of, scored, serial_is_sure
 from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weighed
@@ -43,9 +41,10 @@ from recognition.marks.other_lines import felt_others
 from recognition.marks.strokes_felt import FeltLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
+from recognition.views.first_pass import Feel, felt_heights_mm
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
-from recognition.views.view import View, felt_view, heights_view, relief_of
+from recognition.views.view import View, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.estimation.relief import Relief
@@ -53,9 +52,6 @@ from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
-
-Feel = Callable[[HeightMap, float], Scan]
-"""Scans a level surface for characters of a height, mm."""
 
 
 class TactileReader:
@@ -110,7 +106,10 @@ class TactileReader:
         timer = StepTimer()
         with timer.step("mount"):
             levelled = level(height_map)
-            heights = self.lines.search.heights_mm(heights_view(levelled))
+        with timer.step("first pass"):
+            heights = felt_heights_mm(
+                self.lines.search, levelled, fidelity=self.settings.fidelity, soil=soil, feel=feel
+            )
         best: Reading | None = None
         for height in heights[:MOST_SCANS]:
             with timer.step("scan"):
@@ -177,7 +176,7 @@ class TactileReader:
             part = self.lines.read(shapes.view, about=about, judge=shapes)
             if shapes.felt_line is not None:
                 part = felt_others(part, shapes.felt_line)
-        reading = self._answer(part, flags)
+        reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
         if part.main is not None and reading.characters:
             with timer.step("strokes"):
                 reading = _stroked(reading, part.main, shapes.felt_line)
@@ -185,8 +184,7 @@ class TactileReader:
                 reading = only_whole(self._measured(reading, part.main, shapes))
         reading = strokes_asked(reading)
         reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
-        with timer.step("ground"):
-            reading = on_known_ground(reading, self.settings)
+        reading = scored(reading)
         with timer.step("orientation"):
             reading = self.weighed(reading)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
@@ -215,16 +213,6 @@ class TactileReader:
             return True
         view = felt_view(edges, reading.trace.relief)
         return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
-
-    def _answer(self, part: PartLines, flags: ReadingFlag) -> Reading:
-        return reading_of_line(
-            part,
-            self.settings,
-            grammar=self.grammar,
-            flags=flags,
-            source="tactile",
-            asked=self.settings.asked,
-        )
 
     def _measured(self, reading: Reading, main: ReadLine, shapes: _Shapes) -> Reading:
         """The reading with what is measured along the strokes of the font that suits it."""
@@ -268,7 +256,7 @@ def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading
     """The reading with what was felt of its characters' strokes and of their rivals'."""
     if line is None:
         return reading
-    slope = calibration_of("tactile").slope
+    slope = score_of("tactile").slope
     strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice, slope=slope)
     resized = line.line is not main.line and reading.height_mm == main.line.height_mm
     sized = replace(
@@ -332,7 +320,6 @@ def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
 def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE, **trace: Any) -> Reading:
     return Reading(
         characters=(),
-        decision=Decision.REJECT,
         confidence=0.0,
         flags=flags | ReadingFlag.NO_CHARACTERS,
         seconds=MappingProxyType(dict(timer.seconds)),

@@ -28,7 +28,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import ReviewedPart, enrol
-from recognition.decision.reading import Decision
+from recognition.decision.decide import Decision
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import Decision
+from recognition.decision.reading import Reading
 from tests.benchmarks.plan_accuracy import trial_parts
 
 if TYPE_CHECKING:

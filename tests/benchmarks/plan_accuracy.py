@@ -59,7 +59,7 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.reading.simulated_scan import feel
     from recognition import Orientation, Reader
-    from recognition.decision.reading import Decision
+    from recognition.decision.decide import Decision
     from whisker_array.whisker.array import default_plan
 
     made = DesignedParts(trial_parts(parts, seed))

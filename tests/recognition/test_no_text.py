@@ -18,8 +18,9 @@ from glyphs.stamping.plate import plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import default_plan

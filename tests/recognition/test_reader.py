@@ -14,9 +14,10 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
 from glyphs.surface.maps import HeightMap, TraceDirection
+from recognition.decision.decide import Decision
 from recognition.decision.depth_rules import depth_rule
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
 from whisker_array.scan.scan import Scan, trace_scan
@@ -299,7 +300,7 @@ def test_a_scan_of_an_empty_plate_has_no_characters(reader: Readers, touch: Touc
         ({"height_mm": float("inf")}, "height_mm"),
         ({"accept_confidence": 1.5}, "accept_confidence"),
         ({"accept_confidence": float("nan")}, "accept_confidence"),
-        ({"accept_margin": -0.1}, "accept_margin"),
+        ({"accept_confidence": -0.1}, "accept_confidence"),
     ],
 )
 def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:

@@ -21,7 +21,6 @@ from recognition import (
     Candidate,
     CharacterReading,
     Code,
-    Decision,
     Finding,
     Grammar,
     Lattice,
@@ -80,9 +79,8 @@ def reading() -> Reading:
     )
     return Reading(
         characters,
-        Decision.REVIEW,
         0.6,
-        ReadingFlag.AMBIGUOUS | ReadingFlag.UNREAD_MARKS,
+        ReadingFlag.LOW_CONFIDENCE | ReadingFlag.UNREAD_MARKS,
         "gothic",
         5.0,
         box=Box(0.0, 0.0, 10.0, 5.0),

@@ -12,8 +12,8 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import reader_versions
 from pipeline.reading.certificate import Certificate, settings_described, write_certificate
 from recognition.decision.accepted_risk import certified, threshold_tests
+from recognition.decision.evidence import Measure
 from recognition.decision.likeness import KindOfParts
-from recognition.decision.part_measures import Measure
 
 
 def measured(n: int, *, rough_um: float = 1.0, seed: int = 1) -> list[dict[Measure, float]]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.formats.part_files import PartFiles
-    from recognition.senses.touch import Feel
+    from recognition.views.first_pass import Feel
 
 Box = tuple[float, float, float, float]
 

@@ -50,24 +50,23 @@ def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:
         expert: its name.
         settings: thresholds and format.
     """
-    from recognition.belief.calibration import calibration_of
-    from recognition.decision.decide import decided
-    from recognition.decision.reading_of_line import characters_of
+    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.reading import Reading
+    from recognition.decision.reading_of_line import characters_of, contracts_of_choice
+    from recognition.decision.score import score_of
     from recognition.language.constrained_decoding import choose
 
+    made = Reading((), 0.0, source=whole.source, seconds=whole.seconds, threshold=settings.accept_confidence)
     lattice = whole.trace.by_expert.get(expert)
     if lattice is None:
-        return replace(decided((), 0.0, settings), source=whole.source, seconds=whole.seconds)
+        return replace(made, flags=ReadingFlag.NO_CHARACTERS)
     choice = choose(lattice, settings.grammar)
-    return decided(
-        characters_of(choice, lattice),
-        calibration_of(whole.source).confidence(choice.probability),
-        settings,
-        choice=choice,
-        grammar=settings.grammar,
-        source=whole.source,
-        seconds=whole.seconds,
+    made = replace(
+        made,
+        characters=tuple(characters_of(choice, lattice)),
+        confidence=score_of(whole.source).of_belief(choice.probability),
     )
+    return contracts_of_choice(made, choice, settings.grammar)
 
 
 def experts_in(modes: tuple[str, ...]) -> tuple[str, ...]:

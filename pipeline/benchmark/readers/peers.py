@@ -53,7 +53,7 @@ class _Peer:
 def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
     """What a peer read, as a reading: accepted where it fits the format and the peer is sure, or says so itself."""
     from recognition.decision.flags import ReadingFlag
-    from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+    from recognition.decision.reading import Candidate, CharacterReading, Reading
     from recognition.language.box import Box as PlateBox
 
     line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]
@@ -63,14 +63,12 @@ def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | Non
         not places
         or (len(line) == len(places) and all(c in p for (c, _), p in zip(line, places, strict=True)))
     )
-    decision = Decision.REJECT if not line else Decision.REVIEW
-    if fits and (sure >= ACCEPTED_FROM if accepted is None else accepted):
-        decision = Decision.ACCEPT
+    threshold = ACCEPTED_FROM if accepted is None else 0.0 if accepted else math.inf
     flags = ReadingFlag.NONE if line else ReadingFlag.NO_CHARACTERS
     return Reading(
         characters=tuple(CharacterReading((Candidate(c, s, s),), nowhere) for c, s in line),
-        decision=decision,
         confidence=sure,
         flags=flags if fits or not line else ReadingFlag.FORMAT_NOT_MET,
         source="peer",
+        threshold=threshold,
     )

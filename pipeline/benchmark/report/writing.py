@@ -32,7 +32,7 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
-from recognition.decision.part_measures import Measure
+from recognition.decision.evidence import Measure
 
 PAGE, TABLE, FIGURES, DOCUMENT = "report.html", "benchmark.csv", "benchmark.json", "benchmark.md"
 _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")

@@ -20,7 +20,7 @@ from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
 from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder, Policy
-from recognition.decision.reading import Decision
+from recognition.decision.decide import Decision
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan

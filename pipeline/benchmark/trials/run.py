@@ -9,6 +9,7 @@ order, and how often the run was broken off.
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -26,8 +27,8 @@ from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
 from pipeline.workers.executors import Executor, InlineExecutor
-from recognition.belief.calibration import SOURCES, calibration_of
-from recognition.decision.part_measures import measures_of
+from recognition.decision.evidence import measures_of
+from recognition.decision.score import FITTED
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
@@ -74,7 +75,7 @@ class Benchmark:
                 **({"experts": list(reading.experts)} if reading.experts else {}),
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
-            "calibrations": {source: asdict(calibration_of(source)) for source in SOURCES},
+            "scores": json.loads(FITTED.read_text(encoding="utf-8"))["scores"],
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
         }

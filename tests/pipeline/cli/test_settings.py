@@ -125,12 +125,12 @@ def test_another_file_by_name_and_fonts_by_environment(monkeypatch: pytest.Monke
 
 def test_formats_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text(
-        'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]\ncheck = "luhn@2-"\nexclude = "7"\naccept_margin = 0.5\n',
+        'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]\ncheck = "luhn@2-"\nexclude = "7"\naccept_confidence = 0.5\n',
         encoding="utf-8",
     )
     settings = reading()
     assert settings.format == ("sets:AB,0-9,0-9", "re:A\\d+")
-    assert (settings.check, settings.exclude, settings.accept_margin) == (("luhn@2-",), "7", 0.5)
+    assert (settings.check, settings.exclude, settings.accept_confidence) == (("luhn@2-",), "7", 0.5)
     # a format has commas of its own, so the environment gives one; check digits have none
     monkeypatch.setenv("TACTILE_MARKS_FORMAT", "sets:AB,0-9,0-9")
     monkeypatch.setenv("TACTILE_MARKS_CHECK", "luhn@2-, iso7064mod11_10@2-")
@@ -242,7 +242,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("line = 'a b=A'", "line in .* 'a b' is no name of a line"),
         ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
         ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),
-        ("accept_margin = -0.1", "accept_margin in .* is '-0.1'"),
+        ("accept_confidence = -0.1", "accept_confidence in .* is '-0.1'"),
         ("height_mm = ", "not TOML"),
         ('depth_rule = "VIN"', "depth_rule in .*VIN.*: unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),

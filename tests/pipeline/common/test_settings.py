@@ -9,7 +9,6 @@ import pipeline
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
-from recognition.senses.settings import ReaderSettings
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,7 +50,7 @@ def test_the_readers_are_told_grammar_and_thresholds() -> None:
     made = open_reader(ReadSettings(format=("AA99",), accept_confidence=0.5)).settings
     assert made.grammar is not None
     assert made.grammar.format == "AA99"
-    assert (made.accept_confidence, made.accept_margin) == (0.5, ReaderSettings().accept_margin)
+    assert made.accept_confidence == 0.5
     assert open_reader(ReadSettings()).settings.grammar is None
 
 

@@ -13,7 +13,7 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.plots.active_animation import LAST_MS, FeltPart, save_animation
 from recognition.active.active_reading import ActiveReading, PassFelt, PlaceBelief, StopReason
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from whisker_array.whisker.passes import Pass
 
 
@@ -36,7 +36,7 @@ def felt_part(passes: int = 3) -> FeltPart:
         )
         for k in range(passes)
     ]
-    found = ActiveReading(Reading((), Decision.REVIEW, 0.7), tuple(felt), StopReason.NO_GAIN)
+    found = ActiveReading(Reading((), 0.7), tuple(felt), StopReason.NO_GAIN)
     surface = HeightMap((0.1 * np.sin(3.0 * x) * (y > 2.0)).astype(np.float32), 0.1)
     return FeltPart(surface, found, [None] * passes, sure_from=0.95)
 

@@ -22,7 +22,6 @@ from recognition.decision.reading import (
     Box,
     Candidate,
     CharacterReading,
-    Decision,
     MarkDepth,
     Reading,
     ReadingTrace,
@@ -33,7 +32,7 @@ from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
-EMPTY = Reading((), Decision.REJECT, 0.0, flags=ReadingFlag.NO_CHARACTERS)
+EMPTY = Reading((), 0.0, flags=ReadingFlag.NO_CHARACTERS)
 
 
 def tilted() -> HeightMap:
@@ -61,9 +60,8 @@ def part() -> Reading:
     relief = relief_from_edges(edges, default_touch(5.0))
     return Reading(
         characters,
-        Decision.REVIEW,
         0.7,
-        flags=ReadingFlag.AMBIGUOUS | ReadingFlag.TOO_SHALLOW,
+        flags=ReadingFlag.LOW_CONFIDENCE | ReadingFlag.TOO_SHALLOW,
         findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for $x$: A 0.123 mm (at least 0.2)"),),
         font="gothic",
         height_mm=3.0,

@@ -23,7 +23,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, OtherLine, Reading
+from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -33,7 +33,7 @@ from recognition.views.codes import Code
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
-def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decision.ACCEPT) -> Reading:
+def reading(text: str, *, confidence: float = 0.97) -> Reading:
     characters = tuple(
         CharacterReading(
             (Candidate(c, 0.9, 0.9), Candidate("X", 0.4, 0.08), Candidate("Y", 0.1, 0.002)), BOX, depth
@@ -42,7 +42,6 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
     )
     return Reading(
         characters,
-        decision,
         confidence,
         flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
         findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),),
@@ -163,7 +162,7 @@ def test_codes_stand_in_the_record_with_what_they_say_of_the_serial() -> None:
 
 def chosen(*places: tuple[tuple[str, float], ...]) -> Reading:
     characters = tuple(CharacterReading(tuple(Candidate(c, p, p) for c, p in place), BOX) for place in places)
-    return Reading(characters, Decision.REVIEW, 0.5)
+    return Reading(characters, 0.5)
 
 
 PAIR = chosen((("8", 0.7), ("B", 0.29)), (("1", 0.6), ("7", 0.39)))

@@ -20,7 +20,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, Sense, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.verify import Verdict, VerifyError
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
@@ -33,7 +33,7 @@ SHAPE = (20, 30)
 def reading(text: str, source: str) -> Reading:
     box = Box(0.0, 0.0, 1.0, 1.0)
     characters = tuple(CharacterReading((Candidate(c, 0.9, 0.99),), box) for c in text)
-    return Reading(characters, Decision.ACCEPT, 0.95, source=source)
+    return Reading(characters, 0.95, source=source)
 
 
 def lattice(text: str, chars: str = "AB12") -> Lattice:
@@ -273,7 +273,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
         characters = tuple(
             CharacterReading((Candidate(c, 0.9, p),), box) for c, p in zip(text, beliefs, strict=True)
         )
-        return Reading(characters, Decision.REVIEW, min(beliefs), flags=ReadingFlag.LOW_CONFIDENCE)
+        return Reading(characters, min(beliefs), flags=ReadingFlag.LOW_CONFIDENCE, threshold=0.98)
 
     def read(whole: Reading, mirrored: Reading) -> Reading:
         found = iter((whole, mirrored))

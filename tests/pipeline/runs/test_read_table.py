@@ -21,7 +21,7 @@ from pipeline.common.reading_records import (
 from pipeline.formats.npz import write_npz
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import notes, print_table, table_lines
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 
@@ -174,7 +174,7 @@ class FakeReader:
             lattice = Lattice(CHARS, np.log([[float(c == t) * 0.999 for c in CHARS] for t in "A1"]))
         box = Box(0.0, 0.0, 1.0, 1.0)
         characters = tuple(CharacterReading((Candidate(t, 0.9, 0.999),), box) for t in "A1")
-        found = Reading(characters, Decision.ACCEPT, 0.998)
+        found = Reading(characters, 0.998)
         return found.traced(lattice=lattice, open_lattice=lattice, height_map=height_map)
 
 

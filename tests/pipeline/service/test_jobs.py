@@ -201,13 +201,13 @@ def test_a_job_has_a_certificate_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
-    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_margin=0.5, region=BOX)
+    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_confidence=0.5, region=BOX)
     jobs = JobFolder(tmp_path / "jobs", own=own)
     teach(jobs, "left", Taught("", "KX40", "AA99", BOX, 4.0), replace=False)
     teach(jobs, "left", Taught("lot", "B-7", "A-9", (0.0, 0.5, 1.0, 1.0)), replace=False)
     wanted = ReadSettings(
         font=("gothic",),
-        accept_margin=0.5,
+        accept_confidence=0.5,
         format=("AA99",),
         region=BOX,
         height_mm=4.0,

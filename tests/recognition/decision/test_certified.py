@@ -7,12 +7,11 @@ from dataclasses import replace
 import pytest
 
 from recognition.decision.certified import CertifiedAcceptance, as_certified
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.decide import Decision
+from recognition.decision.reading import Candidate, CharacterReading, Reading, ReadingFlag
 from recognition.language.box import Box
 
-READ = Reading(
-    (CharacterReading((Candidate("A", 1.0, 0.995),), Box(0.0, 0.0, 1.0, 1.0)),), Decision.ACCEPT, 0.995
-)
+READ = Reading((CharacterReading((Candidate("A", 1.0, 0.995),), Box(0.0, 0.0, 1.0, 1.0)),), 0.995)
 ALLOWED = CertifiedAcceptance(0.995, ("tactile",))
 
 
@@ -36,8 +35,8 @@ def test_a_sense_that_was_not_certified_is_not_accepted() -> None:
 
 
 def test_it_never_accepts_by_itself() -> None:
-    for decision in (Decision.REVIEW, Decision.REJECT):
-        doubted = replace(READ, decision=decision)
+    for doubted in (replace(READ, threshold=0.999), replace(READ, characters=())):
+        assert doubted.decision is not Decision.ACCEPT
         assert as_certified(doubted, ALLOWED) is doubted
     with pytest.raises(ValueError, match="between 0 and 1"):
         CertifiedAcceptance(1.5, ("tactile",))

@@ -8,8 +8,9 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from recognition.decision.code_check import checked_by_codes
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
 from recognition.views.codes import Code
@@ -19,9 +20,9 @@ TEXT = "KB740215"
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
-def reading(text: str = TEXT, decision: Decision = Decision.ACCEPT) -> Reading:
+def reading(text: str = TEXT) -> Reading:
     places = tuple(CharacterReading((Candidate(c, 1.0, 0.999),), BOX) for c in text)
-    return Reading(places, decision, 0.99, source="vision")
+    return Reading(places, 0.99, source="vision")
 
 
 def code(text: str) -> Code:
@@ -78,7 +79,7 @@ def test_a_code_that_speaks_of_no_serial_is_kept_and_says_nothing() -> None:
 
 
 def test_nothing_read_is_compared_with_nothing() -> None:
-    nothing = replace(reading("", Decision.REJECT), flags=ReadingFlag.NO_CHARACTERS)
+    nothing = replace(reading(""), flags=ReadingFlag.NO_CHARACTERS)
     found = checked_by_codes(nothing, (code("SER KB740216"),))
     assert (found.decision, found.flags, found.codes[0].text) == (
         Decision.REJECT,

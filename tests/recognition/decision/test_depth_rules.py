@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from recognition.decision.decide import Decision
 from recognition.decision.depth_rules import (
     DEPTH_RULES,
     DepthRule,
@@ -18,7 +19,7 @@ from recognition.decision.depth_rules import (
     print_size_mm,
 )
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 
 FIREARMS = depth_rule("27CFR478.92")
@@ -36,9 +37,7 @@ def reading(
         )
         for char, depth in marks
     )
-    return Reading(
-        characters, Decision.ACCEPT, 0.97, height_mm=height_mm, flags=ReadingFlag.DROPOUTS, font="gothic"
-    )
+    return Reading(characters, 0.97, height_mm=height_mm, flags=ReadingFlag.DROPOUTS, font="gothic")
 
 
 def said(reading: Reading) -> tuple[str, ...]:

@@ -19,13 +19,13 @@ from recognition.belief.fuse_lattices import (
     fuse_lattices,
     tempered,
 )
-from recognition.decision.accept import DOUBTS
 from recognition.decision.code_check import checked_by_codes
-from recognition.decision.decide import decided
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
-from recognition.decision.reading import Decision, OtherLine, Reading
-from recognition.decision.reading_of_line import characters_of, doubts_of_lines
+from recognition.decision.reading import OtherLine, Reading
+from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
+from recognition.decision.score import log_odds
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
@@ -77,21 +77,23 @@ def as_reading(
     """The reading that these beliefs make."""
     placed = beliefs if beliefs.boxes else replace(beliefs, boxes=boxes(beliefs.n_places))
     choice = choose(placed, grammar)
-    characters = characters_of(choice, placed)
-    return decided(
-        characters, choice.probability, settings, flags=flags, choice=choice, grammar=grammar, source=source
-    ).traced(lattice=placed)
+    made = Reading(
+        tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
+        threshold=settings.accept_confidence,
+    )  # fmt: skip
+    made = made.traced(lattice=placed, odds=log_odds(choice.probability))
+    return contracts_of_choice(made, choice, grammar)
 
 
 def touch(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     if beliefs is None:
-        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
     return as_reading(beliefs, SETTINGS, flags=flags, source="tactile")
 
 
 def vision(beliefs: Lattice | None) -> Reading:
     if beliefs is None:
-        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
+        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
     return as_reading(beliefs, SETTINGS)
 
 
@@ -257,8 +259,7 @@ LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
 
 def lines_of(reading: Reading, *others: OtherLine) -> Reading:
     """The reading with other lines, doubted as a sense by itself doubts them."""
-    made = replace(reading, others=others).found(*doubts_of_lines(others, LINES.asked, LINES))
-    return replace(made, decision=Decision.REVIEW if made.flags & DOUBTS else reading.decision)
+    return replace(reading, others=others).found(*doubts_of_lines(others, LINES))
 
 
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
@@ -283,7 +284,7 @@ def test_a_doubtful_line_is_not_accepted_with_a_sure_serial() -> None:
     assert apart.decision is Decision.REVIEW
     assert apart.messages() == ("lot: touch has LOT77, the camera LOT11",)
     # by the camera alone it is doubted just so
-    assert ReadingFlag.LOW_CONFIDENCE in fuse(touch(None), lines_of(seen, doubtful), LINES).flags
+    assert ReadingFlag.LINE_MISSING in fuse(touch(None), lines_of(seen, doubtful), LINES).flags
 
 
 def test_a_line_nobody_asked_for_sends_to_review_whoever_reads_it() -> None:
@@ -303,7 +304,7 @@ def test_other_counts_without_places_leave_touch_alone() -> None:
     assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)
 
 
-BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5, accept_margin=0.0)
+BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5)
 """8 and H count alike in the check digit of a VIN."""
 VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 

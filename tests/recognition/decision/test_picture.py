@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from recognition.decision.picture import reading_figure
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.marks.grade import Action, MarkGrade, Parameter
@@ -27,7 +27,7 @@ def reading(source: str) -> Reading:
         state=state,
         grade=grade,
     )
-    return Reading((character,), Decision.REVIEW, 0.6, height_mm=3.0, source=source)
+    return Reading((character,), 0.6, height_mm=3.0, source=source)
 
 
 def photo(pitch_mm: float | None = 0.1, *, placed: bool = False) -> Photo:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Box, Candidate, CharacterReading, Reading
 from recognition.marks.depth import MarkDepth
 
 BOX = Box(0.0, 0.0, 1.0, 2.0)
@@ -43,7 +43,7 @@ def test_confidence_and_margin_are_those_of_the_leaders() -> None:
 def test_seven_characters_one_in_doubt_say_more_than_a_sure_one() -> None:
     def reading(*beliefs: float) -> Reading:
         characters = tuple(character(("A", belief)) for belief in beliefs)
-        return Reading(characters=characters, decision=Decision.REVIEW, confidence=min(beliefs))
+        return Reading(characters=characters, confidence=min(beliefs), threshold=1.0)
 
     assert reading(0.5, *[0.99] * 6).nats_read > reading(0.85).nats_read
     assert reading(0.9, 0.9).nats_read > reading(0.9, 0.7).nats_read
@@ -56,7 +56,6 @@ def test_seven_characters_one_in_doubt_say_more_than_a_sure_one() -> None:
 def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
     reading = Reading(
         characters=tuple(character((c, 1.0)) for c in "ABC"),
-        decision=Decision.ACCEPT,
         confidence=1.0,
         spaces_after=frozenset(spaces),
     )
@@ -64,7 +63,7 @@ def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) ->
 
 
 def test_an_empty_reading_has_no_text() -> None:
-    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    reading = Reading(characters=(), confidence=0.0)
     assert reading.text == ""
     assert reading.box is None
     assert reading.flags.messages() == ()
@@ -79,7 +78,7 @@ def test_every_flag_has_words_of_its_own() -> None:
 
 
 def test_a_reading_cannot_be_changed() -> None:
-    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    reading = Reading(characters=(), confidence=0.0)
     with pytest.raises(AttributeError):
         reading.confidence = 1.0  # type: ignore[misc]
     with pytest.raises(TypeError):
@@ -101,9 +100,9 @@ def test_a_depth_is_finite_and_in_order() -> None:
 def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
     depths = (MarkDepth(0.2, 0.15, 0.22), None, MarkDepth(0.1, 0.05, 0.12))
     characters = tuple(CharacterReading((Candidate("A", 0.9, 1.0),), BOX, depth) for depth in depths)
-    reading = Reading(characters, Decision.ACCEPT, 1.0)
+    reading = Reading(characters, 1.0)
     assert reading.depth_min_mm == 0.05
     assert reading.depth_mean_mm == pytest.approx(0.15)
-    unknown = Reading(characters[1:2], Decision.ACCEPT, 1.0)
+    unknown = Reading(characters[1:2], 1.0)
     assert unknown.depth_min_mm is None
     assert unknown.depth_mean_mm is None

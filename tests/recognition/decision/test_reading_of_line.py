@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from recognition.belief.line_belief import believed
-from recognition.belief.part_lines import PartLines, ReadLine
+from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters, word_gaps
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
@@ -23,8 +25,9 @@ LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0, turned_deg=2.
 
 @dataclass(frozen=True)
 class Rules:
+    grammar: Grammar | None = None
     accept_confidence: float = 0.9
-    accept_margin: float = 0.3
+    asked: Mapping[str, LineFormat] = field(default_factory=dict)
 
 
 def line_of(
@@ -52,7 +55,7 @@ def read(
     main: ReadLine | None, *others: ReadLine, grammar: Grammar | None = None, **options: object
 ) -> Reading:
     given = {"flags": ReadingFlag.NONE, "source": "tactile", **options}
-    return reading_of_line(PartLines(main, others=others), Rules(), grammar=grammar, **given)  # type: ignore[arg-type]
+    return reading_of_line(PartLines(main, others=others), Rules(grammar), **given)  # type: ignore[arg-type]
 
 
 def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
@@ -102,8 +105,6 @@ def test_doubt_is_not_accepted() -> None:
     found = read(line_of("A8B2", sure=0.6, rival="BB81"))
     assert found.text == "A8B2"
     assert found.decision is Decision.REVIEW
-    assert found.flags & ReadingFlag.LOW_CONFIDENCE
-    assert found.flags & ReadingFlag.AMBIGUOUS
 
 
 def test_a_format_that_changes_what_was_read_says_so() -> None:
@@ -193,6 +194,6 @@ def test_small_letters_that_nobody_asked_for_go_to_a_person() -> None:
     where = np.arange(0.0, 2.1, 0.1) * HEIGHT_ROWS
     seen = _steps(where, small=np.where(np.abs(where - at[1]) < 3.0, 0.9, 0.0))
     (finding,) = small_letters([seen], at, "ABC")
-    assert finding.flag is ReadingFlag.LOW_CONFIDENCE
+    assert finding.flag is ReadingFlag.CASE_UNKNOWN
     assert "B at place 2" in finding.text
     assert small_letters([_steps(where)], at, "ABC") == ()

@@ -2,11 +2,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from glyphs.fonts.outlines import load_font
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
@@ -20,10 +20,9 @@ def font(guessed):
     return replace(gothic, glyphs={c: replace(gothic.glyphs[c], guessed=c in guessed) for c in CHARS})
 
 
-def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT, state=None):
+def doubted(text, scores, *, guessed, places=None, state=None):
     reading = Reading(
         characters=tuple(CharacterReading((Candidate(c, 0.9, 0.99),), BOX, state=state) for c in text),
-        decision=decision,
         confidence=0.99,
         flags=ReadingFlag.NONE,
         font="press-7",
@@ -62,10 +61,6 @@ def test_a_guess_far_off_or_not_allowed_there_does_not():
     assert doubted("E", near, guessed="F", places=("EFQ",)).decision is Decision.REVIEW
 
 
-@pytest.mark.parametrize(
-    ("decision", "state"),
-    [(Decision.REVIEW, None), (Decision.REJECT, PlaceState(CharacterState.NOT_READ, "E", 0.1))],
-)
-def test_nothing_becomes_better_by_it(decision, state):
-    made = doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="F", decision=decision, state=state)
-    assert made.decision is decision
+def test_what_cannot_be_read_stays_rejected():
+    state = PlaceState(CharacterState.NOT_READ, "E", 0.1)
+    assert doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="F", state=state).decision is Decision.REJECT

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.verified import verified
 from recognition.decision.verify import Verdict, Verification, VerifyError
 from recognition.language.box import Box
@@ -26,7 +26,7 @@ def lattice(*places: dict[str, float]) -> Lattice:
 
 def reading(text: str) -> Reading:
     characters = tuple(CharacterReading((Candidate(c, 0.9, 0.99),), Box(0.0, 0.0, 1.0, 1.0)) for c in text)
-    return Reading(characters, Decision.ACCEPT, 0.9)
+    return Reading(characters, 0.9)
 
 
 SURE_B1 = lattice({"B": 0.998, "8": 0.001}, {"1": 0.998})

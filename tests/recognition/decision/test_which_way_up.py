@@ -12,8 +12,9 @@ from glyphs import stamp
 from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader
 from recognition.decision import which_way_up
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, OtherLine, Reading
+from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.which_way_up import ways_possible, weighed
 from recognition.language.grammar import Grammar
@@ -36,7 +37,7 @@ def read(view: View, mask: str, *others: OtherLine) -> tuple[Reading, LineReader
     grammar = Grammar(format=mask)
     lines = LineReader(grammar, ALPHANUMERIC, height_mm=4.0)
     made = reading_of_line(
-        lines.read(view), ReaderSettings(), grammar=grammar, flags=ReadingFlag.NONE, source="tactile"
+        lines.read(view), ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile"
     )
     return replace(made, others=others), lines
 

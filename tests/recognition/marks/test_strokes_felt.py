@@ -12,9 +12,9 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.accept import ACCEPTED_WHERE_NOT, DOUBTS, decision_of
+from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, strokes_asked
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
@@ -130,7 +130,7 @@ def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
     assert found[1].felt is not None
     assert found[1].felt < 0.1
     made = strokes_asked(reading("RI3E8", found))
-    assert made.decision is Decision.REVIEW
+    assert ReadingFlag.STROKES_MISSING in made.flags
     assert "I at place 2" in made.messages()[0]
 
 
@@ -160,7 +160,7 @@ def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
 def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
     box = Box(0.0, 0.0, 1.0, 1.0)
     places = tuple(CharacterReading((Candidate(c, 0.99, 0.99),), box) for c in text)
-    return Reading(places, Decision.ACCEPT, 0.98).traced(strokes=strokes)
+    return Reading(places, 0.98).traced(strokes=strokes)
 
 
 def stands(**changed: float) -> RivalStrokes:
@@ -186,21 +186,12 @@ def stands(**changed: float) -> RivalStrokes:
 )
 def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrokes, why: str) -> None:
     made = strokes_asked(reading("I", (PlaceStrokes(1.0, 0.9, "gothic", (one,)),)))
-    assert made.decision is (Decision.REVIEW if why else Decision.ACCEPT)
     assert (ReadingFlag.STROKES_UNDECIDED in made.flags) == bool(why)
     if why:
         assert made.messages()[0].startswith("I or J at place 1: ")
         assert why in made.messages()[0]
     # a camera that is sure has seen what could not be felt
-    assert strokes_asked(made, vouched={0}).decision is Decision.ACCEPT
-
-
-def test_every_doubt_keeps_a_reading_from_being_accepted() -> None:
-    places = reading("I", ()).characters
-    assert decision_of(ReadingFlag.NONE, places) is Decision.ACCEPT
-    assert all(decision_of(flag, places) is Decision.REVIEW for flag in ReadingFlag if flag & DOUBTS)
-    assert decision_of(ReadingFlag.JAMMED, places) is Decision.ACCEPT
-    assert all(ACCEPTED_WHERE_NOT.values())
+    assert strokes_asked(made, vouched={0}).flags == ReadingFlag.NONE
 
 
 @pytest.mark.parametrize("wrong", [0.9, 1.0, 1.52, 1.7])
@@ -223,17 +214,17 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     bare = tuple(PlaceStrokes(0.1, 0.1, "gothic") for _ in range(4))
     junk = reading("K7B2", bare)
     junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
-    made = strokes_asked(replace(junk, decision=Decision.REJECT).found(Finding(ReadingFlag.AMBIGUOUS, "?")))
+    made = strokes_asked(junk.found(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
     assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
     # what is surely read there, and is no serial of the format, is named
     short = "found 1 character (“8”) where the format has 4 (check the part and the format)"
-    refused = replace(junk, decision=Decision.REJECT).found(Finding(ReadingFlag.FORMAT_OVERRULED, short))
+    refused = junk.found(Finding(ReadingFlag.FORMAT_OVERRULED, short))
     for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
         made = strokes_asked(refused.traced(open_lattice=openly))
         assert (made.text, made.messages()) == ("", words)
     # felt, and yet not read: a person may
-    felt = replace(junk, decision=Decision.REJECT).traced(strokes=tuple(replace(p, felt=0.8) for p in bare))
+    felt = junk.traced(strokes=tuple(replace(p, felt=0.8) for p in bare))
     assert strokes_asked(felt).text == "K7B2"
 
 

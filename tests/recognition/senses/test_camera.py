@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.stamping.stamp import StampedPart
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import Decision
+from recognition.decision.reading import Reading
 from recognition.senses.camera import VisionReader
 from recognition.senses.settings import ReaderSettings
 from recognition.views.text_line import TextLine

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from recognition.senses.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
 from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm, photo_pitch_mm
 from recognition.views.text_line import TextLine
@@ -24,7 +24,7 @@ def looks(given: Photo, height_mm: float | None) -> list[int]:
         line = None
         if height_mm is not None:
             line = TextLine.straight(1.0, 1.0, length_mm=3.0 * height_mm, height_mm=height_mm)
-        return Reading((), Decision.REJECT, 0.0).traced(line=line, photo=small)
+        return Reading((), 0.0).traced(line=line, photo=small)
 
     last = read_at_sizes(given, read).trace.photo
     assert last is not None

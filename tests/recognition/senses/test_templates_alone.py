@@ -7,7 +7,7 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.surface.maps import TraceDirection
-from recognition.decision.reading import Decision
+from recognition.decision.decide import Decision
 from recognition.lines import networks
 from recognition.senses.settings import ReaderSettings
 from recognition.senses.touch import TactileReader

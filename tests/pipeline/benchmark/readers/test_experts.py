@@ -12,7 +12,8 @@ from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.readers.experts import alone, experts_in
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.decide import Decision
+from recognition.decision.reading import Reading
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.senses.settings import ReaderSettings
@@ -33,7 +34,7 @@ def lattice(**belief: tuple[float, float]) -> Lattice:
 def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
-    whole = Reading((), Decision.ACCEPT, 0.9, source="tactile", seconds={"scan": 2.0}).traced(
+    whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).traced(
         by_expert=MappingProxyType({"network": own, "templates": doubting})
     )
     sure, unsure = alone(whole, "network", FORMATTED), alone(whole, "templates", FORMATTED)

@@ -14,8 +14,8 @@ from pipeline.benchmark.readers import engines, peers, pictures
 from pipeline.benchmark.readers.felt import feel_part
 from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings
 from pipeline.benchmark.readers.modes import open_mode
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts

@@ -16,7 +16,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import InlineExecutor
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.marks.depth import MarkDepth
 
@@ -28,7 +28,7 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
     depth = None if depth_mm is None else MarkDepth(depth_mm, depth_mm, depth_mm)
     return Reading(
         tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1), depth) for c in text),
-        Decision.ACCEPT, 0.99,
+        0.99,
     )  # fmt: skip
 
 

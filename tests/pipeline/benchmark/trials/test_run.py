@@ -23,7 +23,7 @@ from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import key_of
 from pipeline.workers.executors import PoolExecutor
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
@@ -72,7 +72,7 @@ class Echo:
             CharacterReading((Candidate(c, 1.0, 0.75), Candidate("x", 0.0, 0.25)), Box(0, 0, 1, 1))
             for c in senses.specimen.truth
         )
-        return Reading(characters, Decision.ACCEPT, 0.5)
+        return Reading(characters, 0.5)
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(
@@ -49,7 +49,7 @@ def test_a_book_of_another_format_is_refused_and_kept(
 
 def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:
     steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0}
-    reading = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=MappingProxyType(steps))
+    reading = Reading((), 0.0, ReadingFlag.NO_CHARACTERS, seconds=MappingProxyType(steps))
     trial = replace(Trial("p", 0, {}, "m", "A"), **answer_of(reading), compute_s=4.0)
     assert (trial.compute_s, trial.simulated_s, trial.reading_s) == (4.0, 0.625, 3.375)
 

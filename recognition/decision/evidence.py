@@ -1,7 +1,7 @@
-"""What kind of part was read, in a few numbers: how sure one is, how large and deep the marks, how rough the land.
+"""What is known of a reading, in a dozen named numbers: beliefs, strokes, size and depth of marks, rough land.
 
-They are compared between parts that were certified and parts that are read (`recognition.decision.likeness`), so they
-need to change with the kind of part and its soil, not to mean anything by themselves.
+The score weighs some of them (`recognition.decision.score`). All are compared between parts that were certified and
+parts that are read (`recognition.decision.likeness`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ FINE_MM, COARSE_MM = 0.1, 0.4
 """Between places of the land whose heights are compared: grains, and lumps."""
 FINE_PX, COARSE_PX = 1, 4
 """The same of a photograph."""
+DECIDING_HEIGHTS = 0.25
+"""Length from which strokes that only one of two characters has decide between them, character heights."""
 _ENOUGH_SAMPLES = 100_000
 """Of a surface: the median of as many is off by half a per cent."""
 _DARKEST = 1.0 / 255.0
@@ -35,10 +37,15 @@ class Measure(StrEnum):
     """What is measured of a part; the value is what people read."""
 
     CONFIDENCE = "confidence"
+    ODDS = "log odds of the text before anything else is known"
+    CAMERA = "log odds of the text by the camera, beside touch"
     MARGIN = "least margin"
     BELIEF = "belief before the format"
     EVIDENCE = "evidence against the strongest rival (nats)"
+    FORMAT = "log probability of all that the format allows"
     STROKES = "share of strokes felt"
+    LEAST_STROKES = "share of the strokes felt of the character that has the least"
+    COVERED = "greatest share of deciding strokes that are covered"
     UNLIKENESS = "share of the marks that known fonts leave unexplained"
     HEIGHT = "character height (mm)"
     DEPTH = "mean depth (mm)"
@@ -54,6 +61,13 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     """What is known of the part; the others are left out."""
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
+        Measure.ODDS: reading.trace.odds,
+        Measure.CAMERA: reading.trace.camera_odds,
+        Measure.FORMAT: reading.trace.evidence,
+        Measure.LEAST_STROKES: min(
+            (p.felt for p in reading.trace.strokes if p.felt is not None), default=None
+        ),
+        Measure.COVERED: _covered(reading),
         Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
         Measure.BELIEF: _belief(reading),
         Measure.EVIDENCE: reading.evidence_margin,
@@ -97,6 +111,13 @@ def roughness(surface: NDArray[np.float64], step: int) -> float | None:
     ]
     known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
     return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else None
+
+
+def _covered(reading: Reading) -> float | None:
+    """Greatest share of the strokes that only a rival has where nothing could be felt; None where none were asked."""
+    places = reading.trace.strokes
+    hidden = (r.hidden for place in places for r in place.rivals if r.more_heights >= DECIDING_HEIGHTS)
+    return max(hidden, default=0.0) if places else None
 
 
 def _belief(reading: Reading) -> float | None:

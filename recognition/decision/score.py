@@ -1,0 +1,151 @@
+"""The score: the probability that the whole serial is right, of everything that is known of a reading.
+
+    log odds of the text  --weight--+
+    strokes felt, covered --weight--+--sum--> log odds shown --> score, 0 to 1
+    land, photograph -------weight--+
+
+Each quantity counts along straight lines, always in one direction: a better one never lowers the score. Touch, the
+camera and both together each have their own weights. They stand in `score.fit.json`, with what they were fitted on;
+`python tests/benchmarks/fit_score.py` fits them and judges them on what a fit left out.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from recognition.decision.decide import Decision
+from recognition.decision.evidence import Measure, measures_of
+from recognition.decision.flags import EXPLANATIONS, MEASURE_FLAGS, Finding, ReadingFlag
+from recognition.decision.reading import Reading
+
+SOURCES = ("tactile", "vision", "fused")
+"""Of readings."""
+FITTED = Path(__file__).with_name("score.fit.json")
+
+
+@dataclass(frozen=True)
+class Term:
+    """What one quantity counts: straight lines between points, level beyond them.
+
+    Attributes:
+        usual: value that counts nothing.
+        points: values, rising, and the log odds that each adds.
+
+    Raises:
+        ValueError: fewer than two points, values that do not rise, or log odds that turn round.
+    """
+
+    usual: float
+    points: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", tuple((float(v), float(n)) for v, n in self.points))
+        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points)]
+        falls = [nats < 0.0 for _, nats in steps if nats]
+        if not steps or any(not step > 0.0 for step, _ in steps) or (any(falls) and not all(falls)):
+            raise ValueError(f"{self} is no term; values rise, and log odds go in one direction")
+
+    def nats(self, value: float | None) -> float:
+        """Log odds that a value adds; 0 where it is not known."""
+        if value is None:
+            return 0.0
+        values, nats = np.array(self.points).T
+        return float(np.interp(value, values, nats))
+
+
+@dataclass(frozen=True)
+class Score:
+    """How the quantities of one source of readings are weighed.
+
+    Attributes:
+        bias: log odds where everything is usual and the text's are even.
+        terms: what each quantity counts.
+
+    Raises:
+        ValueError: no rising term for the log odds of the text.
+    """
+
+    bias: float
+    terms: Mapping[Measure, Term]
+
+    def __post_init__(self) -> None:
+        if Measure.ODDS not in self.terms or not self.slope > 0.0:
+            raise ValueError("a score rises with the log odds of the text")
+
+    def probability(self, measures: Mapping[Measure, float]) -> float:
+        """That a text is right; a quantity that is not known counts as usual."""
+        return share(self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items()))
+
+    def of_belief(self, belief: float) -> float:
+        """That a text is right of which nothing is known but the belief in it."""
+        return self.probability({Measure.ODDS: log_odds(belief)})
+
+    @property
+    def slope(self) -> float:
+        """What a unit of the text's log odds is worth where the text is likelier than not."""
+        (low, below), (high, above) = self.terms[Measure.ODDS].points[-2:]
+        return (above - below) / (high - low)
+
+    def losses(self, measures: Mapping[Measure, float]) -> Iterator[tuple[float, Measure]]:
+        """What each known quantity but the belief costs against a usual one, log odds, where it costs something."""
+        for name, term in self.terms.items():
+            if name is not Measure.ODDS and name in measures:
+                loss = -term.nats(measures[name])
+                if loss > 0.0:
+                    yield loss, name
+
+
+def log_odds(belief: float) -> float:
+    """Of a probability; infinite of 0 and 1."""
+    if not 0.0 < belief < 1.0:
+        return math.inf if belief >= 1.0 else -math.inf
+    return math.log(belief) - math.log1p(-belief)
+
+
+def share(odds: float) -> float:
+    """The probability of log odds."""
+    return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
+
+
+@cache
+def score_of(source: str) -> Score:
+    """Of readings from one of `SOURCES`, as it was fitted."""
+    fitted = json.loads(FITTED.read_text(encoding="utf-8"))["scores"][source]
+    terms = {Measure[name]: Term(**values) for name, values in fitted["terms"].items()}
+    return Score(fitted["bias"], MappingProxyType(terms))
+
+
+def scored(reading: Reading) -> Reading:
+    """The reading with its score, and why it is low where it is below the threshold.
+
+    Args:
+        reading: of one sense or both, with what it was made from in its trace.
+    """
+    if not reading.characters:
+        return reading
+    score, measures = score_of(reading.source), measures_of(reading)
+    made = replace(reading, confidence=score.probability(measures))
+    if made.threshold is None or made.confidence >= made.threshold:
+        return made.without(EXPLANATIONS)
+    low = ReadingFlag.LOW_CONFIDENCE
+    loss, name = max(score.losses(measures), default=(0.0, Measure.ODDS))
+    if not made.findings and share(log_odds(made.confidence) + loss) >= made.threshold:
+        usual = score.terms[name].usual
+        text = f"unlike most parts: {name.value} {measures[name]:.2g}, usually {usual:.2g} (look at the part)"
+        return made.found(Finding(low, text))
+    return replace(made, flags=made.flags | low)
+
+
+def serial_is_sure(reading: Reading) -> bool:
+    """Whether another scan reads nothing better: it is accepted but for rules for its mark and its orientation."""
+    beside = MEASURE_FLAGS | ReadingFlag.ORIENTATION_UNKNOWN
+    return replace(reading, flags=reading.flags & ~beside).decision is Decision.ACCEPT

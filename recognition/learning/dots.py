@@ -1,0 +1,120 @@
+"""Dotted fonts: what dot-peen markers and dot-matrix dies write.
+
+#####        o o o o o
+#            o                 a matrix of five by seven; a finer grid; or a dot every so far
+####   -->   o o o o           along the middle of a font's strokes
+    #                o
+####         o o o o
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font, Glyph, Points
+from glyphs.fonts.outlines import SERIAL_CHARACTERS
+from glyphs.opencv import cv2
+
+_MATRIX = {
+    "0": "3E5149453E", "1": "00427F4000", "2": "4261514946", "3": "2141454B31", "4": "1814127F10",
+    "5": "2745454539", "6": "3C4A494930", "7": "0171090503", "8": "3649494936", "9": "064949291E",
+    "A": "7E1111117E", "B": "7F49494936", "C": "3E41414122", "D": "7F4141221C", "E": "7F49494941",
+    "F": "7F09090901", "G": "3E4149497A", "H": "7F0808087F", "I": "00417F4100", "J": "2040413F01",
+    "K": "7F08142241", "L": "7F40404040", "M": "7F020C027F", "N": "7F0408107F", "O": "3E4141413E",
+    "P": "7F09090906", "Q": "3E4151215E", "R": "7F09192946", "S": "4649494931", "T": "01017F0101",
+    "U": "3F4040403F", "V": "1F2040201F", "W": "3F4038403F", "X": "6314081463", "Y": "0708700807",
+    "Z": "6151494543", "-": "0808080808", "/": "2010080402", ".": "0060600000", "+": "08083E0808",
+}  # fmt: skip
+"""Columns from left to right of the usual matrix of five by seven, two hexadecimal digits each, lowest bit on top."""
+_PIXELS = 80
+"""To the cap height of a glyph whose strokes are thinned."""
+
+
+def dotted_font(font: Font, text: str, *, rng: np.random.Generator) -> Font:
+    """Capitals, figures and the characters of a text as dots; each dot is a stroke of one point.
+
+    Args:
+        font: has them all.
+        text: what will be written.
+        rng: the only source of randomness.
+
+    Raises:
+        FontError: the font lacks a character.
+    """
+    kind, chars = rng.random(), sorted({*text, *SERIAL_CHARACTERS})
+    if kind < 0.4 and all(char in _MATRIX or char == " " for char in text):
+        across = float(rng.uniform(0.75, 1.15)) / 6
+        dots = {
+            char: _matrix_dots(char) * (across, 1 / 6) for char in chars if char in _MATRIX or char == " "
+        }
+    else:
+        pitch = float(rng.uniform(0.07, 0.16))
+        grid = 1.0 / int(rng.integers(6, 11)) if kind < 0.7 else 0.0
+        dots = {char: _thinned_dots(font.glyph(char), grid or pitch, on_grid=grid > 0) for char in chars}
+    dot = float(rng.uniform(0.07, 0.13))
+    gap = float(rng.uniform(0.12, 0.35))
+    glyphs = {char: _glyph(char, points, dot, gap) for char, points in dots.items()}
+    return Font(
+        f"{font.name}, dotted", glyphs, stroke_ratio=min(1.5 * dot, 0.19), source="drawn to learn from"
+    )
+
+
+def _matrix_dots(char: str) -> Points:
+    columns = bytes.fromhex(_MATRIX.get(char, ""))
+    return np.array(
+        [(x, 6 - y) for x, column in enumerate(columns) for y in range(7) if column >> y & 1], dtype=float
+    ).reshape(-1, 2)
+
+
+def _thinned_dots(glyph: Glyph, pitch: float, *, on_grid: bool) -> Points:
+    """Dots along the middle of the strokes, (n, 2) cap heights, some `pitch` apart."""
+    if not glyph.inked:
+        return np.empty((0, 2))
+    x0, y0, x1, y1 = glyph.ink_box
+    size = (int((y1 - y0) * _PIXELS) + 9, int((x1 - x0) * _PIXELS) + 9)
+    ink = np.zeros(size, dtype=np.uint8)
+
+    def placed(points: Points) -> NDArray[np.int32]:
+        return np.round(np.column_stack([points[:, 0] - x0, y1 - points[:, 1]]) * _PIXELS + 4).astype(
+            np.int32
+        )
+
+    if glyph.contours:
+        cv2.fillPoly(ink, [placed(c) for c in glyph.contours], 255)
+    for line in glyph.strokes:
+        cv2.polylines(ink, [placed(np.vstack([line, line[:1]]) if len(line) == 1 else line)], False, 255, 7)
+    middle = middle_dots(ink, pitch * _PIXELS)
+    at = np.column_stack([middle[:, 1] - 4, 4 - middle[:, 0]]) / _PIXELS + (x0, y1)
+    low, high = at[:, 1].min(), at[:, 1].max()
+    if high - low > 0.3:  # as tall as the glyph was
+        at[:, 1] = y0 + (at[:, 1] - low) * (y1 - y0) / (high - low)
+    return np.unique(np.round(at / pitch), axis=0) * pitch if on_grid else at
+
+
+def middle_dots(ink: NDArray[np.uint8], pitch: float) -> NDArray[np.int64]:
+    """(n, 2) rows and columns along the middle of the ink, some `pitch` pixels from one to the next."""
+    inside = cv2.distanceTransform(ink, cv2.DIST_L2, 3)
+    middle = (inside >= cv2.dilate(inside, np.ones((3, 3), np.uint8)) - 0.3) & (inside > 1.0)
+    left = np.argwhere(middle)
+    left = left[np.lexsort((left[:, 0], left[:, 1] // max(1.0, pitch)))]
+    taken = np.zeros(ink.shape, dtype=bool)
+    reach = max(1, round(0.8 * pitch))
+    dots = []
+    for row, column in left:
+        if not taken[row, column]:
+            dots.append((row, column))
+            taken[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = True
+    return np.array(dots, dtype=np.int64).reshape(-1, 2)
+
+
+def _glyph(char: str, dots: Points, dot: float, gap: float) -> Glyph:
+    if not len(dots):
+        return Glyph(char, advance=0.5, stroke=dot)
+    low, high = dots.min(axis=0), dots.max(axis=0)
+    across = float(high[0] - low[0])
+    up = dots[:, 1] * (1 - dot) / max(1.0, float(high[1])) + dot / 2  # the ink reaches from 0 to 1
+    right = dots[:, 0] - low[0] + dot / 2 + gap / 2
+    return Glyph(
+        char, strokes=tuple(np.column_stack([right, up])[:, None]), advance=across + dot + gap, stroke=dot
+    )

@@ -1,0 +1,88 @@
+"""The first pass over a part of which nothing is known: coarse, and at a scale that is always the same.
+
+    part --whiskers for 4 mm characters, every 0.15 mm, there and back--> view --find lines--> character heights
+      \\--nothing found: those for 1.2 mm, every 0.05 mm---------------------^                       |
+                                                     whisker, preload and plan of the scan that is read
+
+A bench has nothing else to go by, so neither has a height map that is read by touch. Where the height is given, that
+is taken and nothing is felt beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from recognition.views.view import View, felt_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+Feel = Callable[[HeightMap, float], Scan]
+"""Scans a level surface for characters of a height, mm."""
+
+FIRST_HEIGHTS_MM = (4.0, 1.2)
+"""Character heights for which the whiskers are made; the second only where the first finds nothing."""
+FIRST_LINES = 26
+"""Lines of the first pass to such a height: characters of half of it still have thirteen."""
+
+
+class HeightSearch(Protocol):
+    """What looks for lines in a view."""
+
+    height_mm: float | None
+
+    def heights_mm(self, view: View) -> list[float]:
+        """Character heights worth a scan, most promising first."""
+
+
+def felt_heights_mm(
+    search: HeightSearch,
+    surface: HeightMap,
+    *,
+    fidelity: Fidelity = Fidelity.CONTACT,
+    soil: Soil | None = None,
+    feel: Feel | None = None,
+) -> list[float]:
+    """Character heights, mm, that a first pass finds, most promising first; the one that is known without a pass.
+
+    Args:
+        search: looks for lines in what was felt.
+        surface: the part, level.
+        fidelity: of the contact.
+        soil: dirt into which the tip sinks, and the part's friction, if known.
+        feel: scans the surface in place of the default plan and ideal sensors.
+
+    Raises:
+        MapError: a map that cannot be scanned, a soil on another grid.
+    """
+    if search.height_mm:
+        return [search.height_mm]
+    for height_mm in FIRST_HEIGHTS_MM:
+        scan = (
+            feel(surface, height_mm)
+            if feel is not None
+            else _first_scan(surface, height_mm, fidelity=fidelity, soil=soil)
+        )
+        try:
+            edges = edge_map(scan)
+        except MapError:  # nothing was felt
+            continue
+        found = search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))
+        if found:
+            return found
+    return []
+
+
+def _first_scan(surface: HeightMap, height_mm: float, *, fidelity: Fidelity, soil: Soil | None) -> Scan:
+    plan = default_plan(
+        (0.0, 0.0, *surface.size_mm),
+        character_height_mm=height_mm,
+        directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+        lines_per_height=FIRST_LINES,
+    )
+    return trace_scan(surface, touch=default_touch(height_mm), plan=plan, fidelity=fidelity, soil=soil)

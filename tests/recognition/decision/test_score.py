@@ -1,0 +1,124 @@
+"""The score: one probability of many quantities, in one direction each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glyphs.camera.photo import Photo
+from recognition.decision import score as room
+from recognition.decision.decide import Decision
+from recognition.decision.evidence import Measure, measures_of
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decision.score import SOURCES, Score, Term, log_odds, score_of, scored, serial_is_sure, share
+from recognition.language.box import Box
+from recognition.marks.strokes_felt import PlaceStrokes, RivalStrokes
+
+PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))
+ODDS = Term(0.0, ((-12.0, -12.0), (12.0, 12.0)))
+PLAIN = Score(0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(0.01, ((0.01, 0.0), (0.21, -20.0)))})
+
+
+def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
+    grey = np.random.default_rng(4).normal(128.0, noise, (60, 90)) if noise else np.full((60, 90), 128.0)
+    made = Reading((PLACE,), 0.5, source="vision", threshold=0.98)
+    return made.traced(photo=Photo(np.clip(grey, 0, 255).astype(np.uint8)), odds=odds)
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "score_of", lambda source: PLAIN)
+
+
+def test_log_odds_and_shares_undo_each_other() -> None:
+    for belief in (1e-6, 0.3, 0.5, 0.999):
+        assert share(log_odds(belief)) == pytest.approx(belief)
+    assert (log_odds(1.0), log_odds(0.0), share(-math.inf)) == (math.inf, -math.inf, 0.0)
+
+
+def test_a_reading_is_as_sure_as_its_text_where_nothing_else_speaks() -> None:
+    made = scored(of_photo())
+    assert made.confidence == pytest.approx(share(6.0))
+    assert (made.decision, made.messages()) == (Decision.ACCEPT, ())
+
+
+def test_what_keeps_a_sure_text_from_acceptance_is_named() -> None:
+    noisy = of_photo(noise=10.0)
+    grain = measures_of(noisy)[Measure.GRAIN]
+    made = scored(noisy)
+    assert made.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)))
+    assert made.decision is Decision.REVIEW
+    assert made.messages() == (
+        f"unlike most parts: grain of the photograph {grain:.2g}, usually 0.01 (look at the part)",
+    )
+    # where the text is in doubt by itself, that is said
+    doubtful = scored(of_photo(odds=2.0, noise=10.0))
+    assert doubtful.flags == ReadingFlag.LOW_CONFIDENCE
+    assert doubtful.findings == ()
+
+
+def test_what_explains_a_low_score_goes_with_it() -> None:
+    missing = Finding(ReadingFlag.STROKES_MISSING, "most strokes are missing: A at place 1 (clean it)")
+    assert scored(of_photo().found(missing)).messages() == ()
+    assert scored(of_photo(odds=1.0).found(missing)).messages()[-1] == missing.text
+
+
+def test_a_broken_contract_stays_whatever_the_score() -> None:
+    made = scored(of_photo().found(Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”")))
+    assert made.decision is Decision.REVIEW
+    assert not serial_is_sure(made)
+    shallow = scored(of_photo().found(Finding(ReadingFlag.TOO_SHALLOW, "too shallow")))
+    assert shallow.decision is Decision.REVIEW
+    assert serial_is_sure(shallow)
+
+
+def test_nothing_read_has_no_score() -> None:
+    empty = replace(of_photo(), characters=(), confidence=0.0)
+    assert scored(empty) is empty
+
+
+def test_grain_does_not_depend_on_exposure() -> None:
+    noisy = of_photo(noise=10.0)
+    assert noisy.trace.photo is not None
+    darker = noisy.traced(photo=Photo((noisy.trace.photo.pixels // 2).astype(np.uint8)))
+    for name in (Measure.GRAIN, Measure.PATCHES):
+        assert measures_of(darker)[name] == pytest.approx(measures_of(noisy)[name], rel=0.1)
+
+
+def test_strokes_are_measured_at_the_weakest_place() -> None:
+    rival = RivalStrokes("B", belief=0.1, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.7)
+    short = replace(rival, more_heights=0.1, hidden=1.0)
+    places = (PlaceStrokes(0.9, 0.8), PlaceStrokes(0.4, 0.8, rivals=(rival, short)))
+    found = measures_of(Reading((PLACE,) * 2, 0.5).traced(strokes=places))
+    assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+@given(data=st.data())
+def test_a_better_quantity_never_lowers_a_score(source: str, data: st.DataObject) -> None:
+    fitted = score_of(source)
+    better = {
+        Measure.ODDS, Measure.FORMAT, Measure.LEAST_STROKES, Measure.STROKES,
+    }  # fmt: skip
+    values = {
+        name: data.draw(st.floats(term.points[0][0] - 1.0, term.points[-1][0] + 1.0))
+        for name, term in fitted.terms.items()
+    }
+    name = data.draw(st.sampled_from(sorted(fitted.terms)))
+    step = data.draw(st.floats(0.0, 2.0)) * (1 if name in better else -1)
+    improved = {**values, name: values[name] + step}
+    assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
+
+
+def test_a_score_is_checked() -> None:
+    for points in (((1.0, 0.0),), ((1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (1.0, 1.0), (2.0, 0.5))):
+        with pytest.raises(ValueError, match="is no term"):
+            Term(1.0, points)
+    with pytest.raises(ValueError, match="rises with the log odds"):
+        Score(0.0, {Measure.GRAIN: Term(0.0, ((0.0, 0.0), (1.0, -1.0)))})
