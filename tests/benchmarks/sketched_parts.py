@@ -67,6 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for mode, reading in (("tactile", touch), ("vision", vision), ("fused", reader.fuse(touch, vision)))
         ]  # fmt: skip
         journal.add(name, tuple(trials))
+    journal.close()
 
 
 if __name__ == "__main__":
