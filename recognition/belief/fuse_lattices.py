@@ -170,21 +170,6 @@ def _unconvincing(felt: Floats, seen: Floats, least: float) -> NDArray[np.bool_]
     return np.asarray(turned & (both[at, best] < least * both.sum(axis=1)))
 
 
-def tempered(lattice: Lattice, reliability: Reliability) -> Lattice:
-    """What is left of a sense's beliefs with nothing to compare them with: its rate of errors is the mean one."""
-    places = list(range(lattice.n_places))
-    rate = float(np.mean(reliability.rates))
-    factor, read = _factors(lattice, lattice.chars, places, reliability.power)
-    possible = _possible(lattice, lattice.chars, places)
-    share = np.where(possible, (1.0 - rate) * factor + rate, 0.0)
-    share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
-    with np.errstate(divide="ignore"):
-        log = np.log(share) + np.log((1.0 - rate) * read)[:, None]
-    return Lattice(
-        lattice.chars, np.minimum(log, 0.0), boxes=lattice.boxes, spaces_after=lattice.spaces_after
-    )
-
-
 def aligned(touch: Lattice, vision: Lattice) -> list[int | None]:
     """For every place of touch the place of sight that is the same, or None.
 

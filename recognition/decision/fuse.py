@@ -17,7 +17,6 @@ from recognition.belief.fuse_lattices import (
     Reliability,
     contradictions,
     fuse_lattices,
-    tempered,
 )
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
@@ -35,8 +34,6 @@ from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation, other_text
 
-ALONE_WRONG = 0.02
-"""Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
 VOUCHED = 0.9
 """Belief of the camera in a character by which it vouches for it where touch felt few of its strokes."""
 
@@ -95,7 +92,7 @@ def _odds_of(reading: Reading, text: str) -> float | None:
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     own = touch.trace.lattice
     if own is None or not touch.characters:
-        return _by_vision_alone(touch, vision, settings)
+        return _by_vision_alone(touch, vision)
     found = fused_lattice(touch, vision)
     if found is None:
         return replace(touch, notes=(*touch.notes, "the camera has read nothing; read by touch alone"))
@@ -221,21 +218,12 @@ def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...
     return tuple(line for line in joined.values() if line.name or line.text not in named), tuple(words)
 
 
-def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
-    """Vision's reading, doubted as vision is; nothing where it has read nothing either."""
-    seen = vision.trace.lattice
-    if seen is None or not vision.characters:
+def _by_vision_alone(touch: Reading, vision: Reading) -> Reading:
+    """Vision's reading; nothing where it has read nothing either."""
+    if vision.trace.lattice is None or not vision.characters:
         return replace(touch, characters=(), flags=touch.flags | ReadingFlag.NO_CHARACTERS)
-    lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
-    choice = choose(lattice, settings.grammar)
-    kept = vision.without(CHOICE_FLAGS)
-    made = contracts_of_choice(
-        replace(kept, characters=tuple(characters_of(choice, lattice)), seconds=_seconds(touch, vision)),
-        choice,
-        settings.grammar,
-    ).traced(choice=choice)
     note = "touch has found no characters, so the camera alone has read it"
-    return replace(made, notes=(*vision.notes, note))
+    return replace(vision, notes=(*vision.notes, note), seconds=_seconds(touch, vision))
 
 
 def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:

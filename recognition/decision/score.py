@@ -127,12 +127,16 @@ def score_of(source: str) -> Score:
 def scored(reading: Reading) -> Reading:
     """The reading with its score, and why it is low where it is below the threshold.
 
+    Where touch has read nothing beside the camera, it is scored as a camera's.
+
     Args:
         reading: of one sense or both, with what it was made from in its trace.
     """
     if not reading.characters:
         return reading
-    score, measures = score_of(reading.source), measures_of(reading)
+    score, measures = score_of(reading.source), dict(measures_of(reading))
+    if Measure.ODDS not in measures and Measure.CAMERA in measures:
+        score, measures[Measure.ODDS] = score_of("vision"), measures[Measure.CAMERA]
     made = replace(reading, confidence=score.probability(measures))
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without(EXPLANATIONS)

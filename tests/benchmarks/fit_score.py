@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.calibration import reliability
+from pipeline.benchmark.analysis.risk import risk_coverage
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.evidence import Measure
 from recognition.decision.score import FITTED, SOURCES, Score, Term
@@ -218,18 +219,13 @@ class Judged:
         accepted = (self.said >= threshold) & ~self.broken
         wrong = bounded(int((accepted & ~self.right).sum()), int(accepted.sum()))
         share_of_right = (accepted & self.right).sum() / max(int(self.right.sum()), 1)
+        said, good = self.said.tolist(), self.right.tolist()
+        error, area = reliability(said, good).error, risk_coverage(said, good).area
         cells = [
             f"{self.name} | {self.right.size:,} | {self.right.mean():.1%} | {share_of_right:.1%}",
-            f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%}",
-            f"{reliability(self.said.tolist(), self.right.tolist()).error:.3f} | {aurc(self.said, self.right):.4f}",
+            f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%} | {error:.3f} | {area:.4f}",
         ]
         return f"| {' | '.join(cells)} |"
-
-
-def aurc(said: Floats, right: Bools) -> float:
-    """Area under the risk-coverage curve: the mean share of wrong ones among the surest n, over all n."""
-    wrong = ~right[np.argsort(-said, kind="stable")]
-    return float(np.mean(np.cumsum(wrong) / np.arange(1, wrong.size + 1)))
 
 
 def judged(name: str, own: Sequence[KnownReading], made: Score) -> Judged:

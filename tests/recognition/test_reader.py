@@ -98,7 +98,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
         "read",
         "measure",
         "strokes",
-        "ground",
+        "first pass",
         "orientation",
     } == set(reading.seconds)
     assert all(t >= 0.0 for t in reading.seconds.values())

@@ -13,7 +13,7 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.evidence import Measure
 from recognition.decision.score import share
 from tests.benchmarks import fit_score
-from tests.benchmarks.fit_score import KnownReading, aurc, fit, known_readings, left_out
+from tests.benchmarks.fit_score import KnownReading, fit, known_readings, left_out
 
 DESIGN = {
     "name": "made-up",
@@ -105,12 +105,6 @@ def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
     assert (alone.said == beside.said).all()
     assert alone.said[0] > 0.8
     assert not alone.right.any()
-
-
-def test_the_area_under_risk_and_coverage_by_hand() -> None:
-    assert aurc(np.array([0.9, 0.8, 0.7]), np.array([True, False, True])) == pytest.approx(
-        (0 + 1 / 2 + 1 / 3) / 3
-    )
 
 
 def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(

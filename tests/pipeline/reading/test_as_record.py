@@ -103,7 +103,7 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
 def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     (record,) = map(record_of, discover([stamped(tmp_path, 11)]))
     row = Row.of(record)
-    assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
+    assert (row.decision, row.confidence, row.source, row.font) == ("review", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "; ".join(
         ("too shallow for x: 1 0.212 mm (at least 0.3)", *ReadingFlag.DROPOUTS.messages())

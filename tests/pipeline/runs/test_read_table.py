@@ -194,7 +194,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         (None, 0, "2 parts, 2 accept\n"),
         ("A1", 0, "2 parts, 2 accept, 2 confirmed"),
-        ("B1", 1, "2 parts, 2 accept, 2 refuted"),
+        ("B1", 1, "2 parts, 2 review, 2 refuted"),
         ("part,text\na,A1\nb,A8\n", 1, "1 confirmed, 1 refuted"),
         # three characters where two are felt: neither
         ("part,text\na,A1\nb,A18\n", 1, "1 confirmed, 1 undecided"),

@@ -17,7 +17,6 @@ from recognition.belief.fuse_lattices import (
     aligned,
     contradictions,
     fuse_lattices,
-    tempered,
 )
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.decide import Decision
@@ -25,7 +24,7 @@ from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
-from recognition.decision.score import log_odds
+from recognition.decision.score import log_odds, scored
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
@@ -196,13 +195,6 @@ def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
     np.testing.assert_allclose(odds, 0.6 / (0.1 * 1.8), rtol=EXACT)
 
 
-def test_tempered_beliefs_are_less_sure() -> None:
-    one = of_text("AB1234", 0.99)
-    less = tempered(one, VISION_ALONE)
-    np.testing.assert_array_equal(less.log_belief.argmax(1), one.log_belief.argmax(1))
-    assert (less.log_belief.max(1) < one.log_belief.max(1)).all()
-
-
 def test_reliability_is_checked() -> None:
     for wrong in ({"power": -1.0}, {"rates": ()}, {"rates": (1.2,)}, {"convincing": 2.0}):
         with pytest.raises(ValueError, match="out of range"):
@@ -234,8 +226,10 @@ def test_one_sense_alone() -> None:
     assert (by_touch.text, by_touch.decision, by_touch.source) == ("AB1234", Decision.ACCEPT, "fused")
     by_vision = fuse(touch(None), vision(of_text("AB1234", 0.999)), SETTINGS)
     assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
-    # 2 % at each of six places is wrong whatever the camera believes
-    assert by_vision.confidence < 0.98**6 + EXACT
+    # it is as sure as a camera by itself
+    assert by_vision.confidence == pytest.approx(
+        scored(vision(of_text("AB1234", 0.999))).confidence, abs=1e-3
+    )
     by_none = fuse(touch(None), vision(None), SETTINGS)
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
 
