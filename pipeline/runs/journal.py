@@ -274,7 +274,10 @@ class Journal(Generic[Kept]):
             self._synced_s = time.monotonic()
 
     def _parsed(self, text: str) -> Kept:
-        return self._adapter.validate_python(json.loads(text))
+        try:
+            return self._adapter.validate_json(text)
+        except ValueError:  # of half a character, as a file's name may have it, which Python alone reads
+            return self._adapter.validate_python(json.loads(text))
 
     def _unusable(self, what: str, hint: str = "") -> FileError:
         return FileError(self._output, what, hint or f"name another one, or remove {self.path.name}")
