@@ -33,8 +33,14 @@ R = TypeVar("R")
 
 _TABLES = """
 create table if not exists run (kind text, version integer, description text);
-create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
+create table if not exists parts (
+    number integer primary key, name blob unique, kept text, again text, line blob
+);
 """
+_ADD = """
+insert into parts (name, kept, line) values (?1, ?2, ?3) on conflict (name) do update set kept = ?2, line = ?3
+"""
+_AGAIN = "update parts set again = ?2, line = coalesce(?3, line) where name = ?1"
 _SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
@@ -142,32 +148,35 @@ class Journal(Generic[Kept]):
         rows = self._db.execute("select name, kept from parts order by number")
         return {_text(name): self._parsed(kept) for name, kept in rows}
 
-    def add(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
+    def add(self, name: str, kept: Kept, *, line: bytes = b"") -> Kept:
         """Keep what came of a part, and return it; of two of one part the last counts.
 
         Args:
             name: of the part.
             kept: what came of it.
-            again: when it was done a second time, which does not replace the first.
+            line: of a table, as it is made of that.
 
         Raises:
             FileError: it cannot be written.
         """
-        text = json.dumps(
-            self._adapter.dump_python(kept, mode="json")
-        )  # in ASCII: a file's name may be no text
-        statement = (
-            "update parts set again = ?2 where name = ?1"
-            if again
-            else "insert into parts (name, kept) values (?1, ?2) on conflict (name) do update set kept = ?2"
-        )
-        with self._faults():
-            late = time.monotonic() >= self._synced_s + _SYNC_S
-            self._write(statement, (_blob(name), text), synced=late)
+        self._keep(_ADD, name, self._text(kept), line)
         self.names.add(name)
         if "done" in vars(self):
             self.done[name] = kept
         return kept
+
+    def add_again(self, name: str, kept: Kept, *, line: bytes | None) -> None:
+        """Keep what came of a part that was done a second time, beside the first.
+
+        Args:
+            name: of the part.
+            kept: what came of it.
+            line: in place of the first line; None leaves that.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        self._keep(_AGAIN, name, self._text(kept), line)
 
     def keep_only(self, names: Iterable[str]) -> None:
         """Forget all other parts.
@@ -182,22 +191,30 @@ class Journal(Generic[Kept]):
         for name in gone:
             self.done.pop(name, None)
 
-    def entries(self, order: Iterable[str] | None = None) -> Iterator[tuple[Kept, Kept | None]]:
+    def entries(self, order: Iterable[str] = ()) -> Iterator[tuple[Kept, Kept | None]]:
         """What is kept of every part, and of its second time, streamed.
 
         Args:
-            order: names of the parts that come first, each once; those without an entry are passed over.
+            order: names of the parts that come first; those that are not kept are passed over.
         """
-        select = "select number, kept, again from parts"
+        for kept, again in self._rows("kept, again", order):
+            yield self._parsed(kept), self._parsed(again) if again else None
+
+    def lines(self, order: Iterable[str] = ()) -> Iterator[bytes]:
+        """The line of every part, likewise."""
+        return (line for (line,) in self._rows("line", order))
+
+    def _rows(self, columns: str, order: Iterable[str]) -> Iterator[tuple[Any, ...]]:
+        select = f"select number, {columns} from parts"
         seen = bytearray(self._db.execute("select coalesce(max(number), 0) + 1 from parts").fetchone()[0])
-        for name in order or ():
+        for name in order:
             row = self._db.execute(f"{select} where name = ?", (_blob(name),)).fetchone()
             if row is not None and not seen[row[0]]:
                 seen[row[0]] = 1
-                yield self._parsed(row[1]), self._parsed(row[2]) if row[2] else None
-        for number, kept, again in self._db.execute(f"{select} order by number"):
-            if number < len(seen) and not seen[number]:
-                yield self._parsed(kept), self._parsed(again) if again else None
+                yield row[1:]
+        for row in self._db.execute(f"{select} order by number"):
+            if row[0] < len(seen) and not seen[row[0]]:
+                yield row[1:]
 
     def close(self) -> None:
         """Let go of it; what SQLite keeps beside it is gone then."""
@@ -265,6 +282,12 @@ class Journal(Generic[Kept]):
         self._write("insert into run values (?, ?, ?)", run, synced=True)
         sync_names(self.path.parent)
 
+    def _keep(self, statement: str, *values: str | bytes | None) -> None:
+        name, *others = values
+        with self._faults():
+            late = time.monotonic() >= self._synced_s + _SYNC_S
+            self._write(statement, (_blob(str(name)), *others), synced=late)
+
     def _write(self, statement: str, values: tuple[Any, ...], *, synced: bool) -> None:
         if synced:
             self._db.execute("pragma synchronous = full")
@@ -272,6 +295,10 @@ class Journal(Generic[Kept]):
         if synced:
             self._db.execute("pragma synchronous = normal")
             self._synced_s = time.monotonic()
+
+    def _text(self, kept: Kept) -> str:
+        # in ASCII: a file's name may be no text
+        return json.dumps(self._adapter.dump_python(kept, mode="json"))
 
     def _parsed(self, text: str) -> Kept:
         try:

@@ -24,7 +24,7 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, fault_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.runs.journal import Journal, cannot_be_written
-from pipeline.runs.tables import LINE_FORMS, WORKBOOK, check_output, write_records
+from pipeline.runs.tables import LINE_FORMS, WORKBOOK, LineForm, check_output, form_of, write_table
 from pipeline.runs.workbook import write_workbook
 
 
@@ -39,25 +39,36 @@ class RecordJournal(Journal[ReadingRecord]):
     kind: ClassVar[str] = "run"
     version: ClassVar[int] = 4
     keeps: ClassVar[Any] = ReadingRecord
-    form = LINE_FORMS[".jsonl"]
+    form: LineForm
     table: FileIO | None = None
 
-    def add(self, name: str, kept: ReadingRecord, *, again: bool = False) -> ReadingRecord:
+    def add(self, name: str, kept: ReadingRecord, *, line: bytes = b"") -> ReadingRecord:
         """Keep a record, and append its line; what no table holds is a fault, and its record says so."""
-        if name in self.names and not again:
+        if name in self.names:
             return kept
         try:
             line = self.form.encode(kept)
         except ValueError as error:
             kept = ReadingRecord.failed(name, f"{name}: {fault_of(error)}; please report it")
             line = self.form.encode(kept)
-        super().add(name, kept, again=again)
+        super().add(name, kept, line=line)
         try:
-            while self.table is not None and line and not again:
+            while self.table is not None and line:
                 line = line[self.table.write(line) :]
         except OSError as error:
             raise cannot_be_written(self._output, error) from error
         return kept
+
+    def add_second(self, second: ReadingRecord) -> None:
+        """Keep the second reading of a part; its line is that of the better of the two."""
+        from recognition.learning.lot import is_better
+
+        try:
+            line = self.form.encode(second)
+        except ValueError:  # what no table holds is no better than what it has
+            return
+        first, _ = next(self.entries((second.part,)))
+        self.add_again(second.part, second, line=line if is_better(second, first) else None)
 
 
 class RunJournal:
@@ -77,11 +88,11 @@ class RunJournal:
         self.kept: Path | None = None
         marker = _beside(path, ".unfinished")
         self.journal = RecordJournal(marker, description, output=path, make_place=self._make_place)
-        self.resumed = self.journal.resumed
-        if form := LINE_FORMS.get(path.suffix.lower()):
+        self.resumed, self.journal.form = self.journal.resumed, form_of(path)
+        if path.suffix.lower() in LINE_FORMS:
             try:
-                write_records(self.records(), path)
-                self.journal.form, self.journal.table = form, open(path, "ab", buffering=0)  # noqa: SIM115
+                write_table(self.journal.lines(), path)
+                self.journal.table = open(path, "ab", buffering=0)  # noqa: SIM115
             except BaseException:
                 self.close()
                 raise
@@ -138,7 +149,7 @@ class RunJournal:
                 with replacing(self.path) as temporary:
                     write_workbook(self.records(order), temporary, self.journal.description)
             else:
-                write_records(self.records(order), self.path)
+                write_table(self.journal.lines(order), self.path)
         except FileError as problem:
             if not isinstance(problem.__cause__, OSError):
                 raise

@@ -114,9 +114,9 @@ class SecondPass:
             if outcome.result is None:
                 continue  # its first reading stays; taken up again, the run tries it once more
             record = outcome.result.record
-            record = book.journal.add(
-                record.part, record if self.checked is None else self.checked(record), again=True
-            )
+            if self.checked is not None:
+                record = self.checked(record)
+            book.journal.add_second(record)
             if self.on_row is not None:
                 self.on_row(record)
 

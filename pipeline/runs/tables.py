@@ -72,22 +72,28 @@ def check_output(path: Path) -> None:
     check_writable(path)
 
 
-def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
+def write_table(lines: Iterable[bytes], path: Path) -> None:
     """Write a table of lines or Parquet; the file appears whole or not at all.
 
+    Args:
+        lines: as `form_of` encodes records for that file.
+        path: of the table.
+
     Raises:
-        FileError: unknown suffix, or it cannot be written.
-        ValueError: a record that no table holds.
+        FileError: it cannot be written.
     """
-    check_output(path)
     with replacing(path) as temporary:
-        form = LINE_FORMS.get(path.suffix.lower())
-        if form is None:
-            _write_parquet(records, temporary)
+        if path.suffix.lower() == ".parquet":
+            _write_parquet(lines, temporary)
             return
         with temporary.open("wb") as stream:
-            stream.write(form.head)
-            stream.writelines(map(form.encode, records))
+            stream.write(form_of(path).head)
+            stream.writelines(lines)
+
+
+def form_of(path: Path) -> LineForm:
+    """The form of the lines that a table is, or is made of."""
+    return LINE_FORMS.get(path.suffix.lower(), LINE_FORMS[".jsonl"])
 
 
 def csv_cells(record: ReadingRecord) -> list[Any]:
@@ -96,8 +102,14 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
     Raises:
         ValueError: a number that is not finite, or a text that is too long.
     """
-    cells: list[Any] = _fitting(list(vars(Row.of(record)).values()), record.part)
-    return cells
+    cells = list(vars(Row.of(record)).values())
+    finite = all(math.isfinite(cell) for cell in cells if isinstance(cell, float))
+    plain = finite and _is_plain("".join(cell for cell in cells if isinstance(cell, str)))
+    return cells if plain else list(_fitting(cells, record.part))
+
+
+def _is_plain(texts: str) -> bool:
+    return len(texts) <= MOST_TEXT and not _ODD.search(texts)
 
 
 def _fitting(value: Any, part: str) -> Any:
@@ -129,7 +141,7 @@ def _json_line(record: ReadingRecord) -> bytes:
     values = {name: told[name] for name in COLUMNS}
     values["characters"] = [_flat(place) for place in values["characters"]]
     line = _dumps(values)
-    if len(line) > MOST_TEXT or _ODD.search(line):
+    if not _is_plain(line):
         line = _dumps(_fitting(values, record.part))
     return f"{line.translate(_LINE_BREAKS)}\n".encode()
 
@@ -149,18 +161,18 @@ WORKBOOK = ".xlsx"
 SUFFIXES = (*LINE_FORMS, ".parquet", WORKBOOK)
 
 
-def _write_parquet(records: Iterable[ReadingRecord], path: Path) -> None:
+def _write_parquet(lines: Iterable[bytes], path: Path) -> None:
     import pyarrow.json
     import pyarrow.parquet
 
     hints = get_type_hints(ReadingRecord)
     schema = pyarrow.schema([(name, _arrow(hints[name])) for name in COLUMNS])
     parsing = pyarrow.json.ParseOptions(explicit_schema=schema)
-    remaining = iter(records)
+    remaining = iter(lines)
     with pyarrow.parquet.ParquetWriter(path, schema) as writer:
-        while lines := b"".join(map(_json_line, islice(remaining, _GROUP_RECORDS))):
-            reading = pyarrow.json.ReadOptions(block_size=len(lines))
-            writer.write_table(pyarrow.json.read_json(io.BytesIO(lines), reading, parsing))
+        while group := b"".join(islice(remaining, _GROUP_RECORDS)):
+            reading = pyarrow.json.ReadOptions(block_size=len(group))
+            writer.write_table(pyarrow.json.read_json(io.BytesIO(group), reading, parsing))
 
 
 def _arrow(kind: Any) -> Any:

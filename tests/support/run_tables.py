@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pyarrow.parquet
 
 from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
+from pipeline.runs.tables import check_output, form_of, write_table
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
@@ -57,6 +59,12 @@ def read_rows(path: Path) -> list[TableRow]:
         ]
     except (OSError, ValueError, KeyError) as error:
         raise FileError(path, f"is no table ({error})", "look at it") from error
+
+
+def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
+    """Write a table of records."""
+    check_output(path)
+    write_table(map(form_of(path).encode, records), path)
 
 
 def record_of_json(line: bytes) -> ReadingRecord:

@@ -13,7 +13,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.find_parts import discover
 from pipeline.formats.synth import text_of
 from pipeline.runs.options import RunOptions
-from pipeline.runs.tables import write_records
+from tests.support.run_tables import write_records
 
 
 def test_a_lot_is_made_and_read_both_ways(

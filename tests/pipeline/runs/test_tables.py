@@ -20,8 +20,8 @@ from pipeline.common.reading_records import (
     ReadingRecord,
     RivalRecord,
 )
-from pipeline.runs.tables import check_output, write_records
-from tests.support.run_tables import record_of_json
+from pipeline.runs.tables import check_output
+from tests.support.run_tables import record_of_json, write_records
 
 PLACE = CharacterRecord(
     (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),
