@@ -73,12 +73,8 @@ def feel(
         MapError: a map that cannot be scanned, or soil on another grid.
     """
     touch = touch if touch is not None else default_touch(height_mm)
-    rng = np.random.default_rng(sensor_seed)
-    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
     n_whiskers = plan.array.n_whiskers * plan.array.kinds
-    chain, stage = (
-        _bench(n_whiskers, memory=memory, rng=rng, full_scale_n_mm=full_scale) if noise else (None, None)
-    )
+    rng, chain, stage = _bench(n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
     drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
     scan = trace_scan(
         level(height_map),
@@ -97,11 +93,15 @@ def feel(
 
 
 def _bench(
-    n_whiskers: int, *, memory: bool, rng: np.random.Generator, full_scale_n_mm: float
-) -> tuple[SensorChain, StagePlay | None]:
-    """Sensors and stage of one bench; without memory the stage has no play either."""
-    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale_n_mm, memory=memory)
-    return chain, draw_stage_play(rng=rng.spawn(1)[0]) if memory else None
+    n_whiskers: int, touch: Touch, *, noise: bool, memory: bool, seed: int
+) -> tuple[np.random.Generator, SensorChain | None, StagePlay | None]:
+    """Draw the sensors and the stage of one bench; without memory the stage has no play either."""
+    rng = np.random.default_rng(seed)
+    if not noise:
+        return rng, None, None
+    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
+    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale, memory=memory)
+    return rng, chain, draw_stage_play(rng=rng.spawn(1)[0]) if memory else None
 
 
 def open_session(
@@ -142,11 +142,7 @@ def open_session(
     usual = default_plan(
         (0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm, n_whiskers=n_whiskers
     )
-    rng = np.random.default_rng(sensor_seed)
-    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
-    chain, stage = (
-        _bench(n_whiskers, memory=memory, rng=rng, full_scale_n_mm=full_scale) if noise else (None, None)
-    )
+    rng, chain, stage = _bench(n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
     rate = usual.sample_rate_hz
     known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
     return SimulatedSession(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.formats.part_files import PartFiles
@@ -27,17 +27,7 @@ if TYPE_CHECKING:
     from pipeline.runs.quarantine import Quarantine
     from pipeline.runs.run_journal import RunJournal
     from pipeline.runs.second_pass import SecondPass
-
-
-class Store(Protocol):
-    """What keeps parts beside the table: `pipeline.runs.store_target.RunStore` does."""
-
-    def add(self, read: ReadPart) -> bool:
-        """Keep a part; False where it is kept already.
-
-        Raises:
-            ValueError: of a part that cannot be kept.
-        """
+    from pipeline.runs.store_target import RunStore
 
 
 @dataclass
@@ -62,7 +52,7 @@ class Run:
 
     book: RunJournal
     quarantine: Quarantine | None = None
-    store: Store | None = None
+    store: RunStore | None = None
     second: SecondPass | None = None
     lot: LotCheck | None = None
     watch: DriftWatch | None = None

@@ -169,15 +169,6 @@ class WorkPool:
         """Whether every worker is warm."""
         return all(slot.warm for slot in self._slots)
 
-    def wait_ready(self, timeout_s: float) -> bool:
-        """Wait until every worker is warm."""
-        until = time.monotonic() + timeout_s
-        while time.monotonic() < until and not self._order.closing.is_set():
-            if self.all_ready():
-                return True
-            time.sleep(0.02)
-        return False
-
     def close(self, grace_s: float) -> None:
         """Take no more jobs, let those that there are end, and end the workers; what is not done by then is lost."""
         with self._lock:

@@ -7,7 +7,20 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.workers.pool import WorkPool
+
+
+def wait_ready(pool: WorkPool, timeout_s: float) -> bool:
+    """Wait until every worker of a pool is warm."""
+    until = time.monotonic() + timeout_s
+    while not pool.all_ready():
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.02)
+    return True
 
 
 def parent(marks: str) -> None:
@@ -15,7 +28,7 @@ def parent(marks: str) -> None:
     from pipeline.workers.pool import WorkPool
 
     pool = WorkPool(2, queue=2, timeout_s=600.0)
-    pool.wait_ready(120.0)
+    wait_ready(pool, 120.0)
     pool.submit(time.sleep, 600.0)
     path = Path(marks)
     path.with_suffix(".tmp").write_text(" ".join(map(str, pool.pids)))

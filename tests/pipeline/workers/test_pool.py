@@ -55,7 +55,7 @@ def alive(pid: int) -> bool:
 
 def test_function_is_called_in_another_process(pool: WorkPool) -> None:
     assert pool.submit(os.getpid).result(LONG_S) != os.getpid()
-    assert pool.wait_ready(LONG_S)
+    assert calls.wait_ready(pool, LONG_S)
     assert pool.ready()
 
 
@@ -155,7 +155,7 @@ def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> No
         assert str(full) not in pool.trouble
         assert not pool.ready()
         full.unlink()
-        assert pool.wait_ready(LONG_S)
+        assert calls.wait_ready(pool, LONG_S)
         assert pool.trouble == ""
         assert pool.submit(os.getpid).result(LONG_S)
     finally:
@@ -189,7 +189,7 @@ def test_job_that_takes_too_long_is_stopped() -> None:
 def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
     pool = WorkPool(1, queue=5, timeout_s=LONG_S)
     jobs = [pool.submit(time.sleep, 0.05) for _ in range(4)]
-    pool.wait_ready(LONG_S)
+    calls.wait_ready(pool, LONG_S)
     pids = pool.pids
     pool.close(LONG_S)
     assert [job.result(0.0) for job in jobs] == [None] * 4
@@ -240,7 +240,7 @@ def test_warm_worker_has_read_a_part() -> None:
     ready = partial(warm_up, ReadSettings(font=("gothic",), height_mm=5.0), Limits())
     pool = WorkPool(1, queue=1, timeout_s=LONG_S, memory_mb=3072, warm_up=ready)
     try:
-        assert pool.wait_ready(LONG_S)
+        assert calls.wait_ready(pool, LONG_S)
         facts = pool.submit(calls.facts).result(LONG_S)
         assert facts["cv2"] == 1
         assert not facts["matplotlib"], "a worker draws without it"
