@@ -142,7 +142,7 @@ class Reader:
         """One reading of both senses, whose trace holds both."""
         from recognition.decision.fuse import fuse
 
-        return fuse(touch, vision, self.settings)
+        return fuse(touch, vision, self.settings.of("fused"))
 
     def verify(self, reading: Reading, expected: str) -> Reading:
         """The reading with the verdict on an expected text: `reading.trace.verification`.

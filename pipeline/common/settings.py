@@ -332,6 +332,9 @@ class ReadSettings(MapSettings):
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
     accept_confidence: Share | None = None
     """Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given."""
+    accept_risk: float | None = Field(default=None, gt=0.0, lt=1.0)
+    """Share of wrong readings among the accepted that is to be expected at most, such as 0.005, in place of a
+    confidence; see certify for your own parts."""
     certificate: Path | None = None
     """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
     the parts are unlike the certified ones."""

@@ -27,8 +27,8 @@ def open_reader(settings: ReadSettings) -> Reader:
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
     """
-    least = settings.accept_confidence
-    threshold: dict[str, Any] = {} if least is None else {"accept_confidence": least}
+    given = {name: getattr(settings, name) for name in ("accept_confidence", "accept_risk")}
+    threshold: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),

@@ -73,7 +73,10 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
         strokes=made.trace.strokes, evidence=made.trace.evidence,
         odds=_odds_of(touch, made.text), camera_odds=_odds_of(vision, made.text),
     )  # fmt: skip
-    made = scored(replace(made, source="fused", photos=vision.photos, trace=trace))
+    made = replace(
+        made, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
+    )
+    made = scored(made)
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(made, codes)

@@ -69,6 +69,7 @@ class Score:
     Attributes:
         bias: log odds where everything is usual and the text's are even.
         terms: what each quantity counts.
+        thresholds: risks, falling, and the least score from which readings that a fit left out kept each.
 
     Raises:
         ValueError: no rising term for the log odds of the text.
@@ -76,6 +77,7 @@ class Score:
 
     bias: float
     terms: Mapping[Measure, Term]
+    thresholds: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if Measure.ODDS not in self.terms or not self.slope > 0.0:
@@ -88,6 +90,18 @@ class Score:
     def of_belief(self, belief: float) -> float:
         """That a text is right of which nothing is known but the belief in it."""
         return self.probability({Measure.ODDS: log_odds(belief)})
+
+    def threshold(self, risk: float) -> float:
+        """Least score from which the share of wrong ones among the accepted is expected to be no more than a risk.
+
+        Raises:
+            ValueError: a risk that the readings of the fit say nothing about.
+        """
+        kept = [threshold for least, threshold in self.thresholds if least <= risk]
+        if not kept or not risk < 1.0:
+            least = min((one for one, _ in self.thresholds), default=1.0)
+            raise ValueError(f"a risk of {risk:g} is none that was tried; it lies between {least:g} and 1")
+        return kept[0]
 
     @property
     def slope(self) -> float:
@@ -121,7 +135,7 @@ def score_of(source: str) -> Score:
     """Of readings from one of `SOURCES`, as it was fitted."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["scores"][source]
     terms = {Measure[name]: Term(**values) for name, values in fitted["terms"].items()}
-    return Score(fitted["bias"], MappingProxyType(terms))
+    return Score(fitted["bias"], MappingProxyType(terms), tuple(map(tuple, fitted["thresholds"])))
 
 
 def scored(reading: Reading) -> Reading:

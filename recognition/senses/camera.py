@@ -47,7 +47,7 @@ class VisionReader:
             FontError: as of the reader by touch.
             MarksError: experts of touch alone.
         """
-        self.settings = settings if settings is not None else ReaderSettings()
+        self.settings = (settings if settings is not None else ReaderSettings()).of("vision")
         if self.settings.experts and "network" not in self.settings.experts:
             raise MarksError(
                 f"no photograph is read by {', '.join(self.settings.experts)}",

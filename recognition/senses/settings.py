@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypedDict
 
@@ -16,6 +16,7 @@ from glyphs.surface.display import one_line
 from recognition.belief.part_lines import LineFormat, Region, check_region
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
+from recognition.decision.score import SOURCES, score_of
 from recognition.experts.steps import EXPERTS
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
@@ -34,6 +35,7 @@ class ReaderOptions(TypedDict, total=False):
     height_mm: float | None
     fidelity: Fidelity
     accept_confidence: float
+    accept_risk: float | None
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     region: Region | None
@@ -52,7 +54,9 @@ class ReaderSettings:
             grammar; None where nothing is known.
         height_mm: character height, if known.
         fidelity: how the virtual array feels a height map.
-        accept_confidence: readings at least so sure are accepted, if no contract is broken.
+        accept_confidence: readings at least so sure are accepted, if no contract is broken; or
+        accept_risk: share of wrong ones among the accepted that is to be expected at most; each sense has its own
+            threshold for it (`recognition.decision.score.Score.threshold`).
         depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: who has a say, of `EXPERTS`; empty for all there are.
         region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned;
@@ -72,6 +76,7 @@ class ReaderSettings:
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
     accept_confidence: float = 0.97
+    accept_risk: float | None = None
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     region: Region | None = None
@@ -88,6 +93,9 @@ class ReaderSettings:
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
         if not 0.0 <= self.accept_confidence <= 1.0:
             raise ValueError(f"accept_confidence is {self.accept_confidence}; it lies between 0 and 1")
+        if self.accept_risk is not None:
+            for source in SOURCES:
+                score_of(source).threshold(self.accept_risk)
         check_region(self.region)
         object.__setattr__(self, "orientation", Orientation(self.orientation))
         # pairs, so that settings can be keys
@@ -98,6 +106,13 @@ class ReaderSettings:
         if unknown:
             raise ValueError(f"there is no expert {', '.join(unknown)}; there are {', '.join(EXPERTS)}")
         _ = self.grammar, self.asked
+
+    def of(self, source: str) -> ReaderSettings:
+        """The settings of one source of readings, with its own threshold for the risk that is accepted."""
+        if self.accept_risk is None:
+            return self
+        threshold = score_of(source).threshold(self.accept_risk)
+        return replace(self, accept_confidence=threshold, accept_risk=None)
 
     @cached_property
     def asked(self) -> Mapping[str, LineFormat]:

@@ -63,7 +63,7 @@ class TactileReader:
         Raises:
             FontError: a font that cannot be loaded, or that lacks what the format needs.
         """
-        self.settings = settings if settings is not None else ReaderSettings()
+        self.settings = (settings if settings is not None else ReaderSettings()).of("tactile")
         repertoire = Repertoire(self.settings)
         self.chars, self.grammar = repertoire.chars, repertoire.grammar
         self.places, self.gaps = repertoire.places, repertoire.gaps

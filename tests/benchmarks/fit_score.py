@@ -55,6 +55,8 @@ KNEED, KNEE_ODDS = (Measure.ODDS, Measure.CAMERA), 0.0
 """Log odds, and from where down they count by another line."""
 OFF = 0.01
 """Share of readings beyond the worse end of a range."""
+RISKS = (0.05, 0.02, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001, 0.0005)
+"""Shares of wrong ones among the accepted for which thresholds are kept."""
 FEWEST = 20
 """Readings of a group that has a row of its own, and of a quantity that counts."""
 MOST_ODDS = 12.0
@@ -271,6 +273,17 @@ def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -
     yield ""
 
 
+def thresholds(said: Floats) -> list[tuple[float, float]]:
+    """For each of `RISKS` the least score from which readings are expected to keep it, by their own scores."""
+    falling = np.sort(said)[::-1]
+    expected = np.cumsum(1.0 - falling) / np.arange(1, falling.size + 1)
+    return [
+        (risk, float(f"{np.ceil(1e5 * falling[int((expected <= risk).sum()) - 1]) / 1e5:.5f}"))
+        for risk in RISKS
+        if (expected <= risk).sum() >= FEWEST
+    ]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit, print the tables, and with --write keep the fit."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -290,6 +303,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         fitted[source] = {
             "bias": made.bias,
             "terms": {name.name: asdict(term) for name, term in made.terms.items()},
+            "thresholds": thresholds(together("", list(left_out(own, "soil"))).said),
         }
         print("\n".join(tables(source, own, threshold=given.threshold)))
         print(f"fitted: {made}\n")

@@ -19,6 +19,7 @@ from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.score import SOURCES, Score, Term, log_odds, score_of, scored, serial_is_sure, share
 from recognition.language.box import Box
 from recognition.marks.strokes_felt import PlaceStrokes, RivalStrokes
+from recognition.senses.settings import ReaderSettings
 
 PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))
 ODDS = Term(0.0, ((-12.0, -12.0), (12.0, 12.0)))
@@ -114,6 +115,27 @@ def test_a_better_quantity_never_lowers_a_score(source: str, data: st.DataObject
     step = data.draw(st.floats(0.0, 2.0)) * (1 if name in better else -1)
     improved = {**values, name: values[name] + step}
     assert fitted.probability(improved) >= fitted.probability(values) - 1e-12
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_a_smaller_risk_asks_for_a_higher_score(source: str) -> None:
+    fitted = score_of(source)
+    asked = [fitted.threshold(risk) for risk in (0.05, 0.01, 0.005, 0.003)]
+    assert asked == sorted(set(asked))
+    # between two that were tried the stricter one holds
+    assert fitted.threshold(0.004) == fitted.threshold(0.003)
+    for nothing_known in (1e-7, 1.0):
+        with pytest.raises(ValueError, match="is none that was tried"):
+            fitted.threshold(nothing_known)
+
+
+def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
+    given = ReaderSettings(accept_risk=0.005)
+    for source in SOURCES:
+        assert given.of(source).accept_confidence == score_of(source).threshold(0.005)
+    assert ReaderSettings().of("tactile") == ReaderSettings()
+    with pytest.raises(ValueError, match="none that was tried"):
+        ReaderSettings(accept_risk=1e-7)
 
 
 def test_a_score_is_checked() -> None:
