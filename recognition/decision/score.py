@@ -22,6 +22,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure, measures_of
 from recognition.decision.flags import EXPLANATIONS, MEASURE_FLAGS, Finding, ReadingFlag
@@ -95,12 +96,15 @@ class Score:
         """Least score from which the share of wrong ones among the accepted is expected to be no more than a risk.
 
         Raises:
-            ValueError: a risk that the readings of the fit say nothing about.
+            MarksError: a risk that the readings of the fit say nothing about.
         """
         kept = [threshold for least, threshold in self.thresholds if least <= risk]
         if not kept or not risk < 1.0:
             least = min((one for one, _ in self.thresholds), default=1.0)
-            raise ValueError(f"a risk of {risk:g} is none that was tried; it lies between {least:g} and 1")
+            raise MarksError(
+                f"a risk of {risk:g} is none that was tried; it lies between {least:g} and 1",
+                hint="certify your own parts for a smaller one",
+            )
         return kept[0]
 
     @property

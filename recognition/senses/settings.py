@@ -68,6 +68,7 @@ class ReaderSettings:
 
     Raises:
         FormatError: a format that no serial meets.
+        MarksError: a risk that no fit says anything about.
         ValueError: a number out of range.
     """
 

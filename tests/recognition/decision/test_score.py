@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
 from recognition.decision import score as room
 from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure, measures_of
@@ -125,7 +126,7 @@ def test_a_smaller_risk_asks_for_a_higher_score(source: str) -> None:
     # between two that were tried the stricter one holds
     assert fitted.threshold(0.004) == fitted.threshold(0.003)
     for nothing_known in (1e-7, 1.0):
-        with pytest.raises(ValueError, match="is none that was tried"):
+        with pytest.raises(MarksError, match="is none that was tried"):
             fitted.threshold(nothing_known)
 
 
@@ -134,7 +135,7 @@ def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
     for source in SOURCES:
         assert given.of(source).accept_confidence == score_of(source).threshold(0.005)
     assert ReaderSettings().of("tactile") == ReaderSettings()
-    with pytest.raises(ValueError, match="none that was tried"):
+    with pytest.raises(MarksError, match="none that was tried"):
         ReaderSettings(accept_risk=1e-7)
 
 
