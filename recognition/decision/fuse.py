@@ -12,12 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
-from recognition.belief.fuse_lattices import (
-    VISION_ALONE,
-    Reliability,
-    contradictions,
-    fuse_lattices,
-)
+from recognition.belief.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
@@ -33,10 +28,6 @@ from recognition.decision.which_way_up import also_readable, plain_text, ways_po
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Orientation, other_text
-
-VOUCHED = 0.9
-"""Belief of the camera in a character by which it vouches for it where touch felt few of its strokes."""
-
 
 CHOICE_FLAGS = (
     ReadingFlag.LOW_CONFIDENCE
@@ -121,15 +112,11 @@ def fused_lattice(
     felt, seen = (r.trace.open_lattice if openly else r.trace.lattice for r in (touch, vision))
     if felt is None or seen is None or felt.n_places != seen.n_places:
         return None
-    return _joined(felt, replace(seen, boxes=()), VISION_ALONE)
-
-
-def _joined(felt: Lattice, seen: Lattice, reliability: Reliability) -> tuple[Lattice, tuple[str, ...]]:
     words = tuple(
         f"place {k + 1}: touch has {ours}, the camera {theirs}"
-        for k, ours, theirs in contradictions(felt, seen, reliability=reliability)
+        for k, ours, theirs in contradictions(felt, seen)
     )
-    return fuse_lattices(felt, seen, reliability=reliability), words
+    return fuse_lattices(felt, seen), words
 
 
 def _reading(
@@ -168,7 +155,7 @@ def _reading(
     if tactile.trace.felt_line is not None:
         slope = score_of("fused").slope
         made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
-    return strokes_asked(made, vouched=_sure_places(vision, made.text))
+    return strokes_asked(made)
 
 
 def _orientation_doubts(
@@ -194,16 +181,6 @@ def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:
     """What touch has found that the format does not allow, unless the camera has not."""
     overruled = ReadingFlag.FORMAT_OVERRULED
     return tuple(f for f in tactile.findings if f.flag & overruled and vision.flags & overruled)
-
-
-def _sure_places(vision: Reading, text: str) -> frozenset[int]:
-    """Places, from 0, at which the camera is by itself sure of the character read."""
-    lattice = vision.trace.lattice
-    chars = text.replace(" ", "")
-    if lattice is None or lattice.n_places != len(chars):
-        return frozenset()
-    beliefs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(chars))
-    return frozenset(k for k, log in enumerate(beliefs) if math.exp(log) >= VOUCHED)
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:

@@ -6,7 +6,7 @@ The prior has no say here: a J whose hook is filled is an I to the eye, and to w
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 from recognition.decision.decide import BROKEN, Decision
@@ -51,18 +51,17 @@ _REMEDIES = {
 }
 
 
-def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading:
+def strokes_asked(reading: Reading) -> Reading:
     """The reading, with what is found of the strokes: most of a character missing, or a rival that they fit as well.
 
     Args:
         reading: with the grades of its marks, and the strokes in its trace.
-        vouched: places, from 0, that another sense is sure of: what is missing or hidden there was seen.
     """
     reading = reading.without(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
     felt = reading.strokes_felt
-    if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT and not vouched:
+    if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT:
         return no_text(reading)
-    found = (*_cut(reading, vouched), *_missing(reading, vouched), *_undecided(reading, vouched))
+    found = (*_cut(reading), *_missing(reading), *_undecided(reading))
     return reading.found(*found)
 
 
@@ -87,9 +86,9 @@ def no_text(reading: Reading) -> Reading:
     )
 
 
-def _cut(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+def _cut(reading: Reading) -> Iterator[Finding]:
     """Characters that lie over the edge of what was felt."""
-    places = [k for k, place in enumerate(reading.trace.strokes) if not place.whole and k not in vouched]
+    places = [k for k, place in enumerate(reading.trace.strokes) if not place.whole]
     if places:
         where = places_text(reading, places)
         yield Finding(
@@ -109,12 +108,10 @@ def only_whole(reading: Reading) -> Reading:
     return replace(reading, characters=tuple(characters))
 
 
-def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+def _missing(reading: Reading) -> Iterator[Finding]:
     strokes = reading.trace.strokes
     lacking, foreign = {}, []
     for k, c in enumerate(reading.characters):
-        if k in vouched:
-            continue
         place = strokes[k] if k < len(strokes) else None
         edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
         shallow = place is not None and place.felt is not None and place.felt < LEAST_FELT
@@ -143,10 +140,10 @@ def _another_font(reading: Reading) -> bool:
     return named is not None and max(scores.values()) >= named + OTHER_FONT
 
 
-def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+def _undecided(reading: Reading) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
-        rivals = [r for r in place.rivals if _stands(r, seen=k in vouched)]
-        if place.untold and k not in vouched:
+        rivals = [r for r in place.rivals if _stands(r)]
+        if place.untold:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
             yield Finding(ReadingFlag.UNTOLD, f"{pair} at place {k + 1}: {place.untold} (feel more lines)")
@@ -158,10 +155,8 @@ def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
             )
 
 
-def _stands(rival: RivalStrokes, *, seen: bool) -> bool:
+def _stands(rival: RivalStrokes) -> bool:
     """Whether a rival is not excluded."""
-    if seen:
-        return False
     if rival.apart_heights < TOLD_HEIGHTS:
         return rival.belief >= UNTOLD
     return (rival.belief >= LIVE and rival.excluded_nats < -math.log(LEFT)) or _hides(rival)
