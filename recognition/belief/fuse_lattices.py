@@ -63,7 +63,7 @@ def contradictions(
     same = np.array([a == b for a, b in zip(*texts, strict=True)])
     others = max(same.size - 1, 1)
     return tuple(
-        (k, texts[0][k], texts[1][k])
+        (int(k), texts[0][k], texts[1][k])
         for k in np.flatnonzero(~same)
         if bests[0][k] >= sure and bests[1][k] >= sure and same.sum() / others >= agreeing
     )
