@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recognition.belief.line_belief import LineBelief, believed, pooled
+from recognition.belief.line_belief import LineBelief, believed
 from recognition.belief.line_search import (
     BESIDE,
     HERE,
@@ -29,14 +29,13 @@ from recognition.belief.line_search import (
 )
 from recognition.belief.part_lines import (
     NO_LINES,
-    Judge,
     LineFormat,
     PartLines,
     ReadLine,
     Region,
     stands_in,
 )
-from recognition.experts.steps import EXPERTS, Steps
+from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
@@ -68,7 +67,6 @@ class LineReader:
         chars: str,
         *,
         height_mm: float | None = None,
-        experts: Sequence[str] = (),
         region: Region | None = None,
         lines: Mapping[str, LineFormat] = NO_LINES,
         orientation: Orientation = Orientation.ANY,
@@ -80,14 +78,12 @@ class LineReader:
             grammar: what the serial's line may be.
             chars: all that is looked for.
             height_mm: of the characters, if known.
-            experts: whose belief counts, of those there are; all unless given.
             region: where the middle of the serial's line lies; anywhere unless given.
             lines: others that stand on the part, by name.
             orientation: which way up parts lie.
             search: makes what finds lines and looks at them; the network's unless given.
         """
         self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
-        self.experts = frozenset(experts or EXPERTS)
         self.search = search(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
 
     def under(self, grammar: Grammar | None) -> LineReader:
@@ -102,7 +98,7 @@ class LineReader:
         view: View,
         *others: View,
         about: TextLine | None = None,
-        judge: Judge | None = None,
+        twice: bool = False,
     ) -> PartLines:
         """The lines of a view.
 
@@ -111,7 +107,7 @@ class LineReader:
             others: further views of the same part, in its frame: other lights. They are looked at where one is not
                 enough.
             about: where the line lies, if that is known.
-            judge: other experts.
+            twice: look a second time even where one look is sure: where templates have a say, places must be right.
         """
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
@@ -131,7 +127,7 @@ class LineReader:
             return PartLines(None)
         best = self._right_way_up(view, self.search.settled(view, meant))
         closely = len(looked) > 1
-        main = self._believed(view, best, self.grammar, others=dimmer, closely=closely, judge=judge)
+        main = self._believed(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
         main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
@@ -175,9 +171,9 @@ class LineReader:
         *,
         others: Sequence[View] = (),
         closely: bool = False,
-        judge: Judge | None = None,
+        twice: bool = False,
     ) -> ReadLine | None:
-        """What all experts believe of a line: of one look where that is sure, of several where it is not.
+        """What is believed of a line: of one look where that is sure, of several where it is not.
 
         Where asked for `closely`, several looks are always taken.
         """
@@ -189,16 +185,10 @@ class LineReader:
             for number, other in enumerate(others, start=1):
                 looks += _of_view(number, self.search.more_looks(other, line, (HERE, *JITTERS)))
             belief = believed(looks, grammar)
-        elif judge is not None:
+        elif twice:
             looks += self.search.more_looks(view, line, (BESIDE,))
             belief = believed(looks, grammar)
-        if belief is None:
-            return None
-        more = judge(line, belief) if judge is not None else {}
-        by_expert = {name: own for name, own in {**more, **belief.by_expert}.items() if name in self.experts}
-        if by_expert.keys() != belief.by_expert.keys():
-            belief = replace(belief, lattice=pooled(by_expert), by_expert=by_expert)
-        return ReadLine(line, belief)
+        return None if belief is None else ReadLine(line, belief)
 
 
 def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from recognition.belief.line_belief import LineBelief
+from recognition.belief.line_belief import LineBelief, pooled
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -20,8 +20,6 @@ REGION_MARGINS = (0.5, 1.0)
 """Of a region's width and height, that are looked at on either side: the line's middle lies in it, not its ends."""
 MOST_OF_VIEW = 0.6
 """Share of a view from which its part about a region is not worth a search of its own."""
-Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
-"""Lattices of other experts, of the places that are believed."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +90,13 @@ class ReadLine:
     def boxes(self) -> tuple[Box, ...]:
         """Where its characters stand, axis-parallel hulls in the frame of the view."""
         return boxes_of(self.line, self.belief.columns)
+
+    def joined(self, more: Mapping[str, Lattice]) -> ReadLine:
+        """The same line with the beliefs of further experts in its places."""
+        if not more:
+            return self
+        by_expert = MappingProxyType({**more, **self.belief.by_expert})
+        return replace(self, belief=replace(self.belief, lattice=pooled(by_expert), by_expert=by_expert))
 
     def open_boxes(self) -> tuple[Box, ...]:
         """The same of the open lattice."""

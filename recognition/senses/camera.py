@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader, agreed
+from recognition.belief.part_lines import ReadLine
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
@@ -62,7 +62,6 @@ class VisionReader:
                 self.grammar,
                 self.chars,
                 height_mm=self.settings.height_mm if scaled else None,
-                experts=self.settings.experts,
                 region=self.settings.region,
                 lines=self.settings.asked,
                 orientation=self.settings.orientation,
@@ -86,8 +85,9 @@ class VisionReader:
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
             views, left_out = photo_views(without_codes(photo, codes))
-            judge = partial(self._judged, views) if self.prototypes else None
-            part = self._readers[scaled].read(*views, about=about, judge=judge)
+            part = self._readers[scaled].read(*views, about=about, twice=bool(self.prototypes))
+            if part.main is not None:
+                part = replace(part, main=part.main.joined(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
         places = () if made.characters else part.candidates
         notes = (
@@ -116,11 +116,12 @@ class VisionReader:
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
         return tuple(lit_prototypes(font, chars) for font, chars in has if chars)
 
-    def _judged(self, views: Sequence[View], line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
+    def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """What the named fonts make of a line that the recogniser is not sure of."""
-        if agreed(belief):
+        belief = main.belief
+        if not self.prototypes or agreed(belief):
             return {}
-        found = belief_of(views, line, belief.columns, self.prototypes, belief.lattice)
+        found = belief_of(views, main.line, belief.columns, self.prototypes, belief.lattice)
         return {} if found is None else {"templates": found}
 
 

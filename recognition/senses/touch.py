@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.correlation_search import CorrelationSearch
-from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
 from recognition.belief.part_lines import ReadLine
@@ -77,7 +77,6 @@ class TactileReader:
             self.grammar,
             self.chars,
             height_mm=self.settings.height_mm,
-            experts=self.settings.experts,
             region=self.settings.region,
             lines=self.settings.asked,
             orientation=self.settings.orientation,
@@ -171,17 +170,21 @@ class TactileReader:
             about: where the line lies, if that is known: no other is looked for.
         """
         timer = timer if timer is not None else StepTimer()
-        shapes = _Shapes(self, felt_view(edges, relief, touch), touch, relief)
+        view, felt = felt_view(edges, relief, touch), None
         with timer.step("read"):
-            part = self.lines.read(shapes.view, about=about, judge=shapes)
-            if shapes.felt_line is not None:
-                part = felt_others(part, shapes.felt_line)
+            part = self.lines.read(view, about=about, twice=True)
+            main = part.main
+            if main is not None:
+                if relief is not None:
+                    felt = _felt_line(main, relief, self.strokes_of)
+                    part = felt_others(part, felt)
+                part = replace(part, main=main.joined(self._templates(view, main, felt)))
         reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
         if part.main is not None and reading.characters:
             with timer.step("strokes"):
-                reading = _stroked(reading, part.main, shapes.felt_line)
+                reading = _stroked(reading, part.main, felt)
             with timer.step("measure"):
-                reading = only_whole(self._measured(reading, part.main, shapes))
+                reading = only_whole(self._measured(reading, part.main, view, felt))
         reading = strokes_asked(reading)
         reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
         reading = scored(reading)
@@ -214,28 +217,43 @@ class TactileReader:
         view = felt_view(edges, reading.trace.relief)
         return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
 
-    def _measured(self, reading: Reading, main: ReadLine, shapes: _Shapes) -> Reading:
+    def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
+        """What the named fonts make of a line."""
+        if not self.templates_judge or "templates" in main.belief.by_expert or not main.belief.columns.size:
+            return {}
+        line, columns = (main.line, main.belief.columns) if felt is None else (felt.line, felt.columns)
+        raised = felt is not None and felt.raised
+        fonts = []
+        for font in self.fonts:
+            chars = "".join(c for c in self.chars if c in font.glyphs)
+            if chars:
+                key = template_key(font, _touch_of(view), height_mm=line.height_mm, raised=raised)
+                fonts.append([felt_prototypes(self.cache.get(font, chars, key))])
+        found = belief_of([view], line, columns, fonts, main.belief.lattice)
+        return {} if found is None else {"templates": found}
+
+    def _measured(self, reading: Reading, main: ReadLine, view: View, felt: FeltLine | None) -> Reading:
         """The reading with what is measured along the strokes of the font that suits it."""
         line, columns = main.line, main.belief.columns
-        if shapes.felt_line is not None:
-            line, columns = shapes.felt_line.line, shapes.felt_line.columns
+        if felt is not None:
+            line, columns = felt.line, felt.columns
         text = [c.char for c in reading.characters]
         if columns.size != len(text) or line.sag_mm > MOST_SAG_HEIGHTS * line.height_mm:
             return reading
         fonts = self.fonts if self.named else suited_fonts(self.fonts, reading.trace.strokes)
         laid = laid_text(
-            shapes.view, shapes.touch, line, columns, text, fonts,
-            cache=self.cache, chars=self.chars, raised=shapes.raised,
+            view, _touch_of(view), line, columns, text, fonts,
+            cache=self.cache, chars=self.chars, raised=None if felt is None else felt.raised,
         )  # fmt: skip
         if laid is None:
             return reading
         known = self.named or laid.fit >= OWN_FIT
         grades = grades_of(laid)
         depths: tuple[MarkDepth | None, ...] = (None,) * len(text)
-        if shapes.relief is None:
+        if felt is None:
             reading = replace(reading, raised=laid.raised)
         elif all(c in laid.glyphs.chars for c in text):
-            depths = mark_depths(shapes.relief, laid)
+            depths = mark_depths(felt.relief, laid)
         # a font that only stands for one that nobody named grades nothing: strokes that it alone has are not missing
         characters = tuple(
             replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
@@ -265,32 +283,17 @@ def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading
     return sized.traced(felt_line=line, strokes=strokes)
 
 
-class _Shapes:
-    """Asks the strokes and the named fonts about a line, once its places are known."""
+def _felt_line(main: ReadLine, relief: Relief, fonts: Sequence[Font]) -> FeltLine:
+    """A line with its strokes, at the height and on the side of the land that they tell."""
+    lattice = main.belief.lattice
+    text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
+    felt = FeltLine(relief, main.line, main.belief.columns, raised=False, fonts=tuple(fonts))
+    return replace(felt, raised=bool(felt.stands_out(text))).sized(text)
 
-    def __init__(self, reader: TactileReader, view: View, touch: Touch, relief: Relief | None) -> None:
-        self.reader, self.view, self.touch, self.relief = reader, view, touch, relief
-        self.felt_line: FeltLine | None = None
-        self.raised: bool | None = None
 
-    def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
-        reader, columns = self.reader, belief.columns
-        if self.relief is not None:
-            text = [belief.lattice.chars[k] for k in belief.lattice.log_belief.argmax(axis=1)]
-            felt = FeltLine(self.relief, line, columns, raised=False, fonts=reader.strokes_of)
-            self.raised = felt.stands_out(text)
-            self.felt_line = replace(felt, raised=bool(self.raised)).sized(text)
-            line, columns = self.felt_line.line, self.felt_line.columns
-        if not reader.templates_judge or "templates" in belief.by_expert or not columns.size:
-            return {}
-        fonts = []
-        for font in reader.fonts:
-            chars = "".join(c for c in reader.chars if c in font.glyphs)
-            if chars:
-                key = template_key(font, self.touch, height_mm=line.height_mm, raised=bool(self.raised))
-                fonts.append([felt_prototypes(reader.cache.get(font, chars, key))])
-        found = belief_of([self.view], line, columns, fonts, belief.lattice)
-        return {} if found is None else {"templates": found}
+def _touch_of(view: View) -> Touch:
+    assert view.touch is not None  # of what was felt
+    return view.touch
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:
