@@ -4,7 +4,6 @@ from .benchmark.exam.editions import design_named
 from .benchmark.readers.own_reader import Answer, ExamPart
 from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
-from .common.row import Row
 from .common.settings import MapSettings, ReadSettings, SettingsError
 from .formats.find_parts import NothingFoundError, discover
 from .formats.part_files import PartFiles
@@ -30,7 +29,6 @@ __all__ = [
     "ReadSettings",
     "ReadingRecord",
     "RivalRecord",
-    "Row",
     "SettingsError",
     "design_named",
     "discover",

@@ -103,13 +103,14 @@ def naming(name: str | Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def reading(path: Path, *, kind: str, most_bytes: int) -> Iterator[None]:
+def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     """Check that there is a file to read, and name it in every error of what reads it.
 
     Args:
         path: the file.
-        kind: its format, for damage that no reader has foreseen.
         most_bytes: longest file that is read.
+        kind: format that somebody else's parser reads: whatever it trips over is damage of the file. Without it an
+            error that nobody has foreseen stays one of the program.
 
     Raises:
         FileError: no such file, too long a one, or whatever is wrong with its content.
@@ -118,7 +119,7 @@ def reading(path: Path, *, kind: str, most_bytes: int) -> Iterator[None]:
     missing = None
     with naming(path):
         require_file(path, most_bytes=most_bytes)
-        with damage_reported(path, kind=kind):
+        with damage_reported(path, kind=kind) if kind else contextlib.nullcontext():
             try:
                 yield
             except MissingExtraError as error:

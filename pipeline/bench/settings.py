@@ -6,24 +6,19 @@ import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from pipeline.common.parsed import read_toml, write_toml
+from pipeline.common.parsed import Finite, Strict, read_toml, write_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
 Span = tuple[Finite, Finite]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class StageSettings(_Strict):
+class StageSettings(Strict):
     """The stage and its controller.
 
     Attributes:
@@ -75,7 +70,7 @@ class StageSettings(_Strict):
         return self
 
 
-class CombSettings(_Strict):
+class CombSettings(Strict):
     """The whiskers.
 
     Attributes:
@@ -91,7 +86,7 @@ class CombSettings(_Strict):
     whisker: Path | None = None
 
 
-class PlateSettings(_Strict):
+class PlateSettings(Strict):
     """What is felt: the field from the plate's corner, and where a camera's axis meets it."""
 
     field_mm: tuple[Finite, Finite, Finite, Finite]
@@ -105,7 +100,7 @@ class PlateSettings(_Strict):
         return self
 
 
-class DaqSettings(_Strict):
+class DaqSettings(Strict):
     """The converter.
 
     Attributes:
@@ -143,7 +138,7 @@ class DaqSettings(_Strict):
         return self
 
 
-class BenchSettings(_Strict):
+class BenchSettings(Strict):
     """The whole bench."""
 
     stage: StageSettings

@@ -7,72 +7,51 @@ import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-_FAR = 0x7FFF0000
-"""Windows locks bytes, and nobody else can read them: one that no locked file has."""
 _AGAIN_S = 0.05
 
 
 @contextlib.contextmanager
-def exclusively(path: Path) -> Iterator[None]:
+def exclusively(path: Path, *, wait: bool = True) -> Iterator[bool]:
     """Hold the lock file, made if it is missing and left where it is, while the block runs.
 
-    Threads exclude each other as processes do, for each opens the file anew.
+    Threads exclude each other as processes do, for each opens the file anew. A system with neither fcntl nor msvcrt
+    runs one process only, and nothing is locked there.
+
+    Args:
+        path: of the lock file, which holds nothing.
+        wait: for another holder to end.
+
+    Yields:
+        Whether it is held; always with `wait`.
 
     Raises:
-        OSError: the file cannot be made.
+        OSError: the file cannot be made, or the file system has no locks.
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600)
     try:
-        lock(handle)
-        yield
+        while not (held := _locked(handle, wait=wait)) and wait:
+            time.sleep(_AGAIN_S)
+        yield held
     finally:
         os.close(handle)
 
 
-def lock(handle: int, *, wait: bool = True) -> bool:
-    """Lock an open file until the handle is closed.
-
-    A system with neither fcntl nor msvcrt runs one process only, and nothing is locked there.
-
-    Args:
-        handle: file descriptor, open for writing.
-        wait: for another holder to end.
-
-    Returns:
-        Whether it is locked; always with `wait`.
-
-    Raises:
-        OSError: the file system has no locks.
-    """
-    try:
+def _locked(handle: int, *, wait: bool) -> bool:
+    """Lock a file until it is closed; only fcntl waits."""
+    with contextlib.suppress(ImportError):
         import fcntl
-    except ImportError:
-        return _lock_byte(handle, wait=wait)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
-
-def _lock_byte(handle: int, *, wait: bool) -> bool:
-    try:
-        import msvcrt as found
-    except ImportError:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
         return True
-    msvcrt: Any = found  # its contents are known to a type checker on Windows alone
-    stood = os.lseek(handle, 0, os.SEEK_CUR)
-    try:
-        while True:
-            os.lseek(handle, _FAR, os.SEEK_SET)
-            try:
-                msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-                return True
-            except PermissionError:
-                if not wait:
-                    return False
-            time.sleep(_AGAIN_S)
-    finally:
-        os.lseek(handle, stood, os.SEEK_SET)
+    with contextlib.suppress(ImportError):
+        import msvcrt
+
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        except PermissionError:
+            return False
+    return True

@@ -10,9 +10,9 @@ import json
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError, require_file
@@ -23,6 +23,14 @@ MOST_BYTES = 1_000_000
 _MOST_SHOWN = 200
 
 Model = TypeVar("Model")
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class Strict(BaseModel):
+    """What a person has written: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def toml_of(path: Path, *, most_bytes: int = MOST_BYTES) -> dict[str, Any]:

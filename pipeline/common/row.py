@@ -1,6 +1,6 @@
 """One part, one row: a flat view of its record, for tables that know no lists, the terminal and counts.
 
-    ReadingRecord --Row.of--> Row --> (CSV, terminal, summary)
+    ReadingRecord --row_of--> columns --> (CSV, terminal, summary)
 
 What a record says of every place is one text here, in the few characters that a cell has room for; places count from 1.
 """
@@ -8,7 +8,7 @@ What a record says of every place is one text here, in the few characters that a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 from pipeline.common.reading_records import (
     CharacterRecord,
@@ -25,18 +25,10 @@ _ACTIONS = ("clean", "clean first", "re-strike", "scan again")
 """In this order; those of `recognition.decision.grade.Action`."""
 
 
-_AS_IN_THE_RECORD = (
-    *("part", "text", "decision", "confidence", "source", "seconds", "error", "font", "raised", "expected"),
-    *("verdict", "verify_probability", "program", "settings"),
-)
-"""Columns that hold what the record does."""
+def row_of(record: ReadingRecord) -> dict[str, Any]:
+    """What is said of one part, by column, in the order of the columns.
 
-
-@dataclass(frozen=True)
-class Row:
-    """What is said of one part; the fields are the columns, in this order.
-
-    Attributes:
+    Columns:
         part: name of the part.
         text: as read; empty when nothing was.
         decision: accept, review or reject; empty with an error.
@@ -72,69 +64,45 @@ class Row:
         settings: hash of the settings; rows with the same were read alike.
     """
 
-    part: str
-    text: str = ""
-    decision: str = ""
-    confidence: float = 0.0
-    source: str = ""
-    seconds: float = 0.0
-    error: str = ""
-    font: str = ""
-    height_mm: float | None = None
-    rotation_deg: float = 0.0
-    raised: bool = False
-    flags: str = ""
-    alternatives: str = ""
-    depth_min_mm: float | None = None
-    depth_mean_mm: float | None = None
-    depths: str = ""
-    expected: str = ""
-    verdict: str = ""
-    verify_probability: float | None = None
-    states: str = ""
-    rivals: str = ""
-    grade: str = ""
-    grades: str = ""
-    action: str = ""
-    height_px: float | None = None
-    lines: str = ""
-    codes: str = ""
-    burr_mm: float | None = None
-    fields: str = ""
-    at: str = ""
-    program: str = ""
-    settings: str = ""
-
-    @classmethod
-    def of(cls, record: ReadingRecord) -> Row:
-        """The row of a record."""
-        places = record.characters
-        least = [c.depth_min_mm for c in places if c.depth_min_mm is not None]
-        means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
-        burrs = [c.burr_mm for c in places if c.burr_mm is not None]
-        grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
-        same = {name: getattr(record, name) for name in _AS_IN_THE_RECORD}
-        return cls(
-            **same,
-            height_mm=_rounded(record.height_mm, 4),
-            rotation_deg=round(record.rotation_deg, 3),
-            flags="; ".join(record.messages),
-            alternatives=alternatives_text(places),
-            depth_min_mm=_rounded(min(least, default=None), 4),
-            depth_mean_mm=_rounded(sum(means) / len(means) if means else None, 4),
-            depths=depths_text(places) if least or record.source != "vision" else "",
-            states=states_text(places),
-            rivals=", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
-            grade=max(grades.replace(_UNGRADED, ""), default=grades[:1]),
-            grades=grades,
-            action=action_text(places),
-            height_px=_rounded(record.height_px, 1),
-            lines=lines_text(record.lines),
-            codes=codes_text(record.codes),
-            burr_mm=_rounded(max(burrs, default=None), 4),
-            fields=fields_text(record.fields),
-            at="" if record.at is None else record.at.isoformat(timespec="seconds"),
-        )
+    places = record.characters
+    least = [c.depth_min_mm for c in places if c.depth_min_mm is not None]
+    means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
+    burrs = [c.burr_mm for c in places if c.burr_mm is not None]
+    grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
+    return {
+        "part": record.part,
+        "text": record.text,
+        "decision": record.decision,
+        "confidence": record.confidence,
+        "source": record.source,
+        "seconds": record.seconds,
+        "error": record.error,
+        "font": record.font,
+        "height_mm": _rounded(record.height_mm, 4),
+        "rotation_deg": round(record.rotation_deg, 3),
+        "raised": record.raised,
+        "flags": "; ".join(record.messages),
+        "alternatives": alternatives_text(places),
+        "depth_min_mm": _rounded(min(least, default=None), 4),
+        "depth_mean_mm": _rounded(sum(means) / len(means) if means else None, 4),
+        "depths": depths_text(places) if least or record.source != "vision" else "",
+        "expected": record.expected,
+        "verdict": record.verdict,
+        "verify_probability": record.verify_probability,
+        "states": states_text(places),
+        "rivals": ", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
+        "grade": max(grades.replace(_UNGRADED, ""), default=grades[:1]),
+        "grades": grades,
+        "action": action_text(places),
+        "height_px": _rounded(record.height_px, 1),
+        "lines": lines_text(record.lines),
+        "codes": codes_text(record.codes),
+        "burr_mm": _rounded(max(burrs, default=None), 4),
+        "fields": fields_text(record.fields),
+        "at": "" if record.at is None else record.at.isoformat(timespec="seconds"),
+        "program": record.program,
+        "settings": record.settings,
+    }
 
 
 def depths_text(places: Sequence[CharacterRecord]) -> str:

@@ -54,7 +54,7 @@ def read_lexicon(path: Path) -> frozenset[str]:
     Raises:
         FileError: no such file, no text, or no serial in it.
     """
-    with reading(path, kind="text", most_bytes=_MAX_FILE_BYTES):
+    with reading(path, most_bytes=_MAX_FILE_BYTES):
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
         except UnicodeDecodeError as error:

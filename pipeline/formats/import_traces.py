@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
-from pipeline.errors import DataError, reading
+from pipeline.errors import DataError, naming, reading
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
 from pipeline.formats.units import DAY_S, TimeUnit
@@ -84,6 +84,7 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
     for path in paths:
         with reading(path, kind=path.suffix, most_bytes=_MOST_BYTES):
             table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
+        with naming(path):
             own = tuple(_passes(path, table, told))
             passes += own
             rates.append(_rate_hz(table, told))

@@ -24,7 +24,7 @@ def read_order(path: Path) -> ProductionOrder:
         FileError: no such file, not text, no column or several that could hold the serials, a cell that is no
             serial, or an invalid range; names the line.
     """
-    with reading(path, kind="table", most_bytes=_MOST_BYTES):
+    with reading(path, most_bytes=_MOST_BYTES):
         column, lines = _serials_column(list(table_lines(path, comments=True)))
         serials: set[str] = set()
         ranges = []

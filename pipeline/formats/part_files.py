@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pickle
 import re
-from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -113,25 +112,21 @@ def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
 
 
 class PartList(Sequence[PartFiles]):
-    """Parts in their order, about 150 bytes each with names of usual length; `append` adds one."""
+    """Parts in their order, each packed into some 200 bytes until it is asked for; `append` adds one."""
 
     def __init__(self, parts: Iterable[PartFiles] = ()) -> None:
-        self._data = bytearray()
-        self._ends = array("Q", [0])
-        self._faulty: dict[int, PartFiles] = {}  # parts with a problem, as they are
+        self._packed: list[bytes] = []
         for part in parts:
             self.append(part)
 
     def append(self, part: PartFiles) -> None:
         """Add a part at the end."""
-        if part.problem is None and part.photo_problem is None:
-            self._data += pickle.dumps(tuple(getattr(part, name) for name in PartFiles.__slots__), protocol=5)
-        else:
-            self._faulty[len(self)] = part
-        self._ends.append(len(self._data))
+        self._packed.append(
+            pickle.dumps(tuple(getattr(part, name) for name in PartFiles.__slots__), protocol=5)
+        )
 
     def __len__(self) -> int:
-        return len(self._ends) - 1
+        return len(self._packed)
 
     @overload
     def __getitem__(self, at: int) -> PartFiles: ...
@@ -141,13 +136,8 @@ class PartList(Sequence[PartFiles]):
 
     def __getitem__(self, at: int | slice) -> PartFiles | Sequence[PartFiles]:
         if isinstance(at, slice):
-            return [self[k] for k in range(*at.indices(len(self)))]
-        place = at + len(self) if at < 0 else at
-        if not 0 <= place < len(self):
-            raise IndexError(at)
-        if place in self._faulty:
-            return self._faulty[place]
-        return PartFiles(*pickle.loads(self._data[self._ends[place] : self._ends[place + 1]]))
+            return [PartFiles(*pickle.loads(packed)) for packed in self._packed[at]]
+        return PartFiles(*pickle.loads(self._packed[at]))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Sequence):

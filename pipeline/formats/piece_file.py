@@ -9,11 +9,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic import BaseModel, ConfigDict
-
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
-from pipeline.common.parsed import read_toml
+from pipeline.common.parsed import Strict, read_toml
 from pipeline.errors import naming
 from pipeline.formats.touch_file import read_height_map
 
@@ -24,9 +22,7 @@ PITCH_MM = 0.02
 """Of the map of a piece."""
 
 
-class _Written(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
+class _Written(Strict):
     kind: PieceKind
     angle_deg: tuple[float, ...] = Piece.angle_deg
     depth_mm: float = Piece.depth_mm

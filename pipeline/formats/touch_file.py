@@ -11,7 +11,7 @@ from glyphs.errors import FileError
 from glyphs.hdf5_checks import n_values, own_datasets
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
-from pipeline.errors import DataError, reading
+from pipeline.errors import DataError, naming, reading
 from pipeline.formats.kinds import FORMATS_SUFFIXES, MESH_SUFFIXES, MOST_BYTES, PHOTO_SUFFIXES, TEXT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def read_map_and_rows(
     with reading(path, kind=reader.kind or suffix, most_bytes=most_bytes):
         read = getattr(import_module(f"pipeline.formats.{reader.module}"), reader.function)
         raw: RawMap = read(path, most)
+    with naming(path):
         return height_map(raw, settings), raw.rows_stated or settings.rows is not None
 
 

@@ -16,22 +16,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from pipeline.common.parsed import read_toml
+from pipeline.common.parsed import Finite, Positive, Strict, read_toml
 from pipeline.formats.units import TimeUnit, Unit
 
 _FORMAT_VERSION = 1
 Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class Columns(_Strict):
+class Columns(Strict, strict=True):
     """Where what stands.
 
     Attributes:
@@ -56,7 +50,7 @@ class Columns(_Strict):
         return (*self.moment, *(c for c in others if c is not None))
 
 
-class Csv(_Strict):
+class Csv(Strict, strict=True):
     """How text is written.
 
     Attributes:
@@ -76,7 +70,7 @@ class Csv(_Strict):
         return self
 
 
-class TracesFile(_Strict):
+class TracesFile(Strict, strict=True):
     """What is known of the files.
 
     Attributes:
@@ -104,10 +98,10 @@ class TracesFile(_Strict):
     time_unit: TimeUnit = Field(default=TimeUnit.SECOND, strict=False)
     sampling_rate_hz: Positive | None = None
     lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
-    across_mm: tuple[Number, ...] = Field(default=(), strict=False)
+    across_mm: tuple[Finite, ...] = Field(default=(), strict=False)
     turns: bool = False
-    behind_mm: tuple[Annotated[Number, Field(ge=0.0)], ...] = Field(default=(), strict=False)
-    part_mm: tuple[Number, Number, Number, Number] | None = Field(default=None, strict=False)
+    behind_mm: tuple[Annotated[Finite, Field(ge=0.0)], ...] = Field(default=(), strict=False)
+    part_mm: tuple[Finite, Finite, Finite, Finite] | None = Field(default=None, strict=False)
     part_id: str = ""
     start_time: str = ""
     csv: Csv = Csv()

@@ -157,7 +157,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     Raises:
         FileError: not such a table, or one that names a part twice and must not.
     """
-    with reading(path, kind="table", most_bytes=_MAX_FILE_BYTES):
+    with reading(path, most_bytes=_MAX_FILE_BYTES):
         lines = table_lines(path)
         head = next(lines, TableLine(1, ()))
         titles = [cell.lower() for cell in head.cells]

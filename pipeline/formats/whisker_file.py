@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
+from pydantic import BeforeValidator, Field, TypeAdapter
 
 from glyphs.atomic import check_writable
 from glyphs.errors import FileError
-from pipeline.common.parsed import read_toml, write_toml
+from pipeline.common.parsed import Positive, Strict, read_toml, write_toml
 from pipeline.errors import DataError, naming
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.promises import Knowledge
@@ -37,7 +37,6 @@ FORMAT_VERSION = 1
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
 Length = Annotated[float, Field(gt=0.0, le=10_000.0, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _MATERIALS = {"music wire": MUSIC_WIRE}
 _RASTER = ("character_height_mm", "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
 
@@ -65,11 +64,7 @@ class WhiskerFile:
     known: Knowledge | None = None
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class _Ribbon(_Strict):
+class _Ribbon(Strict):
     kind: Literal["ribbon"] = "ribbon"
     thickness_mm: Length
     width_mm: Length
@@ -78,7 +73,7 @@ class _Ribbon(_Strict):
         return Rectangle(self.thickness_mm, self.width_mm)
 
 
-class _Wire(_Strict):
+class _Wire(Strict):
     kind: Literal["round"] = "round"
     diameter_mm: Length
 
@@ -86,7 +81,7 @@ class _Wire(_Strict):
         return Round(self.diameter_mm)
 
 
-class _Material(_Strict):
+class _Material(Strict):
     name: str = Field(min_length=1)
     e_mpa: Positive
     poisson: float = Field(ge=0.0, lt=0.5)
@@ -94,7 +89,7 @@ class _Material(_Strict):
     yield_mpa: Positive
 
 
-class _Identified(_Strict):
+class _Identified(Strict):
     names: tuple[Unknown, ...]
     sd: tuple[Annotated[float, Field(ge=0.0, allow_inf_nan=False)], ...]
     correlation: tuple[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], ...]
@@ -115,7 +110,7 @@ class _Identified(_Strict):
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 
 
-class _Use(_Strict):
+class _Use(Strict):
     beta_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
     preload_mm: Length
     tip_radius_mm: float = Field(ge=0.0, le=1000.0, allow_inf_nan=False)

@@ -10,7 +10,7 @@ from rich.cells import cell_len
 
 from glyphs.plain_text import visible
 from pipeline.common.reading_records import CharacterRecord, ReadingRecord
-from pipeline.common.row import Row, state_text
+from pipeline.common.row import row_of, state_text
 
 _RIGHT = ("confidence", "depth mm", "seconds")
 _SPARE = ("seconds", "source", "depth mm", "grade", "confidence")
@@ -51,7 +51,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
         records: of the parts.
         width: columns of the terminal; None: as many as are needed.
     """
-    cells = [_cells(Row.of(record)) for record in records]
+    cells = [_cells(record) for record in records]
     # of a column that says nothing of any part only those stay that everybody looks for
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
@@ -107,19 +107,20 @@ def _line(cells: Mapping[str, str], headings: Sequence[str], widths: Mapping[str
     return _GAP.join(filled).rstrip()
 
 
-def _cells(row: Row) -> dict[str, str]:
+def _cells(record: ReadingRecord) -> dict[str, str]:
     """The cells of a row, by heading."""
+    row = row_of(record)
     return {
-        "part": visible(row.part),
-        "text": visible(row.text),
-        "lines": visible(row.lines),
-        "decision": row.decision or "error",
-        "confidence": "" if row.error else f"{row.confidence:.3f}",
-        "verdict": row.verdict,
-        "depth mm": "" if row.depth_min_mm is None else f"{row.depth_min_mm:.3f}",
-        "grade": row.grade,
-        "source": row.source,
-        "seconds": f"{row.seconds:.2f}",
+        "part": visible(record.part),
+        "text": visible(record.text),
+        "lines": visible(row["lines"]),
+        "decision": record.decision or "error",
+        "confidence": "" if record.error else f"{record.confidence:.3f}",
+        "verdict": record.verdict,
+        "depth mm": "" if row["depth_min_mm"] is None else f"{row['depth_min_mm']:.3f}",
+        "grade": row["grade"],
+        "source": record.source,
+        "seconds": f"{record.seconds:.2f}",
     }
 
 
@@ -144,14 +145,14 @@ def notes(record: ReadingRecord) -> str:
             if c.state not in ("", "read") and str(k) not in asked
         )
         found.append(", ".join(states))
-    row = Row.of(record)
-    if row.verdict == "refuted":
-        found.append(f"expected {row.expected}")
-    if row.verdict == "undecided":
-        found.append(f"{row.expected} with probability {row.verify_probability or 0.0:.3f}")
-    if row.rivals and row.decision != "accept":
-        found.append(f"may also be {row.rivals}")
-    found.append(row.action)
+    row = row_of(record)
+    if record.verdict == "refuted":
+        found.append(f"expected {record.expected}")
+    if record.verdict == "undecided":
+        found.append(f"{record.expected} with probability {record.verify_probability or 0.0:.3f}")
+    if record.rivals and record.decision != "accept":
+        found.append(f"may also be {row['rivals']}")
+    found.append(row["action"])
     return "; ".join(part for part in found if part)
 
 

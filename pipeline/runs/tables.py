@@ -1,6 +1,6 @@
 """Tables of records: `.csv`, `.jsonl`, `.parquet` and `.xlsx`.
 
-    ReadingRecord --+-- Row --> CSV line     flat
+    ReadingRecord --+-- row_of --> CSV line  flat
                     +-- JSON line            lists and objects a character
                     +-- Parquet              the same, from some hundred JSON lines at a time
 
@@ -30,10 +30,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
-from pipeline.common.row import Row
+from pipeline.common.row import row_of
 from pipeline.common.texts import harmless
 
-CSV_COLUMNS = tuple(f.name for f in fields(Row))
+CSV_COLUMNS = tuple(row_of(ReadingRecord.failed("", "")))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
 COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FIRST))
 """Of JSON lines and Parquet."""
@@ -102,7 +102,7 @@ def csv_cells(record: ReadingRecord) -> list[Any]:
     Raises:
         ValueError: a number that is not finite, or a text that is too long.
     """
-    cells = list(vars(Row.of(record)).values())
+    cells = list(row_of(record).values())
     finite = all(math.isfinite(cell) for cell in cells if isinstance(cell, float))
     plain = finite and _is_plain("".join(cell for cell in cells if isinstance(cell, str)))
     return cells if plain else list(_fitting(cells, record.part))

@@ -25,7 +25,7 @@ import sqlalchemy as sa
 
 from glyphs.atomic import sync_folder
 from glyphs.errors import FileError, require_file
-from pipeline.common.file_lock import lock
+from pipeline.common.file_lock import exclusively
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_file, private_folder
 from pipeline.common.version import file_sha256, program_version
@@ -83,7 +83,7 @@ def back_up(store: Store, evidence: EvidenceFolder, to: Path, *, previous: Path 
     partial = to.with_name(to.name + ".partial")
     with _told(partial), contextlib.ExitStack() as stack:
         private_folder(partial)
-        if not lock(stack.enter_context((partial / ".lock").open("ab")).fileno(), wait=False):
+        if not stack.enter_context(exclusively(partial / ".lock", wait=False)):
             raise FileError(to, "is being written by another backup", "wait for it, or name another folder")
         for left in (_STORE, f"{_STORE}-wal", f"{_STORE}-shm", f"{_STORE}.lock"):
             (partial / left).unlink(missing_ok=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import pkgutil
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.common.file_lock import lock
+from pipeline.common.file_lock import exclusively
 
 pytest.importorskip("fcntl")
 OWN = ("glyphs", "whisker_array", "recognition", "pipeline")
@@ -94,13 +93,18 @@ def test_a_table_is_written_elsewhere(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-HOLDER = "from pipeline.common.file_lock import lock; lock(os.open(sys.argv[1], os.O_RDWR)); print(flush=True); input()"
+HOLDER = """
+from pathlib import Path
+from pipeline.common.file_lock import exclusively
+with exclusively(Path(sys.argv[1])):
+    print(flush=True)
+    input()
+"""
 
 
 @pytest.mark.parametrize("before", ["import os, sys\n", ELSEWHERE], ids=["flock", "msvcrt"])
 def test_a_lock_ends_with_its_holder(before: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "lock"
-    path.write_bytes(b"what others may read")
     if before == ELSEWHERE:
         space: dict[str, Any] = {}
         exec(LOCKING, space)
@@ -111,12 +115,11 @@ def test_a_lock_ends_with_its_holder(before: str, tmp_path: Path, monkeypatch: p
     )
     assert holder.stdout is not None
     holder.stdout.readline()
-    handle = os.open(path, os.O_RDWR)
     try:
-        assert not lock(handle, wait=False)
-        assert os.read(handle, 100) == b"what others may read"
+        with exclusively(path, wait=False) as held:
+            assert not held
         holder.kill()
-        assert lock(handle)
+        with exclusively(path) as held:
+            assert held
     finally:
-        os.close(handle)
         holder.communicate()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 from pipeline.common.reading_records import (
@@ -11,12 +12,12 @@ from pipeline.common.reading_records import (
     ReadingRecord,
     RivalRecord,
 )
-from pipeline.common.row import _ACTIONS, Row
+from pipeline.common.row import _ACTIONS, row_of
 from recognition.marks.grade import Action
 
 
-def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> Row:
-    return Row.of(ReadingRecord(source, "AB", "review", 0.5, places, part="p", **more))
+def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> SimpleNamespace:
+    return SimpleNamespace(**row_of(ReadingRecord(source, "AB", "review", 0.5, places, part="p", **more)))
 
 
 def place(*candidates: tuple[str, float], **more: Any) -> CharacterRecord:

@@ -8,7 +8,6 @@ import os
 import resource
 import tempfile
 from collections.abc import Iterable
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,8 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from glyphs.errors import FileError
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.row import row_of
 from pipeline.formats.find_parts import discover
 from pipeline.formats.manifest import COLUMNS, is_manifest, read_manifest
 from pipeline.formats.part_files import PartFiles
@@ -249,7 +249,7 @@ def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
 
 
 def test_columns_of_the_results_are_none_of_a_manifests_misspelled(tmp_path: Path) -> None:
-    others = [f.name for f in fields(Row) if f.name not in COLUMNS]
+    others = [name for name in row_of(ReadingRecord.failed("", "")) if name not in COLUMNS]
     source = table(tmp_path, ",".join(["height_map", *others, "problem"]) + "\na.npz\n")
     assert [p.name for p in read_manifest(source)] == ["a"]
 

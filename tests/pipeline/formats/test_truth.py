@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.row import Row
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.formats.truth import Accuracy, PartTexts, load_truth
 
 
@@ -47,7 +47,11 @@ def test_truth_tables_that_are_none(content: bytes, message: str, tmp_path: Path
     assert str(tmp_path / "truth.csv") in str(caught.value)
 
 
-def score(rows: list[Row], truth: dict[str, str]) -> Accuracy:
+def row(part: str, text: str) -> ReadingRecord:
+    return ReadingRecord("tactile", text, "review", 0.5, part=part)
+
+
+def score(rows: list[ReadingRecord], truth: dict[str, str]) -> Accuracy:
     found = Accuracy(PartTexts(truth))
     for row in rows:
         found.add(row)
@@ -57,11 +61,11 @@ def score(rows: list[Row], truth: dict[str, str]) -> Accuracy:
 def test_accuracy_by_its_definition() -> None:
     truth = {"a": "ABCD1234", "b": "EFGH5678", "c": "ONE DIME", "d": "JKLM", "unread": "Z"}
     rows = [
-        Row("a", "ABCD1234"),
-        Row("b", "EFH5679"),  # one missing, one wrong
-        Row("folder/c", "ONEDIME"),  # spaces are not stamped
-        Row("d", "", error="broken"),  # four missing
-        Row("stranger", "X"),
+        row("a", "ABCD1234"),
+        row("b", "EFH5679"),  # one missing, one wrong
+        row("folder/c", "ONEDIME"),  # spaces are not stamped
+        row("d", ""),  # four missing
+        row("stranger", "X"),
     ]
     found = score(rows, truth)
     assert (found.parts, found.parts_right, found.characters, found.edits) == (4, 2, 27, 6)
@@ -69,5 +73,5 @@ def test_accuracy_by_its_definition() -> None:
     assert found.serial_accuracy == 0.5
     assert (found.without_truth, found.not_read) == (1, 1)
     assert "77.78%" in found.describe()
-    assert score([Row("a", "X" * 90)], truth).character_accuracy == 0.0
-    assert "no part" in score([Row("stranger")], truth).describe()
+    assert score([row("a", "X" * 90)], truth).character_accuracy == 0.0
+    assert "no part" in score([row("stranger", "")], truth).describe()

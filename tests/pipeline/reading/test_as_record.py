@@ -14,7 +14,7 @@ import pytest
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord, from_json, to_json
-from pipeline.common.row import Row
+from pipeline.common.row import row_of
 from pipeline.common.settings import MapSettings, ReadSettings
 from pipeline.common.version import key_of, program_version
 from pipeline.formats.find_parts import discover
@@ -102,7 +102,7 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
 
 def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     (record,) = map(record_of, discover([stamped(tmp_path, 11)]))
-    row = Row.of(record)
+    row = SimpleNamespace(**row_of(record))
     assert (row.decision, row.confidence, row.source, row.font) == ("review", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "; ".join(
@@ -150,7 +150,7 @@ def test_codes_stand_in_the_record_with_what_they_say_of_the_serial() -> None:
         CodeRecord("QR Code", "PNR 7", None, (0.0, 0.0, 1.0, 1.0)),
     )
     assert from_json(ReadingRecord, to_json(made)) == made
-    assert Row.of(made).codes == "SER 11 (same) | SER 17 (other) | PNR 7"
+    assert row_of(made)["codes"] == "SER 11 (same) | SER 17 (other) | PNR 7"
     (first, *_) = reading_record(replace(read, unit="px"), ReadSettings(), None, part="p", seconds=0.1).codes
     assert (first.box_mm, first.box_px) == (None, (0.0, 0.0, 1.0, 1.0))
     nothing = replace(reading("11"), characters=(), codes=codes)

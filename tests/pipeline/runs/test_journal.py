@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from pipeline.common.reading_records import (
     ReadingRecord,
     RivalRecord,
 )
-from pipeline.common.row import Row
+from pipeline.common.row import row_of
 from pipeline.common.texts import harmless
 from pipeline.runs.run_journal import RecordJournal, RunJournal
 from pipeline.runs.tables import MOST_TEXT
@@ -231,11 +231,8 @@ def test_other_programs_read_the_same(
         write_records(rows, folder / f"t{suffix}")
     with (folder / "t.csv").open(newline="", encoding="utf-8") as stream:
         assert list(csv.DictReader(stream)) == [
-            {
-                k: "" if v is None else harmless(v) if isinstance(v, str) else str(v)
-                for k, v in asdict(r).items()
-            }
-            for r in map(Row.of, rows)
+            {k: "" if v is None else harmless(v) if isinstance(v, str) else str(v) for k, v in r.items()}
+            for r in map(row_of, rows)
         ]
     # `splitlines` takes more for ends of lines than JSON does, as many programs do
     lines = (folder / "t.jsonl").read_text(encoding="utf-8").splitlines()
