@@ -110,24 +110,26 @@ def calibrate_lead_in(
     rise = land64.mean(axis=1) - offset
     error = np.sqrt(air64.var(axis=1, ddof=1) / air64.shape[1] + land64.var(axis=1, ddof=1) / land64.shape[1])
     floor = 1e-6 * abs(expected_land_moment_n_mm)
-    faint = np.abs(rise) <= np.maximum(10.0 * error, floor)
-    if faint.any():
-        raise SensorError(
-            f"on whiskers {_names(faint)} the moment on land does not stand out from air: "
-            "broken whisker or gauge, no preload, or the tip beyond the part"
-        )
-    reversed_ = np.sign(rise) != np.sign(expected_land_moment_n_mm)
-    if reversed_.any():
-        raise SensorError(
-            f"on whiskers {_names(reversed_)} the land moment has the wrong sign: gauge wired the other way "
-            "round, or air and land exchanged"
-        )
-    noisy = error > max_gain_uncertainty * np.abs(rise)
-    if noisy.any():
-        raise SensorError(
-            f"on whiskers {_names(noisy)} the lead-in is too noisy for a gain within "
-            f"{max_gain_uncertainty:.1%}: take a longer lead-in or more preload"
-        )
+    wrong = (
+        (
+            np.abs(rise) <= np.maximum(10.0 * error, floor),
+            "the moment on land does not stand out from air",
+            "broken whisker or gauge, no preload, or the tip beyond the part",
+        ),
+        (
+            np.sign(rise) != np.sign(expected_land_moment_n_mm),
+            "the land moment has the wrong sign",
+            "gauge wired the other way round, or air and land exchanged",
+        ),
+        (
+            error > max_gain_uncertainty * np.abs(rise),
+            f"the lead-in is too noisy for a gain within {max_gain_uncertainty:.1%}",
+            "take a longer lead-in or more preload",
+        ),
+    )
+    for bad, what, hint in wrong:
+        if bad.any():
+            raise SensorError(f"on whiskers {_names(bad)} {what}", hint=hint)
     return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
 
 

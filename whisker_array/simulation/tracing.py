@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -54,42 +55,27 @@ def trace_sweep(
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
-    tip = touch.tip.pushed() if sweep.pushed else touch.tip
+    tip, step = touch.tip.pushed() if sweep.pushed else touch.tip, sweep.step_mm
+    sample = partial(
+        sample_lines, lines_mm=lines[on_part], start_mm=start, step_mm=step, n_samples=sweep.n_samples
+    )
     dropout = None
     if fidelity is Fidelity.POINTWISE or oriented.dropout.any():
-        heights, mu, dropout = sample_lines(
-            oriented,
-            lines_mm=lines[on_part],
-            start_mm=start,
-            step_mm=sweep.step_mm,
-            n_samples=sweep.n_samples,
-        )
+        heights, mu, dropout = sample(oriented)
     if fidelity is Fidelity.POINTWISE:
         if oriented.yielding is not None:
-            top, stiffness, _ = sample_lines(
-                replace(oriented, fields=oriented.yielding),
-                lines_mm=lines[on_part],
-                start_mm=start,
-                step_mm=sweep.step_mm,
-                n_samples=sweep.n_samples,
-            )
+            top, stiffness, _ = sample(replace(oriented, fields=oriented.yielding))
             heights = sunken_heights(
-                top,
-                heights,
-                stiffness,
-                tip,
-                step_mm=sweep.step_mm,
-                preload_mm=touch.preload_mm,
-                friction=mu,
+                top, heights, stiffness, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu
             )
-        some = trace_pointwise(heights, tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu)
+        some = trace_pointwise(heights, tip, step_mm=step, preload_mm=touch.preload_mm, friction=mu)
     else:
         some = trace_contact(
             oriented,
             tip,
             lines_mm=lines[on_part],
             start_mm=start,
-            step_mm=sweep.step_mm,
+            step_mm=step,
             n_samples=sweep.n_samples,
             preload_mm=touch.preload_mm,
             nominal_friction=touch.friction,
