@@ -1,4 +1,4 @@
-"""What a mark is: outlines, dies, stamping, dirt and photographs.
+"""Marks: outlines, dies, stamping, dirt and photographs.
 
 `stamp` makes a part in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
 """

@@ -60,7 +60,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def sync_names(folder: Path) -> None:
-    """As `sync_folder`, where that can be done: a file system that has no such call keeps names by itself."""
+    """Call `sync_folder` where the file system has it; others keep names by themselves."""
     with contextlib.suppress(OSError):
         sync_folder(folder)
 

@@ -36,7 +36,7 @@ FAST = frozenset({"fast"})
 
 
 def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:
-    """What makes a function a kernel; `allow` is what may be done to its arithmetic. Division by zero gives inf."""
+    """Make a decorator that compiles a function; `allow`: relaxations of its arithmetic. Division by zero gives inf."""
 
     def made(function: Function) -> Function:
         dispatcher: Any = njit(error_model="numpy", nogil=True, fastmath=set(allow) if allow else False)(
@@ -52,7 +52,7 @@ def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Funct
 
 
 def inlined(function: Function) -> Function:
-    """What makes a function part of the kernels that call it, with their arithmetic."""
+    """Inline a function in the kernels that call it, with their arithmetic."""
     made: Function = njit(error_model="numpy", inline="always")(function)
     return made
 
@@ -68,7 +68,7 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
 
 
 class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
-    """Tells when numba compiles, which it does under its lock, one kernel within another."""
+    """Reports when numba compiles, which it does under its lock, one kernel within another."""
 
     kept = True
     """Whether there is a folder to keep kernels in."""

@@ -1,4 +1,4 @@
-"""Who is shown that kernels are compiled, which happens once on a machine; light to import."""
+"""Show progress while kernels are compiled, once on a machine; light to import."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NOT_KEPT = "compiling kernels, about 15 s at every start: no folder for them can
 PROGRESS_S = 5.0
 """Seconds of compiling from one line about it to the next."""
 LEAST_S = 1.0
-"""Seconds of compiling that are told once the first kernels are there."""
+"""Least seconds of compiling that are shown after the first kernels."""
 
 
 class _Watch:
-    """The listener, seconds of compiling since the last part, those told already, and whether it was announced."""
+    """The listener, seconds of compiling since the last part, those shown already, and whether it was announced."""
 
     show: Callable[[str], None] | None = None
     at_it = False
@@ -47,7 +47,7 @@ def compiling_begins(*, kept: bool = True) -> None:
     if not _Watch.announced and _Watch.show is not None:
         _Watch.show(BEGINS if kept else NOT_KEPT)
         _Watch.announced = True
-        _Watch.told_s = -LEAST_S  # its end is told however short it was
+        _Watch.told_s = -LEAST_S  # its end is shown however short it was
     _Watch.at_it = True
 
 

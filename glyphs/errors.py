@@ -1,4 +1,4 @@
-"""What a person can do something about: wrong input, settings, files, machines. Anything else is a fault of ours."""
+"""Errors that a user can mend: wrong input, settings, files, machines. Anything else is a fault of the program."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ _OF_THE_MACHINE = frozenset(
 
 
 def fault_of(error: Exception, *, longest: int = 300) -> str:
-    """What to say of an error that nobody expected: its kind and message on one line."""
+    """Describe an unexpected error on one line: its kind and message."""
     said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     return f"fault of the program ({' '.join(said.split())[:longest]})"
 

@@ -17,7 +17,7 @@ MOST_OBJECTS = 10_000
 MOST_DEPTH = 16
 """Groups in groups."""
 MOST_CHUNK_BYTES = 268_435_456
-"""Of an HDF5 dataset, which are unpacked together however little of them is read."""
+"""Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
 
 
 def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: bool = False) -> Iterator[Any]:

@@ -69,8 +69,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
 
 def cache_of(function: Callable[..., Any]) -> Any:
-    """Where the kernels of a function are kept: NUMBA_CACHE_DIR, beside its module, or the user's own cache; nowhere if
-    none of these can be written."""
+    """Make the cache of a function's kernels: NUMBA_CACHE_DIR, beside its module, or the user's own cache; no cache if
+    no such folder can be written."""
     try:
         return KernelCache(function)
     except (RuntimeError, OSError):  # numba found no folder

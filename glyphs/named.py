@@ -1,4 +1,4 @@
-"""What a user wrote himself and names as `module:function`: a soil, a reader, the driver of a stage."""
+"""Load a user's own object named `module:function`: a soil, a reader, the driver of a stage."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Part:
 
     @property
     def text(self) -> str:
-        """What was stamped."""
+        """The text that was stamped."""
         return self.stamped.text
 
     @property
@@ -77,7 +77,7 @@ class Part:
 
     @property
     def soil(self) -> Soil | None:
-        """What of the dirt yields, and its friction; None of a clean part."""
+        """The dirt that yields, and the friction of the surface; None for a clean part."""
         return None if self.soiling.clean else self.soiled.soil
 
     @cached_property
@@ -158,12 +158,12 @@ def stamp(
         format: its form (`A` a letter, `9` a digit, `*` either), and a serial is drawn.
         font: built-in name, font file or font.
         height_mm: character height.
-        depth_mm: depth of the mark, the usual one of that height unless given.
+        depth_mm: depth of the mark; default: the usual one of that height.
         face: face of the die.
         bevel_deg: slope of its walls.
         raised: raised marks.
         line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
-        pitch_mm: sample pitch, a hundredth of the height unless given.
+        pitch_mm: sample pitch; default: a hundredth of the height.
         variation: how blows and plate differ; `StampingVariation.none()` for an ideal part; or
         practice: who stamps, a name of `PRACTICES`.
         die: a name of `DIES`, in place of a face.
@@ -238,7 +238,7 @@ def _struck(
     bevel_deg: float,
     depth_mm: float | None,
 ) -> tuple[StampingVariation, Die]:
-    """How blows differ, and the die."""
+    """Variation of blows, and the die."""
     if variation is not None and practice is not None:
         raise StampError("give how blows differ, or who stamps", hint="leave out variation or practice")
     how = variation or pick("practice", PRACTICES, practice or "press")()

@@ -9,7 +9,7 @@ HIDDEN = (
     r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ue000-\uf8ff\ufeff"
     r"\ufff9-\ufffb"
 )
-"""Of a class of a regular expression: the hidden characters of the Basic Multilingual Plane that are worth a word."""
+"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane."""
 _HIDDEN_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 _PERHAPS = re.compile(r"[^\x20-\x7e]")
 

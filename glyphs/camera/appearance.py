@@ -17,7 +17,7 @@ _MEDIUM_GREY = 0.2
 def draw_light(
     rng: np.random.Generator, *, azimuth_deg: float | None = None, elevation_deg: float | None = None
 ) -> Light:
-    """A lamp from any side, 25 to 65 degrees high, unless given."""
+    """Draw a lamp; default: from any side, 25 to 65 degrees high."""
     azimuth, elevation = rng.uniform(0.0, 360.0), rng.uniform(25.0, 65.0)
     warm = 0.05 * float(np.clip(rng.standard_normal(), -2.0, 2.0))
     return Light(

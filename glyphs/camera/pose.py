@@ -1,4 +1,4 @@
-"""Where a camera stands over a plate, and what it does to the light.
+"""Pose of a camera over a plate, and its optical errors.
 
 Nominally its axis meets the middle of the plate, its rows run along x. In truth the part lies a little
 shifted, turned and tilted, which only the simulator knows.

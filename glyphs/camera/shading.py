@@ -27,7 +27,7 @@ from glyphs.surface.noise import Field
 
 @dataclass(frozen=True)
 class Light:
-    """How a part is lit.
+    """Light on a part.
 
     Attributes:
         azimuth_deg: where the lamp stands, plate frame: 0 at the right (+x), 90 below (+y), 270 above.

@@ -1,4 +1,4 @@
-"""What a character is: strokes or contours in one frame, and the signed distance from its ink.
+"""Characters: strokes or contours in one frame, and the signed distance from the ink.
 
 Glyph frame: x right from the left bearing (0 .. advance), y *up* from the baseline, unit = cap height.
 

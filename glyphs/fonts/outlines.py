@@ -1,4 +1,4 @@
-"""Where glyphs come from: the built-in gothic, Hershey's engraving letters, and TrueType or OpenType files.
+"""Sources of glyphs: the built-in gothic, Hershey's engraving letters, and TrueType or OpenType files.
 
 Of the Hershey fonts, `rowmans`, `rowmand` and `rowmant` are left out: in the package's data they are the same
 strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
@@ -128,7 +128,7 @@ def _from_file(path: str, mtime_ns: int, size: int) -> Font:
     """Read a font file; the time and size are only there to notice that the file has changed."""
     from fontTools.ttLib import TTFont
 
-    # it warns of odd dates in a font's header, which nobody here asks for
+    # it warns of odd dates in a font's header, which are not used here
     logging.getLogger("fontTools.ttLib.tables._h_e_a_d").setLevel(logging.ERROR)
     try:
         with TTFont(path, fontNumber=0, lazy=True) as file:
@@ -152,5 +152,5 @@ def _outlined_font(file: object, path: str) -> Font:
         if contours or char == " "
     }
     if not set(SERIAL_CHARACTERS) & set(glyphs):
-        raise FontError(f"font file {path!r} has none of A-Z and 0-9", hint="use a Latin font")
+        raise FontError(f"font file {path!r} has no character of A-Z and 0-9", hint="use a Latin font")
     return Font(face or Path(path).stem, glyphs, 0.0, path)

@@ -10,9 +10,9 @@ import numpy as np
 from glyphs.errors import MarksError
 
 SIGNS = "-./#()&"
-"""What stands between letters and figures of part markings."""
+"""Signs between letters and figures of part markings."""
 _OPERATORS = "?[]{}|^$+"
-"""Signs of regular expressions; no stamp bears them, so a mask that has one is meant as something else."""
+"""Signs of regular expressions; no stamp has them, so a format with one is meant as something else."""
 _CLASSES = {
     "A": string.ascii_uppercase,
     "a": string.ascii_lowercase,

@@ -1,4 +1,4 @@
-"""Caked grime: dust bound by oil and grease, as it grows for years on machinery that nobody cleans.
+"""Caked grime: dust bound by oil and grease, as it grows for years on machinery that is never cleaned.
 
 Layer settles upon layer. Grooves catch first and fill to the brim; the cake then climbs over it, mark and land alike::
 
@@ -52,7 +52,7 @@ _ONSETS = (0.0, 0.05, 0.15, 0.30)
 
 @dataclass(frozen=True, eq=False)
 class _Site:
-    """What the cake grows on: room below the ceiling and depth of the marks, mm; how near the rims are, 0 to 1."""
+    """The ground of a cake: room below the ceiling and depth of the marks, mm; nearness of the rims, 0 to 1."""
 
     room_mm: Field
     depth_mm: float
@@ -210,7 +210,7 @@ def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
 
 
 def _finger(coat: Coat, rng: np.random.Generator) -> Field:
-    """How far the ridges of one fingertip press in, 0 to 1; 12 x 16 mm of them, where the grid can carry them."""
+    """Prints of the ridges of one fingertip, 0 to 1; 12 x 16 mm of them, where the grid resolves them."""
     u, v = _turned(coat, rng)
     firm = np.float32(np.clip(rng.uniform(-0.3, 1.2), 0.0, 1.0))
     core_u, core_v, bend, phase = (float(x) for x in rng.uniform((-2, -2, 0, 0), (2, 2, 6.28, 6.28)))

@@ -19,7 +19,7 @@ from glyphs.surface.noise import Field, bilinear, smooth_noise
 
 STEEL_FRICTION = 0.2
 STEEL_HARDNESS_MPA = 2000.0
-"""What does not yield to a fingertip's load; given where nothing lies that does."""
+"""Hardness of bare metal, which does not yield to the tip's load."""
 _STEEL_ALBEDO = (0.20, 0.195, 0.185)
 _STEEL_REFLECTANCE = 0.55
 _STEEL_ROUGHNESS = 0.34
@@ -27,7 +27,7 @@ _STEEL_ROUGHNESS = 0.34
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How a surface throws light back, sample by sample.
+    """Optical properties of a surface, sample by sample.
 
     Attributes:
         albedo: (rows, cols, 3) float32, 0 to 1: red, green and blue light thrown back diffusely.
@@ -94,7 +94,7 @@ class Coat:
         return self.z_mm.size * self.pitch_mm**2
 
     def hollow_mm(self) -> Field:
-        """How far the top lies below the brim, at least 0."""
+        """Depth of the top below the brim, at least 0."""
         return np.asarray(np.maximum(self.brim_mm - self.z_mm, 0.0), dtype=np.float32)
 
     def noise(self, length_mm: float, rng: np.random.Generator) -> Field:

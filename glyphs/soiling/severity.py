@@ -25,5 +25,5 @@ AMOUNTS: Final[dict[str, tuple[float, ...]]] = {
 
 
 def amount_of(soil: str, severity: float) -> float:
-    """How much of a soil makes that severity, 0 to 1."""
+    """Return the amount of a soil, 0 to 1, at a severity."""
     return float(np.interp(severity, KNOTS, AMOUNTS.get(soil, KNOTS)))

@@ -25,12 +25,12 @@ from glyphs.surface.maps import HeightMap
 
 WORKSHOP = "workshop"
 _LOOK_STREAM = 7
-"""Of the bare metal; the workshop's seven kinds draw from the streams before it."""
+"""Random stream of the bare metal's look; the workshop's seven kinds draw from the streams before it."""
 
 
 @dataclass(frozen=True)
 class Soiling:
-    """What lies on a part.
+    """The soils of a part and their severity.
 
     Attributes:
         soils: names of soils, the first lies lowest; each is there as much as it would be alone.
@@ -104,7 +104,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
     Raises:
         MapError: dropouts in the part's height map.
-        StampError: a soil of one's own that fails, or gives something else than a surface of the same grid.
+        StampError: a user's own soil that fails, or returns something else than a surface of the same grid.
     """
     streams = _Streams(rng)
     coat = bare_coat(part, rng=streams.look)
@@ -124,7 +124,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
 
 def _laid(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
-    """One soil on a surface; what a soil of one's own does wrong is said of it, and is no fault of the program."""
+    """Lay one soil on a surface; errors of a user's own soil name it, and are not reported as faults of the program."""
     model = soil_model(name)
     if name in SOILS:
         return model(coat, amount, rng=rng)

@@ -2,7 +2,7 @@
 
     coat, amount, rng --SoilModel--> coat      what is on top, what of it yields, how it throws light back
 
-A soil of one's own is any such function, named `module:function`.
+A user's own soil is any such function, named `module:function`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from glyphs.stamping.errors import StampError
 
 
 class SoilModel(Protocol):
-    """What one kind of soil does to a surface.
+    """A kind of soil: a function from one surface to the next.
 
     - Amount 0 changes nothing; at 1 hardly a character is left to read. More is never less: the same `rng` lays the
       same patches, grown.
-    - `z_mm` is the new top. What yields under a tip has `soft_mm` and `hardness_mpa`; hard stuff has none of it.
+    - `z_mm` is the new top. Dirt that yields under a tip has `soft_mm` and `hardness_mpa`; hard dirt has no `soft_mm`.
     - All arrays keep shape and dtype (float32) and stay finite.
     - All chance comes from `rng`.
     """

@@ -42,7 +42,7 @@ class Blow:
 
 @dataclass(frozen=True)
 class Stance:
-    """How a stamp is held for one blow: the side to which it leans, degrees of the plate frame, and how far the
+    """Hold of a stamp for one blow: the side to which it leans, degrees of the plate frame, and how far the
     baseline has wandered by then, fraction of the height."""
 
     lean_deg: float = 0.0

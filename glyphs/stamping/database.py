@@ -39,7 +39,7 @@ MOST_OBJECTS = 20_000
 """Groups and datasets; an exemplar has four, a font eight."""
 MOST_FONTS, MOST_LINES = 200, 500_000
 MOST_GLYPH_POINTS = 5_000
-"""Of one character: the work of drawing it grows with their square."""
+"""Most points of one character: the work of drawing it grows with their square."""
 _LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 100
 """Data may always unpack to so much, beyond that to so many times the file's length; exemplars pack tenfold at most."""
 _EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence")
@@ -104,7 +104,7 @@ class Exemplar:
 
 @dataclass(frozen=True, eq=False)
 class GlyphDatabase:
-    """What is known of the letters in use.
+    """Fonts, dies and enrolled exemplars of the letters in use.
 
     Attributes:
         fonts: by name, read-only.

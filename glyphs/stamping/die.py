@@ -1,4 +1,4 @@
-"""What a die cuts: a glyph's relief, and one faultless character on a flat plate."""
+"""Relief that a die cuts of a glyph, and one faultless character on a flat plate."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class DieKind:
         return replace(usual, stroke_mm=stroke, root_radius_mm=0.05 * usual.depth_mm)
 
     def applied(self, how: StampingVariation) -> StampingVariation:
-        """How blows differ with this die."""
+        """Apply the changes of this die to the variation of blows."""
         return replace(how, **dict(self.changes))  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
-"""What a plate is bent to: cylinders, saddles and bows, each axis of the plate an arc of a circle.
+"""Forms of bent plates: cylinders, saddles and bows, each axis of the plate an arc of a circle.
 
     radius > 0: the plate falls off to both its edges        x_mm, y_mm: as seen from above (the plate frame)
     radius < 0: it rises to them                             skin: along the surface, as a tape measures it
@@ -22,15 +22,15 @@ from glyphs.stamping.errors import StampError
 from glyphs.surface.display import one_line
 
 MAX_SAG_MM = 3.0
-"""What a form may rise or fall from the middle to an edge: beyond it neither an array of whiskers on a straight rail
+"""Most rise or fall of a form from the middle to an edge: beyond it neither an array of whiskers on a straight rail
 nor a camera's depth of field reaches."""
 _STEEPEST = 0.9
-"""Of the half width over the radius: slopes of up to 64 degrees at the edge."""
+"""Most half width over the radius: slopes of up to 64 degrees at the edge."""
 
 
 @dataclass(frozen=True)
 class PlateForm:
-    """The radii of a plate about its two axes; flat unless given.
+    """Radii of a plate about its two axes; default: flat.
 
     Attributes:
         radius_x_mm: of the arc that the plate follows along x (a line around a shaft), mm, not zero; infinite: none.
@@ -55,7 +55,7 @@ class PlateForm:
 
     @property
     def flat(self) -> bool:
-        """Whether it is none at all."""
+        """Whether both radii are infinite."""
         return math.isinf(self.radius_x_mm) and math.isinf(self.radius_y_mm)
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -69,7 +69,7 @@ class PlateForm:
 
 
 def seen_mm(skin_mm: float, radius_mm: float) -> float:
-    """How wide half a plate is as seen from above that measures `skin_mm` along its skin.
+    """Half width of a plate as seen from above that measures `skin_mm` along its skin.
 
     Raises:
         StampError: a plate that would reach too far around.

@@ -1,4 +1,4 @@
-"""Where characters stand: on a straight line or an arc, and what else is stamped above or below."""
+"""Layouts of a line: straight or on an arc, alone or with another line above or below."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TIGHTEST = 0.9  # of half a line's length over the radius of its arc
 
 @dataclass(frozen=True)
 class Layout:
-    """How a line lies on the plate; straight and alone unless given.
+    """Layout of a line on the plate; default: straight and alone.
 
     Attributes:
         turned_deg: of the whole line, clockwise as seen, added to what the caller turns it by.

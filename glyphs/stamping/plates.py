@@ -11,7 +11,7 @@ from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
 from glyphs.stamping.variation import PlateVariation
 
 _FALL, _MOST_FALL_MM = 0.2, 1.5
-"""What a form falls from the middle to the ends of a line: of the height, 1 mm at 5 mm, and at most."""
+"""Fall of a form from the middle to the ends of a line: share of the height (1 mm at 5 mm), and at most in mm."""
 
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "machined": lambda height_mm, length_mm: PlateVariation(),

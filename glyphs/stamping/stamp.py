@@ -89,7 +89,7 @@ def stamp_line(
         spacing: gap added to the font's own advance, cap heights; may be negative.
         margin_mm: land around the line, 0.8 of the height if not given.
         line_rotation_deg: of the whole line, from +x towards +y of the plate frame (clockwise as seen).
-        layout: an arc, or another line; straight and alone unless given.
+        layout: an arc, or another line; default: straight and alone.
         variation: how the blows differ; the defaults of `StampingVariation` if not given.
         raised: characters stand out of the plate (no burr).
         rng: the only source of randomness; the same state gives the same part.
@@ -169,7 +169,7 @@ class _Axis:
     skin_mm: NDArray[np.float64]
 
     def seen(self, skin_mm: float) -> float:
-        """Where a place on the skin is seen."""
+        """Convert a place on the skin to one as seen from above."""
         if self.skin_mm is self.seen_mm:
             return skin_mm
         return float(np.interp(skin_mm, self.skin_mm, self.seen_mm))
@@ -195,7 +195,7 @@ def _axis(skin_mm: float, pitch_mm: float, radius_mm: float) -> _Axis:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where one character's reference point stands about the line's origin, mm, and how far it is turned."""
+    """Place of one character's reference point from the line's origin, mm, and its rotation."""
 
     x_mm: float
     y_mm: float

@@ -1,4 +1,4 @@
-"""What tools leave on a plate, beyond the fine lay of `PlateVariation`: heights (rows, cols) over x and y.
+"""Textures that tools leave on a plate, beyond the fine lay of `PlateVariation`: heights (rows, cols) over x and y.
 
 Depths and feeds are those of workshop tables of surface finish (Ra of rough milling 3 to 6 um, rough turning 3 to 6,
 grinding with a coarse belt 1 to 3, blasted or sand-cast skins 6 to 25), as in ISO 1302 and the comparators made to it.

@@ -1,4 +1,4 @@
-"""How stamped plates differ: the plate's own form and texture, and how one blow differs from the next."""
+"""Variation of stamped plates: form and texture of the plate, and differences from blow to blow."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from glyphs.surface.display import one_line
 
 @dataclass(frozen=True)
 class PlateVariation:
-    """How far a plate is from flat; the defaults are those of a machined (turned, milled or ground) one.
+    """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) one.
 
     Attributes:
         tilt_deg: standard deviation of the tilt about either axis, degrees.
@@ -28,7 +28,7 @@ class PlateVariation:
         roughness_ra_um: arithmetic mean roughness Ra, micrometres.
         roughness_length_mm: distance at which its autocorrelation has fallen to 1/e, > 0.
         ironing: part of lay and roughness that the die presses flat on the floor of a mark, 0..1.
-        form: what the plate is bent to; flat unless given.
+        form: the curvature of the plate; default: flat.
         texture: in place of lay and roughness.
 
     Raises:
@@ -68,7 +68,7 @@ class PlateVariation:
 
 @dataclass(frozen=True)
 class StampingVariation:
-    """What a hammer does differently at every blow. Standard deviations unless said otherwise.
+    """Variation from blow to blow; numbers are standard deviations if nothing else is said.
 
     Attributes:
         depth_fraction: depth, as a fraction of the die's; clipped at 2.5 deviations.
@@ -151,4 +151,4 @@ PRACTICES: Final[dict[str, Callable[[], StampingVariation]]] = {
     "hand": StampingVariation.hand,
     "ideal": StampingVariation.none,
 }
-"""Who stamps: a press or a holder (the defaults), a hand with single stamps, nobody (all ideal)."""
+"""Ways of stamping: a press or a holder (the defaults), single stamps by hand, and ideal marks."""

@@ -1,4 +1,4 @@
-"""How values show themselves: a short line at the prompt, and over it a small picture in a notebook."""
+"""Representations of values: a short line at the prompt, and over it a small picture in a notebook."""
 
 from __future__ import annotations
 

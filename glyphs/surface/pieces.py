@@ -24,7 +24,7 @@ from glyphs.surface.maps import HeightMap, MapError
 
 
 class PieceKind(StrEnum):
-    """Which relief."""
+    """Kinds of relief."""
 
     PITS = "pits"
     GROOVES = "grooves"

@@ -1,1 +1,1 @@
-"""Which whisker to build: the search, the limits, and what they cost."""
+"""Design of whiskers: the search, the limits, and what they cost."""

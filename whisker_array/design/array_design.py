@@ -1,4 +1,4 @@
-"""Which array to build, and which plan to run: the least stage time at a wanted accuracy.
+"""Design an array and its plan: the least stage time at a wanted accuracy.
 
     whisker (width, inclination) -> body -> pitch -> rows and stagger -> comb
     wanted accuracy -> plans that were measured to keep it (lines a height, directions)
@@ -39,13 +39,13 @@ LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
 
 @dataclass(frozen=True)
 class ArrayRequest:
-    """What an array is for.
+    """Use of an array: characters, accuracy and dirt.
 
     Attributes:
         character_height_mm: of the serials.
         accuracy: share of characters to be read right.
         severity: of the dirt that this is wanted at; one that was measured.
-        length_mm: of the line; that of eight characters unless given.
+        length_mm: of the line; default: that of eight characters.
         speed_error: error of the edge map that speed may make.
 
     Raises:
@@ -64,7 +64,7 @@ class ArrayRequest:
 
     @property
     def region_mm(self) -> tuple[float, float, float, float]:
-        """What is felt: the line and land around it."""
+        """Region that is felt: the line and land around it."""
         h = self.character_height_mm
         length = self.length_mm or LENGTH_HEIGHTS * h
         return (0.0, 0.0, length + 2.0 * BESIDE_HEIGHTS * h, (1.0 + 2.0 * BESIDE_HEIGHTS) * h)
@@ -185,7 +185,7 @@ def design_arrays(
     Args:
         request: what it is for.
         sizes: numbers of whiskers.
-        counts: measured accuracy of plans; those that come with the program unless given.
+        counts: measured accuracy of plans; default: those that come with the program.
 
     Raises:
         DesignError: no measured plan is as accurate, or none was measured at that dirt.

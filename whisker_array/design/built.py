@@ -1,4 +1,4 @@
-"""What a whisker that is built does for a request: the figures by which one is designed."""
+"""Figures of a whisker that is built for a request: those by which one is designed."""
 
 from __future__ import annotations
 

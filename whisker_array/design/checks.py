@@ -140,7 +140,7 @@ def bending_stress_mpa(whisker: LShaped, normal_n: Values, *, alpha_rad: Values,
 
 
 def sideways_slide_mm(whisker: LShaped, *, preload_mm: float, wall_rad: float) -> float:
-    """How far the tip slides down a wall that runs along the trace: d0 (Dzz / Dyy) tan(alpha), mm.
+    """Sideways slide of the tip down a wall that runs along the trace: d0 (Dzz / Dyy) tan(alpha), mm.
 
     Friction does not hold it: the tip moves along the trace, and friction points against that. As the tip slides down
     it is pressed less, so the contact solver comes out lower, by 1 + (Dzz/Dyy) tan^2(alpha) without friction.

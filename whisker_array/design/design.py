@@ -1,4 +1,4 @@
-"""Which whisker to build: the L-shaped whisker with the largest worst-case edge contrast that can be made and used.
+"""Design the L-shaped whisker with the largest worst-case edge contrast that can be made and used.
 
     m / m_land  F  ___                    contrast: the step of the signal at an edge, in land moments,
                   |   \\                   top lip     |F - 1|
@@ -53,7 +53,7 @@ _FINE = 33
 
 
 class Lip(Enum):
-    """Which edge of a wall."""
+    """Edges of a wall."""
 
     TOP = "top lip"
     BOTTOM = "bottom lip"
@@ -123,7 +123,7 @@ class Design:
 
     @property
     def axis_over_land_mm(self) -> float:
-        """How high the sensor's axis stands over the land while tracing."""
+        """Height of the sensor's axis over the land while tracing."""
         w = self.whisker
         return w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm - self.preload_mm
 
@@ -275,7 +275,7 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
 
 
 def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
-    """What the whisker can be made like, as lines of the table: the nearer end of each range."""
+    """Ranges of what can be made, as lines of the table: the nearer end of each."""
     section = whisker.section
     beta = (math.degrees(limits.beta_rad[0]), math.degrees(limits.beta_rad[1]))
     ranges = [

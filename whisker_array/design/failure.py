@@ -15,7 +15,7 @@ from whisker_array.whisker.shapes import LShaped
 
 
 def why_not(problem: Problem, *, seed: int) -> str:
-    """Which constraints cannot be met together, and what would help."""
+    """Name the constraints that cannot be met together, and what would help."""
     rng = np.random.default_rng(seed)
     nearest, bounds = conflict(problem, list(starts(problem, n=3, rng=rng)))
     rows = _rows(nearest, problem)

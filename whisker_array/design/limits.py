@@ -1,4 +1,4 @@
-"""What a whisker must hold to be built and used: the request, the limits, and how far a whisker is from each.
+"""Request and limits of a design, and the distance of a whisker from each limit.
 
 constraint            what is compared                                      with
 jamming               e_y.D11 (n - mu t) on the steepest wall / on land     a fifth: force grows fivefold
@@ -66,13 +66,13 @@ class Bound(enum.Enum):
 
     @property
     def hint(self) -> str:
-        """What to change."""
+        """What to change where the limit cannot be kept."""
         return self.value[1]
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the whisker is for.
+    """Use of a whisker: walls, friction, marks and speed.
 
     Attributes:
         alpha_rad: gentlest and steepest wall, rad; walls fall and rise.
@@ -115,7 +115,7 @@ class Request:
 
     @property
     def least_speed_mm_s(self) -> float:
-        """The speed to be reached: 10 heights a second, at most SAFE_SPEED_MM_S, unless given."""
+        """Least scan speed; default: 10 heights a second, at most SAFE_SPEED_MM_S."""
         return self.speed_mm_s or min(10.0 * self.character_height_mm, SAFE_SPEED_MM_S)
 
     @property
@@ -146,7 +146,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Limits:
-    """What can be made and what is allowed; see the head of the module.
+    """Limits of making and use; see the head of the module.
 
     Attributes:
         l1_mm: shortest and longest beam.

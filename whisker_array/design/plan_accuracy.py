@@ -1,4 +1,4 @@
-"""How well coarser plans are read, as counted on simulated parts by `python tests/benchmarks/plan_accuracy.py`."""
+"""Accuracy of coarser plans, as counted on simulated parts by `python tests/benchmarks/plan_accuracy.py`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
 
 @dataclass(frozen=True)
 class PlanCounts:
-    """What was read by one plan under one severity of dirt.
+    """Counts of parts and characters read by one plan under one severity of dirt.
 
     Attributes:
         lines: traced lines a character height.
@@ -68,8 +68,8 @@ class PlanCounts:
 @cache
 def measured_plans() -> tuple[PlanCounts, ...]:
     """The counts that come with the program."""
-    told = json.loads(MEASURED.read_text(encoding="utf-8"))
-    return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in told["counts"])
+    fit = json.loads(MEASURED.read_text(encoding="utf-8"))
+    return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in fit["counts"])
 
 
 def ways_words(directions: Sequence[int]) -> str:

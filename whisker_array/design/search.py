@@ -33,7 +33,7 @@ _GAIN = 2e-5
 _WAIT = 6
 
 Objective = Callable[[LShaped, float], Values]
-"""What is to be large, given whisker and preload: its smallest entry counts."""
+"""Function of whisker and preload whose smallest entry is maximised."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is searched for.
+    """A search: use, limits, kind of section and objective.
 
     Attributes:
         request: what the whisker is for.

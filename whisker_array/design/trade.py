@@ -1,4 +1,4 @@
-"""What another limit would give: the contrast against the slide allowed and against the scan speed.
+"""Trade-offs: the contrast against the slide allowed and against the scan speed.
 
 Each point is a whisker designed anew from its neighbour. The elastica's error is scaled as it is for the design.
 """
@@ -21,7 +21,7 @@ SPEED_FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 @dataclass(frozen=True)
 class TradeOff:
-    """What another limit would give, all else being designed anew.
+    """Contrast at other values of one limit, the whisker designed anew for each.
 
     Attributes:
         name: the limit.

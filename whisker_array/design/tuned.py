@@ -34,14 +34,14 @@ from whisker_array.whisker.shapes import LShaped
 NEIGHBOUR_RAD = math.radians(10.0)
 """An inclination that must differ in the signal from alpha0."""
 AXIS_RAISE = 2.5
-"""How far the sensor's axis of a null may stand above the clamp, in l1."""
+"""Greatest height of the sensor's axis of a null above the clamp, in l1."""
 STEEPEST_RAD = math.radians(80.0)
 _TABLE_DEG = tuple(range(0, 71, 5))
 _STARTS = 4
 
 
 class Kind(enum.Enum):
-    """How a whisker is sensitive to one inclination."""
+    """Kinds of sensitivity to one inclination."""
 
     NULL = "null"
     THRESHOLD = "threshold"

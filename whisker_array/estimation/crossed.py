@@ -1,4 +1,4 @@
-"""Where a whisker is left out: what it would have felt, from the passes that cross its lines.
+"""Fill lines of a whisker that is left out from the passes that cross them.
 
 x passes  -->  ====xxxxxxx====    xxxx: under the faulty whisker
 y passes   |   height h from both ways of y, which other whiskers felt there

@@ -118,7 +118,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
 
 
 def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
-    """How far the tip is bent along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
+    """Shift of the tip along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
     t = np.tan(np.asarray(theta_rad, dtype=np.float64))
     d = tip.compliance_mm_per_n
     give = d[1, 1] - d[1, 0] * t

@@ -1,4 +1,4 @@
-"""What a recording says of each whisker and of the bench: levels, noise, steps, sharpness, form, lines of a spectrum.
+"""Measures of each whisker and of the bench: levels, noise, steps, sharpness, form, lines of a spectrum.
 
     moment |      air | lead-in |   marks    | lead-out       level     land over what the whisker model expects
            |          |_____ ___|__   __   __|_______         noise     what does not repeat from sample to sample
@@ -149,7 +149,7 @@ def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
 
 
 def _contrast(marks: Floats) -> tuple[float, float]:
-    """How deep marks are and how much goes on in them, shares of the land."""
+    """Depth and total steps of marks, shares of the land."""
     steps = float(np.sqrt(np.nansum(np.diff(marks, axis=1) ** 2)))
     return -float(np.nanquantile(marks, 0.02)), steps
 
@@ -180,7 +180,7 @@ def _lines(f: SweepShares) -> tuple[Floats, NDArray[np.intp], Floats]:
 
 @dataclass(frozen=True)
 class Form:
-    """How the plate lies, mm over the length and width that were felt: a plane's rise, a parabola's sag."""
+    """Form of the plate, mm over the length and width that were felt: a plane's rise, a parabola's sag."""
 
     rise_x_mm: float
     rise_y_mm: float

@@ -29,7 +29,7 @@ FEWEST_SAMPLES = 16
 
 
 class FrictionRoute(StrEnum):
-    """How a friction was found."""
+    """Routes by which friction is found."""
 
     SHAPES = "shapes"
     TWO_WAYS = "two ways"
@@ -51,7 +51,7 @@ class LandFriction:
 
 
 def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
-    """What a scan tells of the land's friction, the surest first; empty where it tells nothing.
+    """Find the land's friction by every route that a scan allows, the surest first; may be empty.
 
     SHAPES needs a profiler on the lines of a differentiator and gains that are known from a bench (not from
     land); TWO_WAYS needs passes felt again on their return, and no gains at all.

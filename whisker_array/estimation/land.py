@@ -1,4 +1,4 @@
-"""Where the land lies in a sweep: the moment of undisturbed surface under every sample.
+"""Fit the land of a sweep: the moment of undisturbed surface under every sample.
 
 The land is the level that most samples share; marks stand out from it on one side or the other. Each
 whisker's gain is read off where whiskers meet; then a quadratic over the plate (the mounting's tilt, a slight
@@ -27,7 +27,7 @@ LAND_SHARE = 0.35
 TUKEY_CUT = 0.05
 """Samples further than this from the expected land, relative to it, have no say: marks are 10 % and more."""
 DAMPING = 1e-9
-"""Of the fit's normal equations, as a share of their trace: unseen terms stay zero."""
+"""Damping of the fit's normal equations, as a share of their trace: unseen terms stay zero."""
 MIN_INLIERS = 0.15
 """A line with fewer land samples than this takes its land from the neighbours alone."""
 NEIGHBOUR_LINES = 9
@@ -54,7 +54,7 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the land of a sweep, (lines, samples): (6,) of 1, u, v, u^2, u v, v^2, each from -1 to 1; NaN are left out.
+    """Fit the land of a sweep, (lines, samples): (6,) of 1, u, v, u^2, u v, v^2, each from -1 to 1; NaN are left out.
 
     The start is flat at the most common level, or tilted as the levels of lines and of columns say, so a tilt
     of many times the mark's depth does no harm; the fit is then tightened around it. All zero where most samples
@@ -168,7 +168,7 @@ def _log_step(
 
 
 def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What each line's land departs from its neighbours', (lines, samples): a robust line along the trace.
+    """Drift of each line's land against its neighbours', (lines, samples): a robust line along the trace.
 
     A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of
     the lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.

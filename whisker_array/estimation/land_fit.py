@@ -1,4 +1,4 @@
-"""What `land` is fitted with: shortest intervals, the robust quadratic, robust lines, a running median."""
+"""Robust fits of the land: shortest intervals, a quadratic, lines, a running median."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def shortest(ordered: Floats, share: float) -> Floats:
 
 @kernel(allow=ANY_ORDER)
 def _row_sums(target, u, base, linear, square, inv_cut, sums):  # type: ignore[no-untyped-def]
-    """Of each row: sums of w u^0..4 and w y u^0..2, w the biweight about base + linear u + square u^2."""
+    """Sums of each row: w u^0..4 and w y u^0..2, w the biweight about base + linear u + square u^2."""
     for i in range(target.shape[0]):
         s0 = s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
         for j in range(u.size):
@@ -98,7 +98,7 @@ def fit_quadratic(
 
 
 def _by_row(c: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """What of a quadratic is constant along each row, and what is linear."""
+    """Constant and linear coefficients of a quadratic along each row."""
     return c[0] + v * (c[2] + v * c[5]), c[1] + v * c[4]
 
 

@@ -227,7 +227,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
 
 
 def _bent(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
-    """How far each tip is from the commanded place, which is set up on the land at the nominal friction."""
+    """Shift of each tip from the commanded place, which is set up on the land at the nominal friction."""
     if friction_sign > 0.0:
         lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
     else:

@@ -75,7 +75,7 @@ def registration_mm(
 
 
 def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
-    """How far the forward map must go, and half of it the backward map come, to agree with eq. (16), pixels.
+    """Find the play between forward and backward maps that agrees best with eq. (16), pixels.
 
     Args:
         ahead, behind: (lines, samples) enhancement of the forward and the backward trace.

@@ -34,7 +34,7 @@ STEEPEST = 3.0
 
 
 class Route(StrEnum):
-    """How height and slope were separated."""
+    """Routes by which height and slope are separated."""
 
     PROFILED = "profiled"
     TURNED = "turned"
@@ -95,7 +95,7 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     Args:
         edges: of one kind of whisker, dragged.
         touch: how they were felt.
-        friction: of the surface; the nominal one of the touch unless given.
+        friction: of the surface; default: the nominal one of the touch.
 
     Raises:
         MapError: friction at which the whisker jams on the land.

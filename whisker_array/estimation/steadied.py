@@ -23,7 +23,7 @@ from whisker_array.whisker.array import RasterPlan
 
 NEVER_RUN = np.uint8(SampleFlag.OUTSIDE)
 BETWEEN_S = RasterPlan.turnaround_s
-"""How long whiskers hang in air before the samples of it: a recording does not tell, so as plans have it."""
+"""Time that whiskers hang in air before its samples: not recorded, so taken from the plan's default."""
 
 
 def steadied(scan: Scan) -> Scan:

@@ -1,1 +1,1 @@
-"""What a recording over a test piece tells of the whisker that made it, and of its bench."""
+"""Identification of a whisker and its bench from a recording over a test piece."""

@@ -1,4 +1,4 @@
-"""What is found of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
+"""Unknowns of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
 
 A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own (`OF_GAUGE`).
 """
@@ -39,7 +39,7 @@ class Unknown(StrEnum):
 
 
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
-"""Of the whisker alone, and settled when it is made."""
+"""Unknowns of the whisker alone, fixed when it is made."""
 OF_GAUGE = ("gain", "creep", "lag")
 """Numbers that every whisker has of its own."""
 MEMORIES = len(OF_GAUGE) - 1
@@ -50,10 +50,10 @@ LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 GROUND_TIP, WORN_TIP = 0.2, 0.6
 """Standard deviation of a tip's radius, in parts of itself, as it is ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
-"""Of screws as they are bought (ISO 3408-2, the small ones)."""
+"""Leads of usual screws (ISO 3408-2, the small ones)."""
 TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025
-"""Of a screw: share of the travel, and of each wave. Tolerance grade 5 in ISO 3408-3: 23 um over 300 mm, and waves of
-0.004 mm to either side within a turn."""
+"""Errors of a screw: share of the travel, and of each wave. Tolerance grade 5 in ISO 3408-3: 23 um over 300 mm, waves
+of 0.004 mm to either side within a turn."""
 _OF_A_SCREW = 1 + 2 * len(LEADS_MM)
 
 
@@ -102,7 +102,7 @@ class Bench:
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
-        """As `vector` gives them."""
+        """Make a bench from numbers in the order of `vector`."""
         gain, *memory = numbers[len(Unknown) : -2 * _OF_A_SCREW].reshape(1 + MEMORIES, -1)
         values = dict(zip(Unknown, map(float, numbers), strict=False))
         return cls(values, gain, np.array(memory), numbers[-2 * _OF_A_SCREW :].reshape(2, -1))
@@ -123,7 +123,7 @@ class Bench:
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
-        """How the whisker meets the surface, by the drawing with these numbers in place of its own.
+        """Make the touch of the drawing with these numbers in place of its own.
 
         Of a touch alone, without a drawing, the whisker stays what it is; lengths and angle are not asked.
 
@@ -194,12 +194,12 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
 
 
 def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
-    """Where a whisker's own numbers stand in `Bench.vector`, as `OF_GAUGE` has them."""
+    """Indices of a whisker's own numbers in `Bench.vector`, in the order of `OF_GAUGE`."""
     return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
 
 
 def of_screw(n: int, *, along_x: bool) -> slice:
-    """Where a screw's numbers stand among the n of `Bench.vector`."""
+    """Indices of a screw's numbers among the n of `Bench.vector`."""
     return slice(n - 2 * _OF_A_SCREW, n - _OF_A_SCREW) if along_x else slice(n - _OF_A_SCREW, n)
 
 

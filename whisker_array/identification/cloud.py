@@ -1,4 +1,4 @@
-r"""What a recording says of a bench, seen across all benches that it may be.
+r"""Linearise a recording's prediction across all benches that it may come from.
 
 Contact is rough: where a tip slips or catches, a small change of a number moves a sample by a jump, and a slope taken
 there says nothing. So the moments of a cloud of benches are predicted, a few times as wide as what is known, and a
@@ -30,7 +30,7 @@ from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch
 
 _NONE = 1e-9
-"""Of a width, or of a share of one: numbers that are not moved, or depend on others."""
+"""Least width, or share of one: numbers below it are not moved, or depend on others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def plane_through(
 
 @dataclass(frozen=True, eq=False)
 class _Ways:
-    """What a cloud spreads along: numbers themselves, and the tip's shape in place of those that are drawn.
+    """Directions in which a cloud spreads: numbers themselves, and the tip's shape in place of those that are drawn.
 
     Attributes:
         at: the bench in the middle.

@@ -131,7 +131,7 @@ class Identified:
 
     @property
     def misfit(self) -> float:
-        """What is left over, rms in parts of the uncertainty of a sample: 1 where the model explains all.
+        """Misfit, rms in parts of the uncertainty of a sample: 1 where the model explains all.
 
         The worst `_JUMPED` are left out: where a tip slips or jams otherwise than predicted they say no more than that.
         """
@@ -272,7 +272,7 @@ def identify(
 def _seen(
     values: Iterable[NDArray[np.float64]], *, sigma: tuple[NDArray[np.float64], ...], scatter_n_mm: float
 ) -> tuple[NDArray[np.float64], ...]:
-    """Of every trace what a level that walks on leaves, in sigmas."""
+    """Innovations of every trace about a level that walks, in sigmas."""
     return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))
 
 

@@ -1,4 +1,4 @@
-r"""What a bench would have recorded over a piece: the contact simulation along the lines that were felt.
+r"""Predict the recording of a bench over a piece: the contact simulation along the lines that were felt.
 
 piece --dilated by the tip--> heights and slopes, and how they change with its radius   (once)
 map --pose, play--> contact along the lines --gain, creep, lag--> raw signal less that of the air
@@ -81,7 +81,7 @@ class Forward:
     def pressed(
         self, bench: Bench, *, tip: TipModel | None = None
     ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Of every trace, N mm: (samples,) gain times moment, and (2, samples) what a creep of 1 adds, and a lag.
+        """Predict every trace, N mm: (samples,) gain times moment, (2, samples) what a creep of 1 and a lag of 1 add.
 
         Where a tip jams, the moment is what a jam begins with.
 
@@ -141,7 +141,7 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """What a sweep's lines share, and what was felt of them, a row each.
+    """Common data of a sweep's lines, and what was felt of them, a row each.
 
     `met_n_mm` (lines, steps) is what tips pressed by the recording where they jammed, NaN elsewhere: a jam is no
     prediction's, but what follows it in the gauge is. `screw_ways` as of `_screw_ways`.
@@ -157,7 +157,7 @@ class _Sweep:
 
     @classmethod
     def of(cls, traces: Sequence[Trace]) -> _Sweep:
-        """Of its traces."""
+        """Gather the traces of a sweep."""
         return cls(
             plan=traces[0].plan,
             line_mm=np.array([trace.line_mm for trace in traces]),

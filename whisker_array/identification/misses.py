@@ -1,4 +1,4 @@
-r"""What a fit makes of the difference between what was felt and what is predicted.
+r"""Residuals of a fit: samples felt less predicted, whitened.
 
     felt - predicted = level + scatter,     level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
 
@@ -23,17 +23,17 @@ from glyphs.compiled import CONTRACTED, kernel, read_only
 from whisker_array.identification.traces import Trace
 
 PLACE_MM = 0.005
-"""By how much a stage's place is off: screws that are bought wave by as much with every turn."""
+"""Error of a stage's place: usual screws wave by as much with every turn."""
 WALK = 0.03
-"""What a level walks between two samples, in parts of their scatter: measured on benches whose numbers are known."""
+"""Step of a level's walk between two samples, in parts of their scatter: measured on benches of known numbers."""
 BEGINS = 0.5
-"""How far a level is off where a pass begins, in parts of the scatter of a sample."""
+"""Error of a level where a pass begins, in parts of the scatter of a sample."""
 FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 
 
 def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:
-    """Of each residual, in sigmas, in a sum of squares: Geman and McClure's, of a loss that is bounded.
+    """Weight of each residual, in sigmas, in a sum of squares: Geman and McClure's, of a loss that is bounded.
 
     Where tips slip around steep edges as they like, what jumps does not drown what the rest tells.
     """

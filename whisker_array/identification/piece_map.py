@@ -25,16 +25,16 @@ from whisker_array.whisker.sections import WhiskerError
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Height over the land, mm, at places of the piece, x and y in mm."""
 MARGIN_MM = 1.0
-"""Of a map around its lines: as far as a piece is moved, and a tip slips."""
+"""Margin of a map around its lines: as far as a piece is moved, and a tip slips."""
 ASKEW_RAD = 0.05
 _TOGETHER = 16
 """Rows whose heights stay in the cache."""
 WIDER = 0.1
-"""Of a tip's radius: across so much what is felt changes as good as in proportion, and the grid has no say."""
+"""Step of a tip's radius: across so much the signal changes nearly in proportion, whatever the grid."""
 
 
 def heights_of(surface: HeightMap) -> Heights:
-    """Those of a map, between its samples too; beyond it as at its rim.
+    """Make a function of the heights of a map, between its samples too; beyond it as at its rim.
 
     Raises:
         MapError: a map with holes.
@@ -105,7 +105,7 @@ class PieceMap:
         return self._felt[step]
 
     def surface(self, radius_mm: float) -> TouchSurface:
-        """What the tip of the step below a radius feels, and what that of the next adds (`laid` says how much).
+        """Surface for the tip of the step below a radius, and the difference to the next step (`laid` gives its share).
 
         Raises:
             WhiskerError: a radius that no tip has.
@@ -127,7 +127,7 @@ class PieceMap:
         return step, (radius_mm / below_mm - 1.0) / WIDER
 
     def laid(self, direction: TraceDirection, bench: Bench) -> Laid:
-        """How the map lies under traces of a direction: x as the plate has it, or against it, z as the plate has it."""
+        """Place the map under traces of a direction: x along the plate's or against it, z as the plate's."""
         way = -1.0 if direction.backward else 1.0
         plate_from_trace = np.array(
             [[way, 0.0], [0.0, 1.0]] if direction.along_x else [[0.0, 1.0], [way, 0.0]]

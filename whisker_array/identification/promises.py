@@ -1,4 +1,4 @@
-"""What a whisker promises, and by how much that changes within what is known of it: first order, one number at a time.
+"""Figures of a whisker, and their uncertainty: first order, one number at a time.
 
 sd^2 = g^T C g,     g_i = (f(p + sd_i) - f(p - sd_i)) / (2 sd_i)
 """
@@ -28,7 +28,7 @@ Quantity = Callable[[LShaped, Touch], float]
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """How well a whisker is known.
+    """Covariance of a whisker's numbers.
 
     Attributes:
         names: numbers, of `OF_WHISKER`; others count as known. The stiffness is in parts of the whisker's own.
@@ -62,7 +62,7 @@ class Knowledge:
 
 @dataclass(frozen=True)
 class Promise:
-    """A figure that is told of a whisker.
+    """A figure of a whisker.
 
     Attributes:
         what: in words.
@@ -76,7 +76,7 @@ class Promise:
 
 
 def knowledge_of(found: Identified) -> Knowledge:
-    """How well an identification leaves the whisker known."""
+    """Take the covariance of the whisker's numbers from an identification."""
     names = OF_WHISKER if found.drawn is not None else tuple(n for n in OF_WHISKER if n not in DRAWN)
     at = [list(Unknown).index(name) for name in names]
     scale = np.array([found.bench[name] if name is Unknown.STIFFNESS else 1.0 for name in names])
@@ -86,7 +86,7 @@ def knowledge_of(found: Identified) -> Knowledge:
 def promises(
     whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
 ) -> tuple[Promise, ...]:
-    """What the whisker promises: land, edges, the steepest wall; and whatever else is asked.
+    """Compute figures of a whisker: land, edges, the steepest wall; and further ones.
 
     Args:
         whisker: as identified.
@@ -103,7 +103,7 @@ def promises(
         except WhiskerError:
             return math.nan
 
-    told = []
+    made = []
     for what, quantity in {**_ALWAYS, **(more or {})}.items():
         slope = np.array(
             [
@@ -111,8 +111,8 @@ def promises(
                 for name, sd in zip(known.names, known.sd, strict=True)
             ]
         )
-        told.append(Promise(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
-    return tuple(told)
+        made.append(Promise(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
+    return tuple(made)
 
 
 def _factor(alpha_deg: float) -> Quantity:

@@ -1,4 +1,4 @@
-"""What a recording leaves open: numbers that it cannot tell, or not apart, and what would tell them.
+"""Numbers that a recording does not determine, or not apart from others, and what would determine them.
 
 In units of what was known before, the covariance has large eigenvalues along what the recording does not tell; where
 several numbers share such a direction, only their combination is known.
@@ -14,10 +14,10 @@ from whisker_array.identification.bench import BENCH_GAIN, OF_GAUGE, Unknown, of
 from whisker_array.identification.fit import Identified
 
 UNTOLD = 0.7
-"""A number whose standard deviation is still so much of that before was not told."""
+"""Share of the standard deviation before, above which a number counts as not determined."""
 _SHARED = 0.25
 _PART = 0.3
-"""Of a direction, in parts of 1, from which a number counts as one of those that share it."""
+"""Least part of a unit direction, from which a number counts as one of those that share it."""
 GAINS = "gains"
 
 
@@ -61,7 +61,7 @@ def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
 
 
 def remedies(found: Identified) -> tuple[Remedy, ...]:
-    """What would tell the numbers that were not told, the best first; nothing that would hardly help."""
+    """List what would determine the open numbers, the best first; steps that would hardly help are left out."""
     open_ = untold(found)
     weights = np.zeros_like(found.covariance)
     for whisker in found.whiskers:

@@ -1,10 +1,10 @@
-r"""What a touch knows of a drawn whisker: five numbers of its tip, in which lengths, angle and stiffness are gathered.
+r"""Five numbers of a drawn whisker's tip, in which lengths, angle and stiffness are gathered.
 
     d = D11 / D11_yy,     q = (ln(d_xx - d_xy^2), d_xy, ln d_zz, arm_x / arm_y),   arm_y / D11_yy
     moment = (arm_y / D11_yy) * (what the contact makes of the other four)
 
 So contact is asked for the first four alone, the fifth is a factor, and what no signal tells apart (a length from an
-angle, a stiffness from a gain) is told apart by no noise of differences either. Of any four D11 is positive definite.
+angle, a stiffness from a gain) is not separated by noise of differences either. For any four D11 is positive definite.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from whisker_array.identification.bench import Bench
 from whisker_array.whisker.shapes import LShaped, TipModel
 
 SHAPE = 4
-"""Of the tip's numbers those that are no factor."""
+"""Count of the tip's numbers that are not a factor."""
 _PROBE = 1e-3
-"""Of a difference of the tip's numbers, which are smooth: in standard deviations before."""
+"""Step of a difference of the tip's numbers, which are smooth, in standard deviations before."""
 
 
 def tip_numbers(tip: TipModel) -> NDArray[np.float64]:

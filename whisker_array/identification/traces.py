@@ -97,7 +97,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
 
 
 def _walls_n_mm(trace: Trace) -> float:
-    """How much a line tells: by its steps alone, for by its whole spread drift would choose what it has bent most."""
+    """Information of a line, by its steps alone: by its whole spread the lines with most drift would be chosen."""
     return float(np.nanstd(np.diff(trace.felt_n_mm)))
 
 

@@ -44,7 +44,7 @@ class Calibration(Gauges):
     __repr__ = one_line
 
     def applied(self) -> Calibration:
-        """What is left to be known of a signal to which gain and offset were applied."""
+        """The calibration of a signal to which gain and offset were applied."""
         return replace(self, gain=np.ones(self.gain.size), offset_n_mm=np.zeros(self.gain.size))
 
 

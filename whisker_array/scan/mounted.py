@@ -69,10 +69,10 @@ class Mounted:
             fidelity: pointwise formula or frictional contact.
             air_samples: taken before each pass.
             sample_rate_hz: of the converter.
-            sensor: gains, noise, converter; ideal unless given.
-            stage: how far it is from where it says; nowhere unless given.
+            sensor: gains, noise, converter; default: ideal.
+            stage: its errors of place; default: none.
             rng: needed with a sensor or a stage.
-            state: where the gauges stand, moved on; at rest unless given.
+            state: of the gauges, moved on; default: at rest.
             pause_s: how long the array hangs in air before each pass, beside the air samples.
         """
         ran = sweep

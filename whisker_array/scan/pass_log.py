@@ -1,4 +1,4 @@
-"""How a scan was felt that was felt pass by pass: the passes in their order, and why there are no more.
+"""Log of a scan that was felt pass by pass: the passes in their order, and why there are no more.
 
 A recording keeps it, and a session over the recording feels the same passes again (`RecordedSession`).
 """
@@ -23,7 +23,7 @@ class LoggedPass:
     Attributes:
         order: where the whiskers ran, how fast and how hard they were pressed on.
         sweep: its raw moments.
-        why: what it was chosen for, in words; empty where nobody said.
+        why: what it was chosen for, in words; may be empty.
         text: what was believed to stand there after it.
         confidence: that all of it is right, 0 to 1.
     """
@@ -46,9 +46,9 @@ class PassLog:
         array: the comb.
         height_mm: character height that the whiskers are built for.
         field_mm: (x0, y0, x1, y1) that could be felt, plate frame.
-        stopped: why no more were felt; empty where nobody said.
+        stopped: why no more were felt; may be empty.
         problem: what the stage said where it failed; empty otherwise.
-        budget_s: most stage seconds that could be spent; None where nobody set any.
+        budget_s: most stage seconds that could be spent; None: no limit.
 
     Raises:
         WhiskerError: no passes, an empty field, a height or budget that is not positive.

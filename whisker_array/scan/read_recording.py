@@ -176,7 +176,7 @@ class RecordingReader(CheckedFile):
             raise self.fail(f"its whisker is not possible: {error.what}", error.hint or SEE_LAYOUT) from error
 
     def _offsets(self) -> NDArray[np.float64]:
-        """How far behind whisker 0 each stands, mm."""
+        """Distance of each whisker behind whisker 0, mm."""
         offset = self.numbers("whisker/offset_mm", (self._n_whiskers,), default=0.0)
         if offset[0] != 0.0 or offset.min() < 0.0:
             raise self.fail(

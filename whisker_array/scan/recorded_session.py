@@ -32,7 +32,7 @@ class KeptSession:
 
     @property
     def fitting(self) -> Fitting:
-        """Of the session that feels."""
+        """Fitting of the session that feels."""
         return self._session.fitting
 
     def feel(self, order: Pass) -> Sweep:

@@ -130,14 +130,14 @@ def trace_scan(
         touch: whisker, preload, tip.
         plan: passes and directions.
         fidelity: pointwise formula or frictional contact.
-        friction: true friction of the surface, a number or a (rows, cols) map; that of the soil unless given, and
+        friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, and
             the nominal one without soil.
-        sensor: gains, noise, converter, creep; an ideal sensor unless given.
-        stage: play and errors of its place; an ideal stage unless given.
+        sensor: gains, noise, converter, creep; default: an ideal sensor.
+        stage: play and errors of its place; default: an ideal stage.
         rng: needed with a sensor that has noise, or a stage.
         part_id: what the part is called.
         others: touches of the further kinds of the plan's array.
-        soil: friction of the part, and dirt that yields (`whisker_array.simulation.soft`); none unless given.
+        soil: friction of the part, and dirt that yields (`whisker_array.simulation.soft`); default: none.
 
     Raises:
         MapError: a friction map or soil that does not fit.

@@ -24,7 +24,7 @@ from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_mem
 NOISE = 2e-4
 """Rms noise of one sample, of the largest load, as recorded of whiskers."""
 DRIFT_A_MINUTE = 3e-3
-"""How far the zero walks in a minute, rms, of the largest load, as recorded of whiskers."""
+"""Walk of the zero in a minute, rms, of the largest load, as recorded of whiskers."""
 
 
 class SensorError(MarksError):
@@ -112,7 +112,7 @@ class SensorChain(Gauges):
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
 
     def at_rest(self) -> SensorState:
-        """Where its gauges stand when they have hung in air for long."""
+        """State of its gauges when they have hung in air for long."""
         return SensorState.at_rest(self.n_whiskers, self.memory)
 
     @classmethod
@@ -208,7 +208,7 @@ def measure(
     state: SensorState | None = None,
     pause_s: float = 0.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """What the chain makes of the true moments.
+    """Measure true moments with a sensor chain.
 
     Args:
         moment_n_mm: (..., whiskers, samples), N mm, passes in the order in which they were run; NaN (no contact) stays
@@ -216,7 +216,7 @@ def measure(
         chain: the sensor chain, as many whiskers.
         sample_rate_hz: samples per second: sets how far the zero drifts between two samples.
         rng: draws vibration, noise and drift; the same seed gives the same raw signal.
-        state: where the gauges stand before, moved on; at rest unless given.
+        state: of the gauges before, moved on; default: at rest.
         pause_s: how long the whiskers hang in air before each pass, beside the samples given of it; 0: not at all.
 
     Returns:

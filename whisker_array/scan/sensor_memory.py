@@ -1,4 +1,4 @@
-"""What a gauge still knows of earlier loads: hysteresis, creep, and the zero that both leave behind.
+"""Memory of gauges: hysteresis, creep, and the shift of the zero by both.
 
     load x --+-- w0 ---------------------------+
              |                                 |
@@ -43,10 +43,10 @@ RELAX_S = (0.3, 3.0, 60.0)
 PLAYS = (0.1, 0.2, 0.3, 0.4)
 """Half widths of the plays, of the largest load: alike in weight, so that small loads shift the zero by less."""
 HOLD_S = 11.0
-"""How long the load stands that the figures are of, and how long the whisker then rests in their cycles."""
+"""Time that the load of the figures is held, and that the whisker then rests in their cycles."""
 CYCLES = 10
 CREEP = (0.009, 0.027)
-"""What a held load's reading grows by in `HOLD_S`, of the largest load: least and most of recorded whiskers."""
+"""Growth of a held load's reading in `HOLD_S`, of the largest load: least and most of recorded whiskers."""
 ZERO_SHIFT = (0.016, 0.027)
 """Reading right after the first unloading, of the largest load: least and most."""
 SHIFT_AFTER_CYCLES = 0.035
@@ -55,7 +55,7 @@ SHIFT_AFTER_CYCLES = 0.035
 
 @dataclass(frozen=True, eq=False)
 class SensorMemory:
-    """How the gauges of an array creep and lag.
+    """Creep and hysteresis of the gauges of an array.
 
     Attributes:
         creep: (n, terms) float64, c_i: what each term adds in the end, of the load.
@@ -102,7 +102,7 @@ class SensorMemory:
 
 @dataclass(eq=False)
 class SensorState:
-    """Where the gauges of an array stand; `measure` moves it on, as it does its generator.
+    """State of the gauges of an array; `measure` moves it on, as it does its generator.
 
     Attributes:
         play_n_mm: (n, plays) float64, p_j.
@@ -118,19 +118,19 @@ class SensorState:
 
     @classmethod
     def at_rest(cls, n_whiskers: int, memory: SensorMemory | None) -> SensorState:
-        """Of whiskers that have hung in air for long."""
+        """State of whiskers that have hung in air for long."""
         terms, plays = (0, 0) if memory is None else (memory.relax_s.size, memory.play_n_mm.size)
         return cls(np.zeros((n_whiskers, plays)), np.zeros((n_whiskers, terms)), np.zeros(n_whiskers))
 
     def part(self, whiskers: slice) -> SensorState:
-        """Of neighbouring whiskers; what moves it on moves the whole on."""
+        """View of the state of neighbouring whiskers: changes of it are changes of the whole."""
         return SensorState(self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers])
 
 
 def reading_of(
     load_n_mm: NDArray[np.floating], *, memory: SensorMemory, state: SensorState, step_s: float
 ) -> NDArray[np.float64]:
-    """What the gauges read of a load: the equations of the module, sample by sample.
+    """Compute the reading of a load: the equations of the module, sample by sample.
 
     Args:
         load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and loads nothing.

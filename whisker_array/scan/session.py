@@ -28,7 +28,7 @@ Part = TypeVar("Part", contravariant=True)
 
 @dataclass(frozen=True, eq=False)
 class Fitting:
-    """What is mounted on a stage, and what is known of it.
+    """Whiskers mounted on a stage, and their calibration.
 
     Attributes:
         touch: whiskers, usual preload, tip, nominal friction.

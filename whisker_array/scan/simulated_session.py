@@ -34,7 +34,7 @@ _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
 _MOMENT_SAMPLES = 16
 """Samples of which the bench takes a reading: so short that creep is not in it."""
 _BEYOND_HEIGHTS = 0.5
-"""How far whiskers may run beyond the part, character heights."""
+"""Run of whiskers beyond the part, at most, character heights."""
 
 
 def bench_calibration(
@@ -111,10 +111,10 @@ class SimulatedSession:
             height_mm: character height that the whiskers are built for.
             sample_pitch_mm: the finest that will be asked for.
             fidelity: pointwise formula or frictional contact.
-            friction: true friction; that of the soil unless given, and the nominal one without soil.
-            soil: dirt that yields; none unless given.
-            sensor: gains, noise, converter, creep; ideal unless given.
-            stage: play and errors of its place; ideal unless given.
+            friction: true friction; default: that of the soil, and the nominal one without soil.
+            soil: dirt that yields; default: none.
+            sensor: gains, noise, converter, creep; default: ideal.
+            stage: play and errors of its place; default: ideal.
             calibration: of the sensor, if it is known; ideal sensors are.
             rng: needed with a sensor or a stage.
             part_id: what the part is called.

@@ -1,4 +1,4 @@
-"""What keeps a stage or a camera from doing as it is asked."""
+"""Errors of a stage or a camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a stage really is: play, the screw's own error, and how well it comes back to a line.
+"""Errors of a stage's place: play, the screw's own error, and the return to a line.
 
     asked   |----------------------->           dragged to larger coordinates the nut lags by half the play,
     really  --|----------------------->         to smaller ones it is as much ahead; the run-in takes play up
@@ -27,7 +27,7 @@ from whisker_array.whisker.passes import SweepPlan
 
 @dataclass(frozen=True)
 class StagePlay:
-    """How far a stage is from where it says it is, the same along x and y.
+    """Errors of a stage's place, the same along x and y.
 
     Attributes:
         play_mm: lost when the travel turns about.

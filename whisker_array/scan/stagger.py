@@ -20,7 +20,7 @@ def as_taken(laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | N
     Args:
         laid: (passes, whiskers, samples) at places.
         behind: (whiskers,) samples by which each whisker comes later.
-        outside: what is put before and behind a row's own samples; its first and last unless given.
+        outside: value before and behind a row's own samples; default: its first and last.
 
     Returns:
         (passes, whiskers, samples + greatest of behind).

@@ -42,7 +42,7 @@ from whisker_array.whisker.shapes import TipModel
 
 @dataclass(frozen=True)
 class Laid:
-    """How a surface lies under traces whose grid is not its own, tilted a little, and changed::
+    """Pose of a surface under traces whose grid is not its own, tilted a little, and changed::
 
         h(x, z) = H(u, v) + share D(u, v) + rise + along x + across z
         u, v = column_mm . (1, x, z), row_mm . (1, x, z)
@@ -67,7 +67,7 @@ class Laid:
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
-    """How far the tip is displaced along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
+    """Displacement of the tip along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
 
     A stage is set up with the tip, not the base, over the commanded place, so traces are labelled by the
     commanded position and this displacement is taken off, at the nominal friction.
@@ -100,7 +100,7 @@ def trace_contact(
         n_samples: samples a line.
         preload_mm: d0, mm.
         nominal_friction: friction at which the stage was set up (for the lag on the land).
-        laid: how the surface lies; in the trace frame unless given.
+        laid: pose of the surface; default: in the trace frame.
 
     Raises:
         WhiskerError: preload or step not positive.

@@ -36,7 +36,7 @@ of the land's."""
 
 
 def shortest_period_s(modes: WhiskerModes, *, contact_mm_per_n: float, friction: float) -> float:
-    """Of the modes while the tip is on the surface: diag(w^2) + phi_y phi_a / (c a_y), on level land."""
+    """Shortest period of the modes while the tip is on level land: diag(w^2) + phi_y phi_a / (c a_y)."""
     push = modes.tip @ np.array([-friction, 1.0])
     held = np.diag(modes.omega_rad_s**2) + np.outer(push, modes.tip[:, 1]) / contact_mm_per_n
     return 2.0 * math.pi / math.sqrt(float(np.abs(np.linalg.eigvals(held)).max()))

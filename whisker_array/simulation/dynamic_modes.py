@@ -118,7 +118,7 @@ def whisker_modes(
 
 
 def contact_mm_per_n(*, tip_radius_mm: float, force_n: float, material: Material) -> float:
-    """How far ball and plate, both of that material, approach for a little more force: Hertz, linear about a force.
+    """Compliance of a ball on a plate, both of that material: Hertz, linear about a force.
 
         delta = (9 F^2 / (16 R E*^2))^(1/3),   d delta / dF = (6 R E*^2 F)^(-1/3),   E* = E / (2 (1 - nu^2))
 

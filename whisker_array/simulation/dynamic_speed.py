@@ -1,4 +1,4 @@
-"""What speed costs: the dynamic whisker over a stamped groove, against the same one on a slow stage.
+"""Errors by speed: the dynamic whisker over a stamped groove, against the same one on a slow stage.
 
     land ______          ______ ... ringing is looked at from here on, a stroke behind the last edge
                \\        /
@@ -33,7 +33,7 @@ from whisker_array.whisker.validity import land_force_n
 BEVEL_RAD = math.pi / 4.0
 """The usual bevel of stamped marks."""
 DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
-"""Of usual marks (facts about stamped marks: 0.25 mm deep at 6.35 mm)."""
+"""Dimensions of usual marks, character heights (0.25 mm deep at 6.35 mm)."""
 FINE_ERROR, COARSE_ERROR = 0.05, 0.2
 """Allowed errors of passes that characters are read from, and of those that only look for a line."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
@@ -42,7 +42,7 @@ _SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
 
 @dataclass(frozen=True)
 class SpeedCost:
-    """What one speed costs.
+    """Errors at one speed.
 
     Attributes:
         speed_mm_s: of the stage.
@@ -121,7 +121,7 @@ def speed_cost(
     character_height_mm: float,
     bevel_rad: float = BEVEL_RAD,
 ) -> SpeedCost:
-    """What a speed costs over one stamped groove.
+    """Simulate the errors of a speed over one stamped groove.
 
     Args:
         whisker: of the touch.

@@ -22,12 +22,12 @@ Friction: TypeAlias = float | NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class TouchSurface:
-    """What a trace needs of a surface, sample by sample, in the plate frame.
+    """A surface ready to be traced, sample by sample, in the plate frame.
 
     Attributes:
         fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction; of what the
             tip stands on, below all dirt that yields.
-        dropout: (rows, cols) bool: the height there was measured by nobody and filled from around.
+        dropout: (rows, cols) bool: the height there was not measured and is filled from around.
         pitch_mm: grid pitch, mm.
         yielding: (rows, cols, 7) float32, None where nothing yields: height and both slopes of the dirt's top, the
             stiffness N/mm with which it carries the tip (`soft`), both slopes of that, and 1 where any of it is felt.

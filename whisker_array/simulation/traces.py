@@ -1,4 +1,4 @@
-"""What one trace gives, whatever the fidelity that made it."""
+"""Results of a trace, the same for all fidelities."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from glyphs.surface.display import one_line
 
 
 class Fidelity(StrEnum):
-    """How the touch is simulated (physics.md)."""
+    """Fidelities of simulation (physics.md)."""
 
     POINTWISE = "pointwise"
     CONTACT = "contact"
 
 
 class SampleFlag(IntFlag):
-    """What is wrong with one sample; 0 is a good one. Flagged moments are never used as if measured."""
+    """Faults of one sample; 0 is a good one. Flagged moments are never used as if measured."""
 
     CONTACT_LOST = 1
     JAMMED = 2

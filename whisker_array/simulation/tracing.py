@@ -37,7 +37,7 @@ def trace_sweep(
         fidelity: pointwise formula or frictional contact.
         origin_mm: plate coordinate of the padded surface's first sample, both axes.
         size_mm: of the part itself, along x and y.
-        asked: where the whiskers were meant to run, which says what is OUTSIDE; as they run unless given.
+        asked: where the whiskers were meant to run, which decides what is OUTSIDE; default: as they run.
 
     Returns:
         (passes * whiskers, samples), passes first.

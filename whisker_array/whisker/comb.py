@@ -37,7 +37,7 @@ GAP_MM = 0.15
 STEEPEST_SIDE = math.sqrt(3.0)
 """Tangent of the steepest wall, 60 degrees, that pushes a tip sideways."""
 BURR_HEIGHTS = 0.1
-"""What may stand above the land, preloads: a whisker is lifted by so much more."""
+"""Height of burrs above the land, preloads: a whisker is lifted by so much more."""
 DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 """`bent_the_most` of the default whisker for characters 1 mm high."""
 CLAMP_THICKNESSES = 4.0
@@ -46,7 +46,7 @@ CLAMP_THICKNESSES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What of a whisker takes room.
+    """Room that a whisker takes.
 
     Attributes:
         width_mm: across the trace, the widest section.
@@ -261,7 +261,7 @@ def least_stagger_mm(
 
 
 def room_hint(body: Body, *, n_whiskers: int, pitch_mm: float, kinds: int = 1) -> str:
-    """What would make room: a wider pitch, or so many rows so far behind each other."""
+    """Say what would make room: a wider pitch, or so many rows so far behind each other."""
     rows = least_rows(body, pitch_mm=pitch_mm, n_whiskers=n_whiskers)
     step = 0.25 * body.thickness_mm
     stagger = least_stagger_mm(

@@ -1,4 +1,4 @@
-"""Whisker, preload and tip where nobody says otherwise, in proportion to the character height."""
+"""Default whisker, preload and tip, in proportion to the character height."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How wrong is the linear beam? The exact bent shape of a planar whisker (the elastica), to judge Assumption 1.
+"""The exact bent shape of a planar whisker (the elastica), to judge the linear beam of Assumption 1.
 
 An inextensible Kirchhoff rod, geometrically exact in the plane of tracing, clamped at its base, its corners
 rigid. The surface holds the tip at a given height; the direction of the contact force is given too, its size
@@ -34,7 +34,7 @@ from whisker_array.whisker.sections import Taper
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
-"""Of a load step: most lift in whole lengths, most rotation anywhere, least share of the first step."""
+"""Limits of a load step: most lift in whole lengths, most rotation anywhere, least share of the first step."""
 _TOLERANCE = 1e-7
 """Of solve_bvp: relative residual of the equations; force and tip then stand to 2e-8."""
 _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128

@@ -171,7 +171,7 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
 
 
 def is_jammed(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np.bool_]:
-    """Where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps.
+    """Find where e_y . D11 (n - mu t) <= 0: no force in the friction cone lifts the tip, so it sticks or snaps.
 
     Args and shapes as moment_ratio; False where the slope is NaN.
     """

@@ -27,12 +27,12 @@ from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
 
 RAPID_MM_S = 300.0
-"""How fast a lifted array moves over a stagger: an assumption, as the time of a turnaround is."""
+"""Speed of a lifted array over a stagger: an assumption, as the time of a turnaround is."""
 SAMPLES_TOLERANCE = 1e-3
 
 
 def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArray[np.intp]:
-    """How many samples later than the foremost row each whisker comes to a place.
+    """Count the samples by which each whisker comes later to a place than the foremost row.
 
     Raises:
         WhiskerError: rows that stand ahead of the foremost, or between two samples.
@@ -106,7 +106,7 @@ class Pass:
         air_samples: samples taken with the array lifted before the pass, for the offsets.
         turnaround_s: time to lift, move and set down for the next one.
         pushed: the base follows the tip.
-        preload_mm: how far below the land the force-free tip runs; that of the touch unless given.
+        preload_mm: how far below the land the force-free tip runs; default: that of the touch.
         offset_mm: see `SweepPlan`; of a comb, `WhiskerArray.offset_mm`.
 
     Raises:
@@ -171,13 +171,13 @@ class Pass:
 
     @property
     def stage_s(self) -> float:
-        """What it costs: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround behind it."""
+        """Stage time: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround behind it."""
         tracing = (self.n_samples + self.air_samples) / self.sample_rate_hz
         return tracing + self.turnaround_s + self.stagger_mm * (1.0 / self.speed_mm_s + 1.0 / RAPID_MM_S)
 
     @property
     def stagger_mm(self) -> float:
-        """How far the last row stands behind the first: so much further the array runs, and moves back."""
+        """Distance of the last row behind the first: so much further the array runs, and moves back."""
         return max(self.offset_mm, default=0.0)
 
     def sweep_plan(self) -> SweepPlan:

@@ -1,4 +1,4 @@
-"""What the metal does: it stops short, laps over itself, runs into cracks of the mould and is blown by gas.
+"""Defects of the metal: misruns, laps, veins from cracks of the mould, and gas holes.
 
 - Misrun: oxide skin and surface tension carry the metal over what is finer than some radius; edges round off, then the
   mark goes. The capillary radius alone, 2 gamma / (rho g head) with 1.5 N/m, 7000 kg/m3 and 0.1 to 0.3 m, is 0.15 to

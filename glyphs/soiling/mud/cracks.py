@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from glyphs.surface.noise import Field
 
 _GAPES = 1.7
-"""How much wider the oldest cracks are than the youngest."""
+"""Width of the oldest cracks over that of the youngest."""
 _DOTS = 5
 """A plate of the last generation, by which plates are measured."""
 
@@ -37,7 +37,7 @@ def nearest_crack(
     Args:
         x_mm: (rows, cols) where samples lie; bend them for bent cracks.
         y_mm: (rows, cols).
-        plate_mm: (rows, cols) width of the widest plate that the layer bears there.
+        plate_mm: (rows, cols) width of the widest plate that does not crack there.
         size_mm: (2,) width and height of the plate.
         finest_mm: width of the smallest plates.
         rng: the only source of randomness; what is drawn does not depend on `plate_mm`.

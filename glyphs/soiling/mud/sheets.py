@@ -43,7 +43,7 @@ CRACKING_MM = (0.015, 0.05)
 SPACING = 7.0
 """A plate wider than this many thicknesses cracks in two."""
 SHRINKAGE = 0.08
-"""Of a plate's width: what the cracks around it gape."""
+"""Width of the cracks around a plate, share of the plate's width."""
 CURLED = 0.25
 """Share of a plate's width, from its edge, that curls up."""
 OPAQUE_MM = 0.025
@@ -94,7 +94,7 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 
 def _levelled(coat: Coat, grid: Grid) -> Field:
-    """How far a thick wet film's level lies above the surface, mm: grooves fill, edges of raised marks run thin."""
+    """Level of a thick wet film above the surface, mm: grooves fill, edges of raised marks run thin."""
     level = blurred(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
     return np.asarray(level - coat.z_mm, dtype=np.float32)
 

@@ -56,7 +56,7 @@ def thinned(coat: Coat) -> Coat:
 
 
 def laid_on(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
-    """How unevenly brush or gun leave a coat: factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
+    """Unevenness of a coat by brush or gun, a factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
     streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
     streaks *= np.float32(0.5 * can.brushed)
@@ -184,7 +184,7 @@ def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
 
 
 def left_by_chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """What is left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
+    """Share left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()
     depth = max(float(np.percentile(hollow[::3, ::3], 98.0)), 1e-3)

@@ -49,9 +49,9 @@ LAMINA: Final = 0.28
 """Thickness of one, in depths of the marks: 0.02 to 0.12 mm."""
 _HURST = 0.6
 _EARLY = 0.7
-"""How much sooner marks begin to rust, in deviations of chance: cold work and water that stands in them."""
+"""Earlier onset of rust in marks, standard deviations: cold work, and water that stands in them."""
 POWDER_MPA: Final = 8.0
-"""Of the powdery outer layer: crumbles under a fingernail. Crystals are hard (Mohs 5), their heap is not."""
+"""Hardness of the powdery outer layer, which crumbles under a fingernail, though its crystals are hard (Mohs 5)."""
 _FLAKE_MPA = 40.0
 _POWDER_FRICTION, _SCALE_FRICTION = 0.65, 0.45
 _ORANGE, _BROWN, _BLACK = (0.36, 0.125, 0.035), (0.150, 0.058, 0.024), (0.046, 0.033, 0.026)
@@ -184,7 +184,7 @@ def _burst(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
 def _yielding(
     thick: Field, time: Field, rough: Field, burst: Field, fallen: Field, deep: float
 ) -> tuple[Field, Field]:
-    """What yields, mm, and its hardness, MPa: powder on all rust, the soft core of a burst blister, a loose flake.
+    """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
 
     Powder is the top of the rust and at most a third of it; what lies under it is compact and hard, and little powder
     lies where flakes have gone.
@@ -197,7 +197,7 @@ def _yielding(
 
 
 def _friction(soft: Field, deep: float) -> Field:
-    """Of rust: gritty powder drags more than bared scale."""
+    """Friction of rust: gritty powder drags more than bared scale."""
     dusty = np.minimum(soft / np.float32(0.02 * deep), 1.0)
     return np.asarray(_SCALE_FRICTION + (_POWDER_FRICTION - _SCALE_FRICTION) * dusty, dtype=np.float32)
 

@@ -41,7 +41,7 @@ _FRESH_REFLECTANCE = 0.62
 
 @dataclass(frozen=True)
 class _Life:
-    """What happened to one part, before how much: 0 to 1 each, the leading one 1.
+    """Shares of each kind of wear on one part, whatever the amount: 0 to 1 each, the leading one 1.
 
     Attributes:
         rubbed: by file, belt or sliding; every worn part is, at least a little.

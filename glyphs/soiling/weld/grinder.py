@@ -21,7 +21,7 @@ FURROW_MM = (0.005, 0.08)
 """Depth of a grain's furrow."""
 _DISC_RADIUS_MM = (57.5, 62.5)
 _GRIP = 0.04
-"""Share of the greatest depth by which the disc hangs over a plate that nobody grinds."""
+"""Clearance of the disc over a plate that is not ground, share of the greatest depth."""
 
 
 def crown(coat: Coat) -> Field:
@@ -91,7 +91,7 @@ def _gone_over(
 
 
 def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Field:
-    """How hard the disc is pressed, 0 to 1, across the arcs: passes one to two characters wide, uneven, with gaps."""
+    """Pressure of the disc, 0 to 1, across the arcs: passes one to two characters wide, uneven, with gaps."""
     pressed = np.zeros_like(lines_mm)
     at = -rng.uniform(0.0, 2.0) * height_mm
     while at < lines_mm[-1]:
@@ -117,7 +117,7 @@ def _furrows(
 
 
 def _behind(took: Field, c: np.float32, s: np.float32, steps: int) -> Field:
-    """Where a lip of metal is smeared over what lies just behind, along the arcs: the share of it, 0 to 1."""
+    """Share, 0 to 1, of a lip of metal smeared over the surface just behind, along the arcs."""
     lip = np.zeros_like(took)
     rows, cols = took.shape
     for k in range(1, steps + 1):

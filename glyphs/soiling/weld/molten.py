@@ -20,13 +20,13 @@ DROP_MM = (0.1, 3.0)
 _DROP_SPREAD = 0.55
 """Standard deviation of the logarithm of a diameter."""
 _EDGE_MM = 0.02
-"""What a drop must add to hide what it lies on."""
+"""Thickness of a drop that hides the ground."""
 Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Seam:
-    """Where the bead runs.
+    """The bead of a weld beside the plate.
 
     Attributes:
         away: unit vector (x, y) from it across the plate.

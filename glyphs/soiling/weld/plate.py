@@ -52,7 +52,7 @@ _TINT = (
 
 
 class _Finish(NamedTuple):
-    """What a layer is like where it lies."""
+    """Surface properties of a layer."""
 
     red: float
     green: float

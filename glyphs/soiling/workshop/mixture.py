@@ -35,7 +35,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 @dataclass(frozen=True)
 class Dirt:
-    """How much of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
+    """Amount of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
 
     Attributes:
         grime: caked into grooves and smeared over the land; yields to a hard push.
@@ -84,7 +84,7 @@ class Dirt:
 
     @property
     def clean(self) -> bool:
-        """Whether there is none at all."""
+        """Whether all amounts are 0."""
         return not any(getattr(self, item.name) for item in fields(self))
 
 
