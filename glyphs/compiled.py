@@ -22,7 +22,7 @@ from numba.core import event
 from numba.core.caching import NullCache
 from numpy.typing import DTypeLike, NDArray
 
-from glyphs.compiling import compiling_begins, compiling_ends
+from glyphs.compiling import report_end, report_start
 from glyphs.kernel_cache import cache_of
 
 Function: TypeAlias = Callable[..., Any]
@@ -51,7 +51,7 @@ def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Funct
     return made
 
 
-def inlined(function: Function) -> Function:
+def inline_kernel(function: Function) -> Function:
     """Inline a function in the kernels that call it, with their arithmetic."""
     made: Function = njit(error_model="numpy", inline="always")(function)
     return made
@@ -79,12 +79,12 @@ class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
     def on_start(self, event: Any) -> None:
         self._began_s.append(time.monotonic())
         if len(self._began_s) == 1:
-            compiling_begins(kept=self.kept)
+            report_start(kept=self.kept)
 
     def on_end(self, event: Any) -> None:
         began_s = self._began_s.pop()
         if not self._began_s:
-            compiling_ends(time.monotonic() - began_s)
+            report_end(time.monotonic() - began_s)
 
 
 event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call,unused-ignore]

@@ -26,7 +26,7 @@ class _Watch:
 
 
 @contextmanager
-def compiling_shown(show: Callable[[str], None]) -> Iterator[None]:
+def show_compiling(show: Callable[[str], None]) -> Iterator[None]:
     """Show a line before the first kernels are compiled within the block, progress, and their time at a part's end."""
     before, _Watch.show = _Watch.show, show
     _Watch.at_it, _Watch.seconds = False, 0.0  # what was compiled unseen is no news
@@ -34,11 +34,11 @@ def compiling_shown(show: Callable[[str], None]) -> Iterator[None]:
     try:
         yield
     finally:
-        part_done()
+        end_part()
         _Watch.show = before
 
 
-def compiling_begins(*, kept: bool = True) -> None:
+def report_start(*, kept: bool = True) -> None:
     """Show that a kernel is compiled, for it is not on this machine's disk.
 
     Args:
@@ -51,7 +51,7 @@ def compiling_begins(*, kept: bool = True) -> None:
     _Watch.at_it = True
 
 
-def compiling_ends(seconds: float) -> None:
+def report_end(seconds: float) -> None:
     """It is compiled; another may follow."""
     _Watch.seconds += seconds
     if _Watch.show is not None and _Watch.seconds - max(_Watch.told_s, 0.0) >= PROGRESS_S:
@@ -59,7 +59,7 @@ def compiling_ends(seconds: float) -> None:
         _Watch.told_s = _Watch.seconds
 
 
-def part_done() -> None:
+def end_part() -> None:
     """A piece of work is done, and with it what was compiled for it."""
     if _Watch.at_it and _Watch.show is not None and (_Watch.told_s or _Watch.seconds >= LEAST_S):
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")

@@ -61,7 +61,7 @@ class MissingExtraError(MarksError):
         )
 
 
-def is_of_the_machine(error: BaseException) -> bool:
+def is_machine_error(error: BaseException) -> bool:
     """Check whether disk, system or memory caused an error, whichever file it occurred at."""
     cause: BaseException | None = error
     while cause is not None:
@@ -79,7 +79,7 @@ _OF_THE_MACHINE = frozenset(
 """Errors of the disk and of the system's limits, not of one file."""
 
 
-def fault_of(error: Exception, *, longest: int = 300) -> str:
+def describe_fault(error: Exception, *, longest: int = 300) -> str:
     """Describe an unexpected error on one line: its kind and message."""
     said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     return f"fault of the program ({' '.join(said.split())[:longest]})"
@@ -110,7 +110,7 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 
 @contextlib.contextmanager
-def damage_reported(path: Path, *, kind: str) -> Iterator[None]:
+def report_damage(path: Path, *, kind: str) -> Iterator[None]:
     """Turn whatever a parser trips over in a damaged file into a FileError.
 
     Parsers of foreign formats meet damage with nearly any exception, MemoryError included; none may end a

@@ -12,7 +12,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from types import MappingProxyType
 
-from glyphs.errors import FileError, MarksError, MissingExtraError, damage_reported, require_file
+from glyphs.errors import FileError, MarksError, MissingExtraError, report_damage, require_file
 
 WEB = ("http", "https")
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
@@ -119,7 +119,7 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
     missing = None
     with naming(path):
         require_file(path, most_bytes=most_bytes)
-        with damage_reported(path, kind=kind) if kind else contextlib.nullcontext():
+        with report_damage(path, kind=kind) if kind else contextlib.nullcontext():
             try:
                 yield
             except MissingExtraError as error:

@@ -6,13 +6,13 @@ from .estimation.friction import LandFriction, land_friction
 from .estimation.profiled import estimate_relief
 from .estimation.relief import Relief, relief_from_edges
 from .scan.calibration import Calibration, calibrate_lead_in
-from .scan.felt_sweep import Sweep
 from .scan.recording import load_scan, save_calibration, save_scan
 from .scan.scan import Scan, trace_scan
 from .scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from .scan.session import Fitting, StageSession
 from .scan.simulated_session import SimulatedSession
 from .scan.stage_error import StageError
+from .scan.sweep import Sweep
 from .simulation.traces import Fidelity, SampleFlag
 from .whisker.array import RasterPlan, WhiskerArray, default_plan
 from .whisker.beam import Segment

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from glyphs.camera.pose import Camera, mapped
+from glyphs.camera.pose import Camera, apply_homography
 from glyphs.camera.shading import Light, radiance
 from glyphs.soiling.soiled import SoiledPart
 
@@ -45,7 +45,7 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     Returns:
         Colours; `pitch_mm` and `centre_mm` are the nominal ones, as a stage knows them.
     """
-    from glyphs.surface.blur import blurred, sampled
+    from glyphs.surface.blur import gaussian_blur, sample_bilinear
 
     part = soiled.height_map
     shape, centre = camera.frame(part)
@@ -53,18 +53,20 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     # a pixel gathers light over its own width, too
     blur = np.hypot(camera.defocus_mm, 0.35 * camera.pitch_mm) / part.pitch_mm
     col, row = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
-    x, y = mapped(camera.to_plate(part), col, row)
+    x, y = apply_homography(camera.to_plate(part), col, row)
     row_of, col_of = y / part.pitch_mm, x / part.pitch_mm
     image = np.empty((*shape, 3), dtype=np.float32)
     for channel in range(3):
-        image[..., channel] = sampled(blurred(scene[..., channel], blur, truncate=3.0), row_of, col_of)
+        image[..., channel] = sample_bilinear(
+            gaussian_blur(scene[..., channel], blur, truncate=3.0), row_of, col_of
+        )
     image *= _exposure(image, camera)
     if camera.bloom > 0.0:
         glare = np.maximum(image - 1.0, 0.0).clip(max=20.0)
         wide = 0.35 / camera.pitch_mm
         for channel in range(3):
             if glare[..., channel].any():
-                image[..., channel] += camera.bloom * blurred(glare[..., channel], wide)
+                image[..., channel] += camera.bloom * gaussian_blur(glare[..., channel], wide)
     image *= _falloff(shape, camera.vignetting)[..., None]
     spread = np.sqrt(camera.noise**2 * np.clip(image, 0.0, 1.0) + camera.dark_noise**2)
     image += spread * rng.standard_normal(image.shape, dtype=np.float32)

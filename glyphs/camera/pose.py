@@ -85,7 +85,7 @@ class Camera:
         return np.asarray(middle @ back @ shift @ tilt @ nominal)
 
 
-def mapped(
+def apply_homography(
     homography: NDArray[np.float64], x: ArrayLike, y: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points through a homography."""

@@ -153,10 +153,10 @@ def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
 
 def openness(z: Field, *, pitch_mm: float) -> Field:
     """Share of the dome seen from every sample, 0..1, from how far it lies below its surroundings."""
-    from glyphs.surface.blur import blurred
+    from glyphs.surface.blur import gaussian_blur
 
     share = np.ones_like(z)
     for reach_mm in (0.15, 0.45):
-        below = blurred(z, reach_mm / pitch_mm, truncate=3.0) - z
+        below = gaussian_blur(z, reach_mm / pitch_mm, truncate=3.0) - z
         share /= 1.0 + (np.maximum(below, 0.0) * np.float32(1.4 / reach_mm)) ** 2
     return np.asarray(share, dtype=np.float32)

@@ -215,7 +215,7 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
     )
 
 
-def transformed(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
+def transform_glyph(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
     """The glyph with its points widened by `x_scale` and leaned right by `shear` (x per y) about mid cap.
 
     Points move, the stroke width stays, so walls keep their bevel.

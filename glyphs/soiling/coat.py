@@ -169,7 +169,7 @@ def _brim_mm(part: StampedPart) -> Field:
     """
     from scipy.ndimage import gaussian_filter
 
-    from glyphs.surface.blur import blurred
+    from glyphs.surface.blur import gaussian_blur
 
     z, pitch, size = part.height_map.z_mm, part.height_map.pitch_mm, part.height_mm
     rows, cols = z.shape
@@ -184,7 +184,7 @@ def _brim_mm(part: StampedPart) -> Field:
         lines = slice(max(0, int((y0 - rim) / pitch)), max(0, int((y1 + rim) / pitch) + 1))
         land[lines, columns] = False
     if land.mean() < 0.05:
-        return blurred(z, 0.5 * size / pitch)
+        return gaussian_blur(z, 0.5 * size / pitch)
     # a plane through the land, then what is left of it averaged over about a character, on a thinned grid
     step = max(1, int(0.04 * size / pitch))
     v, u = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, cols)[None, :]
@@ -199,5 +199,5 @@ def _brim_mm(part: StampedPart) -> Field:
     brim = plane[0] + plane[1] * u + plane[2] * v + bilinear(wave, *where)
     inked = ~land
     if inked.any() and float((z - brim)[inked].mean()) > 0.0:
-        return blurred(z, 0.15 * size / pitch)
+        return gaussian_blur(z, 0.15 * size / pitch)
     return np.asarray(brim, dtype=np.float32)

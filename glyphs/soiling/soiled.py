@@ -17,7 +17,7 @@ from glyphs.soiling.coat import Coat, Look, bare_coat
 from glyphs.soiling.severity import amount_of
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soils import SOILS, soil_model
-from glyphs.soiling.workshop.mixture import Dirt, mixed
+from glyphs.soiling.workshop.mixture import Dirt, lay_mixture
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import one_line
@@ -112,7 +112,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
         for name in soiling.soils:
             stream = streams.of(name)
             if soiling.mixture is not None:
-                coat = mixed(coat, soiling.mixture, rng=stream)
+                coat = lay_mixture(coat, soiling.mixture, rng=stream)
             else:
                 coat = _laid(coat, name, amount_of(name, soiling.severity), rng=stream)
     return SoiledPart(

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.fonts.glyph import Glyph, Points, signed_distance, transformed, with_stroke
+from glyphs.fonts.glyph import Glyph, Points, signed_distance, transform_glyph, with_stroke
 from glyphs.ranges import require_not_negative, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Die, Face, relief_mm
@@ -127,7 +127,7 @@ def ideal_relief(
     """
     require_not_negative(StampError, margin_mm=margin_mm)
     require_positive(StampError, x_scale=x_scale, pitch_mm=pitch_mm)
-    shape = transformed(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
+    shape = transform_glyph(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
     middle = middle_mm(shape, height_mm)
     x0, y0, x1, y1 = plate_box(shape, (0.0, 0.0), rotation_deg, height_mm=height_mm, grow_mm=0.0)
     half_cols = max(1, math.ceil((max(-x0, x1) + margin_mm) / pitch_mm))

@@ -42,8 +42,8 @@ def _blur(z, weights, out, line, total):  # type: ignore[no-untyped-def]
             out[r, c] = total[c]
 
 
-def blurred(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
-    """A field blurred by a Gaussian; beyond its borders it goes on as at them.
+def gaussian_blur(z: Field, sigma: float, *, truncate: float = 4.0) -> Field:
+    """Blur a field by a Gaussian; beyond its borders it goes on as at them.
 
     Args:
         z: (rows, cols).
@@ -80,7 +80,7 @@ def _sample(z, row, col, out):  # type: ignore[no-untyped-def]
             out[i] = value
 
 
-def sampled(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
+def sample_bilinear(z: Field, row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
     """A field at fractional rows and columns; beyond its borders it goes on as in a mirror.
 
     Returns:

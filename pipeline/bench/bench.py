@@ -29,9 +29,9 @@ from pipeline.bench.ni_daq import NiDaq
 from pipeline.bench.sampling import beyond, samples
 from pipeline.bench.settings import BenchSettings, DaqSettings
 from whisker_array.scan.calibration import Calibration, calibrate_lead_in
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import Pass
 

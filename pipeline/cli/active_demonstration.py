@@ -17,8 +17,8 @@ from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.views.levelling import level
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.session import Fitting
+from whisker_array.scan.sweep import Sweep
 
 FORMAT, HEIGHT_MM, SEVERITY, BUDGET_S = "AA999999", 5.0, 0.5, 60.0
 _SEED, _NUMBER = 11, 2

@@ -178,16 +178,20 @@ def design(
 def _built(path: Path, request: Request) -> int:
     """What an identified whisker does for a request, and by how much it may be off."""
     from pipeline.formats.whisker_file import read_whisker_file
-    from pipeline.reading.identified import promise_lines
+    from pipeline.reading.identified import prediction_lines
     from whisker_array.design.built import fitness
-    from whisker_array.identification.promises import promises
+    from whisker_array.identification.predictions import predictions
 
     built = read_whisker_file(path)
     if built.known is None or built.whisker.is_straight:
         raise CommandError(
             f"{path} does not say how well its whisker is known", hint="let identify --out write it"
         )
-    print("\n".join(promise_lines(promises(built.whisker, built.touch, built.known, more=fitness(request)))))
+    print(
+        "\n".join(
+            prediction_lines(predictions(built.whisker, built.touch, built.known, more=fitness(request)))
+        )
+    )
     return 0
 
 

@@ -13,8 +13,8 @@ from typing import Literal
 from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
-from glyphs.compiling import compiling_shown
-from glyphs.errors import fault_of, is_of_the_machine
+from glyphs.compiling import show_compiling
+from glyphs.errors import describe_fault, is_machine_error
 from pipeline.cli.exit_status import (
     BROKEN_PIPE,
     FAILED,
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             whole_help(*given)
         with (
             interrupts_noted(),
-            compiling_shown(lambda line: print(line, file=sys.stderr, flush=True)),
+            show_compiling(lambda line: print(line, file=sys.stderr, flush=True)),
         ):
             status = app(
                 given,
@@ -208,10 +208,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # nobody reads the output any more: end as other programs of a pipe do
         return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
     except Exception as error:
-        if is_of_the_machine(error):  # a full disk, say, wherever it was met
+        if is_machine_error(error):  # a full disk, say, wherever it was met
             return _complain(f"{error}; see to the disk and start it again", FAILED)
         traceback.print_exc()
-        return _complain(f"{fault_of(error)}; please report it with the lines above", FAULT)
+        return _complain(f"{describe_fault(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
 

@@ -80,9 +80,9 @@ def scan(
         from pipeline.formats.piece_file import read_surface
         from pipeline.formats.touch_file import read_height_map
         from pipeline.formats.whisker_file import read_whisker_file
-        from pipeline.reading.identified import promise_lines
+        from pipeline.reading.identified import prediction_lines
         from pipeline.reading.simulated_scan import feel, find_height_mm
-        from whisker_array.identification.promises import promises
+        from whisker_array.identification.predictions import predictions
         from whisker_array.scan.recording import save_scan
         from whisker_array.simulation.traces import Fidelity
         from whisker_array.whisker.array import default_plan
@@ -159,7 +159,7 @@ def scan(
         f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
     )
     if built is not None and built.known is not None and not built.whisker.is_straight:
-        print("\n".join(promise_lines(promises(built.whisker, built.touch, built.known))))
+        print("\n".join(prediction_lines(predictions(built.whisker, built.touch, built.known))))
     return 0
 
 

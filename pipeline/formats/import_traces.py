@@ -29,9 +29,9 @@ from pipeline.errors import DataError, naming, reading
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
 from pipeline.formats.units import DAY_S, TimeUnit
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch

@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from glyphs.errors import MarksError, fault_of
+from glyphs.errors import MarksError, describe_fault
 from pipeline.common.reading_records import (
     Box,
     CandidateRecord,
@@ -57,7 +57,7 @@ def record_of_part(
         error = str(problem) if problem.where else f"{file}: {problem}"
     # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
     except Exception as fault:
-        error = f"{file}: {fault_of(fault)}; please report it"
+        error = f"{file}: {describe_fault(fault)}; please report it"
     failed = ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4))
     return replace(failed, at=datetime.now(UTC), program=program_version()), None
 

@@ -1,4 +1,4 @@
-"""A whisker and bench identified from files, and what is told of it in words."""
+"""Identify a whisker and its bench from files, and report the numbers in words."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pipeline.formats.touch_file import read_scan
 from pipeline.formats.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
 from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
-from whisker_array.identification.promises import Promise, knowledge_of
-from whisker_array.identification.telling import not_apart, remedies, untold
+from whisker_array.identification.open_numbers import confounded, remedies, undetermined
+from whisker_array.identification.predictions import Prediction, knowledge_of
 
 _MEANINGS = {
     Unknown.L1: "length of the beam",
@@ -47,7 +47,7 @@ def identify_recording(
     """
     drawn = read_whisker_file(whisker) if whisker is not None else None
     if whisker is not None and drawn is not None and drawn.whisker.is_straight:
-        raise FileError(whisker, "is no L-shaped whisker", "a straight one has no numbers to be told apart")
+        raise FileError(whisker, "is no L-shaped whisker", "give the drawing of an L-shaped one")
     heights = heights_of_piece(read_piece(piece))
     scan = read_scan(recording)
     if drawn is not None:
@@ -87,13 +87,13 @@ def table_of(found: Identified) -> list[str]:
     if found.misfit > _MISFIT:
         lines.append(
             f"warning: {found.misfit:.1f} times the scatter is left over: the piece, the drawing or a flaw of the bench"
-            " is not as told; the intervals are too narrow then"
+            " is not as assumed; the intervals are too narrow then"
         )
     if not found.settled:
         lines.append("warning: the fit has not come to rest; see the figure before you trust it")
-    lines += [f"known only together: {', '.join(group)}" for group in not_apart(found)]
-    if open_ := [name for name in untold(found) if with_drawing or name not in DRAWN]:
-        lines.append(f"not told by this recording: {', '.join(open_)}")
+    lines += [f"known only together: {', '.join(group)}" for group in confounded(found)]
+    if open_ := [name for name in undetermined(found) if with_drawing or name not in DRAWN]:
+        lines.append(f"not determined by this recording: {', '.join(open_)}")
         for way in remedies(found):
             better = ", ".join(f"{name} to +-{_WIDE * way.sd[name]:.2g}" for name in open_)
             lines.append(f"to tell: {way.what} ({better})")
@@ -128,10 +128,10 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
     write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))
 
 
-def promise_lines(told: Sequence[Promise]) -> list[str]:
+def prediction_lines(found: Sequence[Prediction]) -> list[str]:
     """Lines for a person: figures, and by how much they change within what is known of the whisker."""
     lines = [f"{'as identified':32}{'':>10}{'95 %':>12}"]
-    for one in told:
+    for one in found:
         if math.isnan(one.value):
             lines.append(f"{one.what:32}{'jams':>10}")
             continue

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, fault_of, is_of_the_machine
+from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, describe_fault, is_machine_error
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
@@ -300,7 +300,7 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
     except FileError as error:
         known = names.get(error.path, error.path.name)
         own = error.path.is_absolute() and error.path not in names
-        kind = OwnFileError if own or is_of_the_machine(error) else FileError
+        kind = OwnFileError if own or is_machine_error(error) else FileError
         raise kind(known, _unplaced(error.what, order, names), error.hint) from error
     except MarksError as error:
         raise FileError(name, _unplaced(error.what, order, names), error.hint) from error
@@ -311,7 +311,7 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
         raise OwnFileError(name, _unplaced(what, order, names), "see to the disk") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
-        raise FaultError(name, _unplaced(fault_of(error), order, names), "please report it") from error
+        raise FaultError(name, _unplaced(describe_fault(error), order, names), "please report it") from error
 
 
 def _unplaced(message: str, order: PartOrder, names: Iterable[Path]) -> str:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from recognition.views.first_pass import Feel
-    from whisker_array.scan.felt_sweep import Sweep
     from whisker_array.scan.scan import Scan
+    from whisker_array.scan.sweep import Sweep
     from whisker_array.simulation.traces import Fidelity
 
 CAMERA_NOISE = 0.01

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, ClassVar
 
-from glyphs.compiling import compiling_shown, part_done
+from glyphs.compiling import end_part, show_compiling
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
@@ -177,11 +177,11 @@ def _all_read(
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
-    with Progress() as progress, compiling_shown(progress.line), executors.opened(len(parts)) as executor:
+    with Progress() as progress, show_compiling(progress.line), executors.opened(len(parts)) as executor:
         progress.start(len(parts) - known)
         tasks = absolute(parts) if executors.cluster is not None else parts
         for _, part in resumable(journal, tasks, executor, read_listed, order, lost=lost_part, kept=labelled):
-            part_done()
+            end_part()
             progress.advance(failed=bool(part.record.error))
     return [replace(part, truth=labels[name]) for name, part in sorted(journal.done.items())]
 

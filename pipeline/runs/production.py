@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.atomic import replacing
-from glyphs.compiling import compiling_shown, part_done
+from glyphs.compiling import end_part, show_compiling
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord
@@ -103,7 +103,7 @@ def _read(
         progress.start(len(parts), len(run.book.done))
 
         def on_row(record: ReadingRecord) -> None:
-            part_done()
+            end_part()
             progress.advance(failed=bool(record.error))
 
         def on_any_row(record: ReadingRecord) -> None:
@@ -119,7 +119,7 @@ def _read(
             run.second.sent = sent
             run.second.say, run.second.on_again, run.second.on_row = progress.line, progress.more, on_row
         began = time.monotonic()
-        with compiling_shown(progress.line):
+        with show_compiling(progress.line):
             run.work(parts, order, executor)
     elapsed_s = time.monotonic() - began
     if shown:

@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, fault_of
+from glyphs.errors import FileError, describe_fault
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.runs.journal import Journal, cannot_be_written
 from pipeline.runs.tables import LINE_FORMS, WORKBOOK, LineForm, check_output, form_of, write_table
@@ -49,7 +49,7 @@ class RecordJournal(Journal[ReadingRecord]):
         try:
             line = self.form.encode(kept)
         except ValueError as error:
-            kept = ReadingRecord.failed(name, f"{name}: {fault_of(error)}; please report it")
+            kept = ReadingRecord.failed(name, f"{name}: {describe_fault(error)}; please report it")
             line = self.form.encode(kept)
         super().add(name, kept, line=line)
         try:

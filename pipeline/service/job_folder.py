@@ -24,7 +24,7 @@ from typing import Any
 import structlog
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, MarksError, OwnFileError, fault_of
+from glyphs.errors import FileError, MarksError, OwnFileError, describe_fault
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
@@ -322,7 +322,7 @@ def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile,
         raise
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
-        raise FileError(path, fault_of(error), "take it away, and report it") from error
+        raise FileError(path, describe_fault(error), "take it away, and report it") from error
 
 
 def _watch_of(settings: ReadSettings) -> DriftWatch | None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from glyphs.compiling import compiling_shown, part_done
+from glyphs.compiling import end_part, show_compiling
 
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
@@ -54,14 +54,14 @@ def serve_jobs(
         os.environ[name] = "1"  # before the libraries are loaded
     _bound_memory(memory_mb)
     first = multiprocessing.current_process().name.endswith("-0")  # the others compile the same
-    with compiling_shown(_say) if first else contextlib.nullcontext():
+    with show_compiling(_say) if first else contextlib.nullcontext():
         if warm_up is not None:
             try:
                 warm_up()
             except Exception as error:
                 pipe.send(_sendable(error))
                 raise
-            part_done()
+            end_part()
         pipe.send(Answer(None))
         _serve(pipe)
 
@@ -88,7 +88,7 @@ def _serve(pipe: Connection) -> None:
             continue
         try:
             pipe.send(_called(function, args))
-            part_done()
+            end_part()
         except OSError:
             return
 

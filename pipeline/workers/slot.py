@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import MarksError, fault_of
+from glyphs.errors import MarksError, describe_fault
 from pipeline.workers.process import Answer, serve_jobs
 
 if TYPE_CHECKING:
@@ -281,4 +281,4 @@ def _cause(error: Exception) -> str:
     """Why a worker cannot start, without paths of this machine."""
     if isinstance(error, OSError) and error.strerror:
         return f"{type(error).__name__}: {error.strerror}"
-    return error.what if isinstance(error, MarksError) else fault_of(error)
+    return error.what if isinstance(error, MarksError) else describe_fault(error)

@@ -30,10 +30,10 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.session import Fitting, StageSession, gathered
+from whisker_array.scan.session import Fitting, StageSession, gather_sweeps
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
 
 AROUND_HEIGHTS = (0.8, 0.5)
@@ -311,7 +311,7 @@ def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
     """The passes felt so far as one scan."""
     line_pitch_mm = fitting.height_mm / LINES_PER_HEIGHT
     return Scan(
-        sweeps=gathered(felt),
+        sweeps=gather_sweeps(felt),
         touch=fitting.touch,
         line_pitch_mm=line_pitch_mm,
         sample_rate_hz=SAFE_SPEED_MM_S / line_pitch_mm,

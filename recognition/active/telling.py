@@ -21,8 +21,8 @@ from recognition.decision.reading import Reading
 from recognition.decision.stroke_doubts import strokes_asked
 from recognition.language.box import Box
 from whisker_array.estimation.edges import UNUSABLE
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sweep import Sweep
 
 TELLING_GAP_HEIGHTS = 0.3
 """Widest gap between lines of an axis over a character, character heights: a little more than a quarter, as `JOINED`

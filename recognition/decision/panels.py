@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import EdgeMap, HeightMap
     from recognition import CharacterReading, Reading
     from whisker_array.estimation.relief import Relief
-    from whisker_array.scan.felt_sweep import Sweep
+    from whisker_array.scan.sweep import Sweep
 
 BOX_COLOUR = "#e4572e"
 _MOST_PIXELS_A_SIDE = 1600

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tests.benchmarks.paired import Trial, lost, table, tried
-from whisker_array.identification.bench import Unknown, known_before, nominal_bench
+from whisker_array.identification.bench import Unknown, nominal_bench, prior_sd
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import Touch, default_touch
@@ -81,7 +81,7 @@ def _ways(scan: Scan, height_mm: float, rng: np.random.Generator) -> Iterator[tu
             # half of the parts to either side; a radius that is halved is one that is doubled the other way
             yield f"{name} {off:g}", _taken(scan, height_mm, {name: side * off}, gains=off * lots[0])
     nominal = nominal_bench(default_whisker(height_mm), scan.touch, n_whiskers=1)
-    sds = dict(zip(Unknown, known_before(nominal), strict=False))
+    sds = dict(zip(Unknown, prior_sd(nominal), strict=False))
     drawn = {
         Unknown.BETA: sds[Unknown.BETA],
         Unknown.FRICTION: sds[Unknown.FRICTION],

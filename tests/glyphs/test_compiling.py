@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.compiled import kernel, read_only
-from glyphs.compiling import BEGINS, compiling_begins, compiling_ends, compiling_shown, part_done
+from glyphs.compiling import BEGINS, end_part, report_end, report_start, show_compiling
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, write_part
 
@@ -44,10 +44,10 @@ def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
 
     lines: list[str] = []
     values, out = read_only([1.0, 2.5]), np.empty(2)
-    with compiling_shown(lines.append):
+    with show_compiling(lines.append):
         twice(values, out)
         assert lines == [BEGINS]
-        part_done()
+        end_part()
         twice(values, out)
     np.testing.assert_array_equal(out, [2.0, 5.0])
     assert lines[0] == BEGINS
@@ -57,17 +57,17 @@ def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
 
 def test_compiling_is_announced_once_and_its_progress_shown() -> None:
     lines: list[str] = []
-    with compiling_shown(lines.append):
+    with show_compiling(lines.append):
         for seconds in (3.0, 4.0, 0.5):
-            compiling_begins()
-            compiling_ends(seconds)
-        part_done()
-        compiling_begins()
-        compiling_ends(0.2)
-        part_done()  # too short to be worth a line
-        compiling_begins()
-        compiling_ends(2.0)
-        part_done()
+            report_start()
+            report_end(seconds)
+        end_part()
+        report_start()
+        report_end(0.2)
+        end_part()  # too short to be worth a line
+        report_start()
+        report_end(2.0)
+        end_part()
     assert lines == [
         BEGINS,
         "compiling kernels: 7 s so far",

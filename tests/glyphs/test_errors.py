@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.errors import FileError, MarksError, MissingExtraError, damage_reported
+from glyphs.errors import FileError, MarksError, MissingExtraError, report_damage
 from glyphs.surface.maps import MapError
 
 
@@ -35,8 +35,8 @@ def test_an_error_comes_back_whole_from_another_process(error: MarksError) -> No
 def test_whatever_a_parser_trips_over_names_the_file_and_keeps_the_hint(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     says = r"a\.npz: is damaged or not a \.npz file \(KeyError: 'z'\); copy"
-    with pytest.raises(FileError, match=says), damage_reported(path, kind=".npz"):
+    with pytest.raises(FileError, match=says), report_damage(path, kind=".npz"):
         raise KeyError("z")
     says = r"a\.npz: heights contain infinities; mark bad points as NaN"
-    with pytest.raises(FileError, match=says), damage_reported(path, kind=".npz"):
+    with pytest.raises(FileError, match=says), report_damage(path, kind=".npz"):
         raise MapError("heights contain infinities", hint="mark bad points as NaN")

@@ -12,7 +12,7 @@ import pytest
 from numba.core.caching import IndexDataCacheFile, NullCache
 
 from glyphs.compiled import kernel, read_only
-from glyphs.compiling import NOT_KEPT, compiling_shown
+from glyphs.compiling import NOT_KEPT, show_compiling
 
 
 def thrice() -> Any:
@@ -91,6 +91,6 @@ def test_without_a_folder_for_them_kernels_are_compiled_and_that_is_shown(
     one = thrice()
     assert isinstance(one._cache, NullCache)
     lines: list[str] = []
-    with compiling_shown(lines.append):
+    with show_compiling(lines.append):
         assert computed(one) == [3.0, 7.5]
     assert lines[0] == NOT_KEPT

@@ -14,8 +14,8 @@ from glyphs.surface.maps import TraceDirection
 from tests.support.mujoco_whisker import Wedge, drag
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.fit import identify
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import Round

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.estimation.faults import FaultKind
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import draw_sensor_chain, measure
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
 

@@ -14,12 +14,12 @@ from whisker_array.identification.bench import (
     BENCH_GAIN,
     Bench,
     Unknown,
-    known_before,
     nominal_bench,
     of_screw,
+    prior_sd,
 )
 from whisker_array.identification.piece_map import Heights
-from whisker_array.identification.promises import Knowledge
+from whisker_array.identification.predictions import Knowledge
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
@@ -137,7 +137,7 @@ def hidden_bench(
     drawn, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
     nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
-    before = known_before(nominal)
+    before = prior_sd(nominal)
     for along_x in (True, False):
         before[of_screw(before.size, along_x=along_x)] = 0.0  # `stage` has its own
     off = np.zeros(before.size)

@@ -6,7 +6,7 @@ import math
 
 from whisker_array.design.design import worst_edge
 from whisker_array.design.limits import DesignError, Request
-from whisker_array.identification.promises import Quantity
+from whisker_array.identification.predictions import Quantity
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
-from whisker_array.estimation.crossed import filled_from_crossed
+from whisker_array.estimation.crossing import fill_from_crossing
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
-from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
+from whisker_array.estimation.land import divide_by_land, land_coefficients, remove_drift, whisker_gain
+from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.registration import registration_mm
-from whisker_array.estimation.steadied import steadied
 from whisker_array.scan.calibration import apply_calibration
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan, only
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 
 UNUSABLE = np.uint8(
@@ -78,7 +78,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
     place = sweep.plan.line_mm.ravel()[order]
     whisker = np.tile(np.arange(shape[1]), shape[0])[order]
-    lines = in_order(
+    lines = ordered_lines(
         raw.reshape(-1, shape[2]), sweep.flags.reshape(-1, shape[2]), offset.ravel(), order, lead
     )
     keep = np.asarray(np.isfinite(lines).any(axis=1))
@@ -102,7 +102,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     land = land_coefficients(lines)
     if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    ratio = without_drift(over_land(lines, land))
+    ratio = remove_drift(divide_by_land(lines, land))
     return SweptLines(_among(ratio, keep[kept]), places, position, sweep.plan.direction)
 
 
@@ -115,7 +115,7 @@ def _among(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.f
     return out
 
 
-def in_order(
+def ordered_lines(
     signal: NDArray[np.floating[Any]],
     flags: NDArray[np.uint8],
     offset: NDArray[np.float64],
@@ -149,7 +149,7 @@ def edge_map(
     Raises:
         MapError: a sweep without usable samples or without land; nothing was felt within.
     """
-    scan = only(steadied(scan))
+    scan = only(remove_memory(scan))
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
     layers, known = on_grid(swept, grid)
@@ -158,7 +158,7 @@ def edge_map(
         if shift:
             layers, known = on_grid(swept, grid, shift=shift)
     if any((s.flags & np.uint8(SampleFlag.FAULTY)).any() for s in scan.sweeps):
-        layers, known = filled_from_crossed(
+        layers, known = fill_from_crossing(
             layers, known, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm
         )
     valid = np.logical_and.reduce(known)
@@ -180,7 +180,7 @@ def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
     Raises:
         MapError: as edge_map.
     """
-    scan = only(steadied(scan))
+    scan = only(remove_memory(scan))
     swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm)
     layers, _ = on_grid(swept, grid)

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
-from whisker_array.estimation.land import reconciled, whisker_gain
-from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sweep import Sweep
 
 Floats = NDArray[np.float64]
 MAD = 1.4826
@@ -142,7 +142,7 @@ def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
                 continue
             step = 0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0))
             borders.append((int(whisker[i]), int(whisker[i + 1]), step))
-    found = np.exp(reconciled(borders, n))
+    found = np.exp(reconcile_steps(borders, n))
     met = np.bincount([w for before, after, _ in borders for w in (before, after)], minlength=n)
     found[met < 2] = np.nan
     return np.asarray(found)

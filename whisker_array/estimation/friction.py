@@ -17,9 +17,9 @@ from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
 from whisker_array.estimation.land import plate_land
-from whisker_array.estimation.steadied import steadied
-from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan
+from whisker_array.scan.sweep import Sweep
 
 LAND_BAND = 0.03
 """Samples within this share of the land's moment are land: marks are 10 % and more."""
@@ -56,7 +56,7 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     SHAPES needs a profiler on the lines of a differentiator and gains that are known from a bench (not from
     land); TWO_WAYS needs passes felt again on their return, and no gains at all.
     """
-    scan = steadied(scan)
+    scan = remove_memory(scan)
     differ = [i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)]
     profile = [i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)]
     found = []

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError, TraceDirection
-from whisker_array.estimation.spreading import averaging, spread
+from whisker_array.estimation.averaging import average_onto, averaging_weights
 
 Lines = NDArray[np.float64]
 
@@ -116,10 +116,10 @@ def on_grid(
         dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))
         along_x = each.direction.along_x
         pixel_along, pixel_across = (grid.x_mm, grid.y_mm) if along_x else (grid.y_mm, grid.x_mm)
-        layer, good = spread(
+        layer, good = average_onto(
             each.values,
-            averaging(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
-            averaging(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
+            averaging_weights(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
+            averaging_weights(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
         )
         layers.append(layer if along_x else layer.T)
         known.append(good if along_x else good.T)

@@ -80,7 +80,7 @@ def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     return best_coefficients
 
 
-def over_land(lines: NDArray[np.float64], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def divide_by_land(lines: NDArray[np.float64], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Moments over their land's, (lines, samples), in place of the moments."""
     u, v = np.linspace(-1.0, 1.0, lines.shape[1]), np.linspace(-1.0, 1.0, lines.shape[0])
     lines /= quadratic(coefficients, u, v)
@@ -134,12 +134,12 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
         ]
         slope = sum(float(middle[j]) for j in beside) / max(len(beside), 1)
         steps.append((int(index[i]), int(index[i + 1]), float(middle[i] - slope)))
-    solution = reconciled(steps, names.size)
+    solution = reconcile_steps(steps, names.size)
     gain: NDArray[np.float64] = np.exp(solution[index])
     return gain
 
 
-def reconciled(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[np.float64]:
+def reconcile_steps(steps: Sequence[tuple[int, int, float]], n: int) -> NDArray[np.float64]:
     """(n,) values of mean 0 that differ by given steps (from, to, step) as nearly as least squares allows."""
     rows, target = np.zeros((1 + len(steps), n)), np.zeros(1 + len(steps))
     rows[0] = 1.0 / n
@@ -180,7 +180,7 @@ def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     return drift
 
 
-def without_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+def remove_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """ratio / line_drift(ratio) - 1, in place of the ratio."""
     ratio /= line_drift(ratio)
     ratio -= 1.0

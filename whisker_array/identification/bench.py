@@ -209,7 +209,7 @@ def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
 
-def known_before(
+def prior_sd(
     nominal: Bench, *, gain_sd: float = LOOSE_GAIN, tip_sd: float = GROUND_TIP
 ) -> NDArray[np.float64]:
     """Standard deviation of every number before anything is recorded, in the order of `Bench.vector`.

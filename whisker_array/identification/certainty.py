@@ -107,7 +107,7 @@ class Fitted:
         return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
 
 
-def left_out(nominal: Bench) -> NDArray[np.float64]:
+def unmodelled(nominal: Bench) -> NDArray[np.float64]:
     """(n, n) `LEFT_OUT`, in the order of `Bench.vector`."""
     sd = np.zeros_like(nominal.vector())
     for name, off in LEFT_OUT.items():

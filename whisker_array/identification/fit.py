@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from whisker_array.estimation.steadied import steadied
+from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
@@ -30,17 +30,17 @@ from whisker_array.identification.bench import (
     LOOSE_GAIN,
     Bench,
     Unknown,
-    known_before,
     nominal_bench,
     of_screw,
     of_whisker,
+    prior_sd,
 )
-from whisker_array.identification.certainty import COARSER, Fitted, left_out
+from whisker_array.identification.certainty import COARSER, Fitted, unmodelled
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
+from whisker_array.identification.gauge_memory import LARGEST_LANDS
 from whisker_array.identification.misses import FEW, innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.piece_map import Heights
-from whisker_array.identification.remembered import LARGEST_LANDS
 from whisker_array.identification.traces import MOST_TRACES, Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
@@ -190,7 +190,7 @@ def identify(
         only = tuple(name for name in only if name not in DRAWN)
     known = scan.calibration is not None and not scan.calibration.from_land
     nominal = nominal_bench(whisker, scan.touch, n_whiskers=scan.n_whiskers)
-    scan = steadied(scan) if known else replace(scan, calibration=None)
+    scan = remove_memory(scan) if known else replace(scan, calibration=None)
     largest_n_mm = LARGEST_LANDS * abs(scan.touch.land_moment_n_mm())
     traces = traces_of(scan, about=nominal, largest_n_mm=largest_n_mm)
     clusters = {trace.cluster for trace in traces}
@@ -199,7 +199,7 @@ def identify(
             f"only {len(clusters)} of the passes can be used over the piece",
             hint=f"record {FEWEST_CLUSTERS} or more",
         )
-    before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
+    before = prior_sd(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
     free = np.zeros(before.size, dtype=np.bool_)
     free[: len(Unknown)] = [name in only for name in Unknown]
@@ -258,7 +258,7 @@ def identify(
         found,
         nominal,
         before,
-        repeated + fitted.of_grid(by_grid) + left_out(nominal),
+        repeated + fitted.of_grid(by_grid) + unmodelled(nominal),
         repeated,
         felt_by,
         forward.traces,

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.identification.bench import Bench, Unknown, screw_ways
+from whisker_array.identification.gauge_memory import lag_response
 from whisker_array.identification.piece_map import Heights, PieceMap
-from whisker_array.identification.remembered import lagged
-from whisker_array.identification.traces import JAM_LANDS, Trace, without_jams
+from whisker_array.identification.traces import JAM_LANDS, Trace, mask_jams
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.shapes import LShaped, TipModel
@@ -115,7 +115,7 @@ class Forward:
                 moment = np.stack([np.interp(there, at, line) for line in moment])
             most = JAM_LANDS * np.abs(np.median(moment, axis=1, keepdims=True))
             moment = np.clip(moment, -most, most)
-            lag = lagged(
+            lag = lag_response(
                 np.where(np.isnan(sweep.met_n_mm), moment, sweep.met_n_mm),
                 play_n_mm=sweep.play_n_mm,
                 largest_n_mm=self._largest,
@@ -129,7 +129,7 @@ class Forward:
         felt = [
             replace(
                 trace,
-                felt_n_mm=np.where(np.isnan(without_jams(p, share=0.98)), np.nan, trace.felt_n_mm),
+                felt_n_mm=np.where(np.isnan(mask_jams(p, share=0.98)), np.nan, trace.felt_n_mm),
             )
             for trace, p in zip(self.traces, self.moments(bench), strict=True)
         ]

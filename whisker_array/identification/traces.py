@@ -11,7 +11,7 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.identification.bench import Bench
-from whisker_array.identification.remembered import remembered
+from whisker_array.identification.gauge_memory import gauge_effects
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.passes import SweepPlan
 
@@ -62,7 +62,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
     """
     groups: list[list[Trace]] = []
     cluster = 0
-    added = remembered(scan, gain=about.gain, memory=about.memory, largest_n_mm=largest_n_mm)
+    added = gauge_effects(scan, gain=about.gain, memory=about.memory, largest_n_mm=largest_n_mm)
     for sweep, of_gauges in zip(scan.sweeps, added, strict=True):
         moment = calibrated_moments(scan, sweep)
         moment[(sweep.flags & UNUSABLE) != 0] = np.nan
@@ -73,7 +73,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
                     cluster + p,
                     whisker,
                     float(sweep.plan.line_mm[p, whisker]),
-                    without_jams(moment[p, whisker]),
+                    mask_jams(moment[p, whisker]),
                     of_gauges.crept_n_mm[p, whisker],
                     of_gauges.play_n_mm[p, whisker],
                     of_gauges.load_n_mm[p, whisker],
@@ -101,7 +101,7 @@ def _walls_n_mm(trace: Trace) -> float:
     return float(np.nanstd(np.diff(trace.felt_n_mm)))
 
 
-def without_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
+def mask_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
     """A line's moments, NaN where its tip was about to jam, at that share of the limit, and just beside that."""
     land = np.nanmedian(moment_n_mm)
     near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)

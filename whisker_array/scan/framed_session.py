@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.session import Fitting, StageSession
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.passes import Pass
 
 

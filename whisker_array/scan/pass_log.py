@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from glyphs.ranges import require_positive
 from glyphs.surface.display import one_line
-from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.sections import WhiskerError

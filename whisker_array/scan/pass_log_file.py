@@ -11,8 +11,8 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from whisker_array.scan.checked_file import CheckedFile
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.pass_log import LoggedPass, PassLog
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass
 

@@ -16,12 +16,12 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.calibration import Calibration, apply_calibration
 from whisker_array.scan.checked_file import SEE_LAYOUT, CheckedFile
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.pass_log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import SensorMemory
-from whisker_array.scan.session import gathered
-from whisker_array.scan.stagger import as_laid
+from whisker_array.scan.session import gather_sweeps
+from whisker_array.scan.stagger import to_places
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 from whisker_array.whisker.passes import SweepPlan
@@ -87,7 +87,7 @@ class RecordingReader(CheckedFile):
         if is_logged:
             log = read_log(self, sweeps)
             try:
-                sweeps = gathered(sweeps)
+                sweeps = gather_sweeps(sweeps)
             except ValueError as error:
                 raise self.fail(str(error), "give all passes of a direction one step_mm") from error
         try:
@@ -262,8 +262,8 @@ class RecordingReader(CheckedFile):
         )
         return Sweep(
             plan=plan,
-            moment_n_mm=np.ascontiguousarray(as_laid(moment[touching].transpose(0, 2, 1), behind)),
-            flags=np.ascontiguousarray(as_laid(flags[touching].transpose(0, 2, 1), behind)),
+            moment_n_mm=np.ascontiguousarray(to_places(moment[touching].transpose(0, 2, 1), behind)),
+            flags=np.ascontiguousarray(to_places(flags[touching].transpose(0, 2, 1), behind)),
             air_n_mm=np.ascontiguousarray(moment[air].transpose(0, 2, 1)),
         )
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.passes import Pass
 
 _SAME_MM = 1e-6

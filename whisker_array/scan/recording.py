@@ -52,12 +52,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, damage_reported
+from glyphs.errors import FileError, report_damage
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.pass_log_file import write_log
 from whisker_array.scan.read_recording import FORMAT, FORMAT_VERSION, VOLT, RecordingReader, memory_shapes
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.stagger import as_taken
+from whisker_array.scan.stagger import to_instants
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 
@@ -119,11 +119,11 @@ def _write(scan: Scan, file: h5py.File) -> None:
     signal, flags, position, phase, length = [], [], [], [], []
     for sweep in sweeps:
         behind, n_air = sweep.plan.behind, sweep.air_n_mm.shape[2]
-        moment = as_taken(sweep.moment_n_mm, behind)
+        moment = to_instants(sweep.moment_n_mm, behind)
         n_pass, n_whiskers, n_touching = moment.shape
         signal.append(_in_time(sweep.air_n_mm, moment))
         no_flags = np.zeros((n_pass, n_whiskers, n_air), np.uint8)
-        flags.append(_in_time(no_flags, as_taken(sweep.flags, behind, outside=SampleFlag.OUTSIDE)))
+        flags.append(_in_time(no_flags, to_instants(sweep.flags, behind, outside=SampleFlag.OUTSIDE)))
         position.append(_positions(sweep.plan, n_air))
         phase.append(np.tile(np.repeat(np.array([0, 1], np.uint8), [n_air, n_touching]), n_pass))
         length += [n_air + n_touching] * n_pass
@@ -207,5 +207,5 @@ def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
     path = Path(path)
     if not path.is_file():
         raise FileError(path, "is not there" if not path.exists() else "is not a file", "check the name")
-    with damage_reported(path, kind="recording"), h5py.File(path, "r") as file:
+    with report_damage(path, kind="recording"), h5py.File(path, "r") as file:
         return RecordingReader(path, file, raw=raw).scan()

@@ -12,11 +12,11 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.mounted import mount, require_generator
+from whisker_array.scan.mounting import mount, require_generator
 from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sensor import SensorChain
 from whisker_array.scan.stage_play import StagePlay
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays, require_not_negative, require_positive, require_range
 from glyphs.surface.display import one_line
-from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, lifted, reading_of
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
 NOISE = 2e-4
 """Rms noise of one sample, of the largest load, as recorded of whiskers."""
@@ -240,8 +240,8 @@ def measure(
         load = passes[i].astype(np.float32) * (1.0 + shake)
         if chain.memory is not None:
             if pause_s > 0.0:
-                lifted(chain.memory, state, seconds=pause_s)
-            held = reading_of(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
+                rest_gauges(chain.memory, state, seconds=pause_s)
+            held = read_gauges(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
             load = held.astype(np.float32)
         if walk > 0.0 and pause_s > 0.0:
             state.drift_n_mm += _noise(rng, chain.drift_n_mm_per_sqrt_s * math.sqrt(pause_s), n)

@@ -127,7 +127,7 @@ class SensorState:
         return SensorState(self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers])
 
 
-def reading_of(
+def read_gauges(
     load_n_mm: NDArray[np.floating], *, memory: SensorMemory, state: SensorState, step_s: float
 ) -> NDArray[np.float64]:
     """Compute the reading of a load: the equations of the module, sample by sample.
@@ -151,9 +151,9 @@ def reading_of(
     return reading
 
 
-def lifted(memory: SensorMemory, state: SensorState, *, seconds: float) -> None:
+def rest_gauges(memory: SensorMemory, state: SensorState, *, seconds: float) -> None:
     """Move the state on by a time without load, in one step: the terms' decay is exact."""
-    reading_of(np.zeros((memory.n_whiskers, 1)), memory=memory, state=state, step_s=seconds)
+    read_gauges(np.zeros((memory.n_whiskers, 1)), memory=memory, state=state, step_s=seconds)
 
 
 @kernel()
@@ -180,7 +180,7 @@ def _read(load, straight, weight, width, creep, keep, play, strain, reading):  #
             reading[w, n] = y if load[w, n] == load[w, n] else np.nan
 
 
-def memory_of(
+def fit_memory(
     creep: NDArray[np.float64], zero_shift: NDArray[np.float64], *, largest_n_mm: float
 ) -> SensorMemory:
     """The memory that shows given figures, and `SHIFT_AFTER_CYCLES` for all whiskers.
@@ -229,4 +229,4 @@ def draw_memory(n_whiskers: int, *, rng: np.random.Generator, largest_n_mm: floa
         largest_n_mm: largest load, N mm.
     """
     shift = rng.uniform(*ZERO_SHIFT, size=n_whiskers)
-    return memory_of(rng.uniform(CREEP[0], shift), shift, largest_n_mm=largest_n_mm)
+    return fit_memory(rng.uniform(CREEP[0], shift), shift, largest_n_mm=largest_n_mm)

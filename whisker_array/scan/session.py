@@ -17,7 +17,7 @@ import numpy as np
 
 from glyphs.surface.display import one_line
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass, SweepPlan
@@ -86,7 +86,7 @@ class SessionStage(Protocol[Part]):
         """
 
 
-def gathered(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
+def gather_sweeps(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
     """Sweeps of single passes as one sweep a direction and way, in the order in which these were first felt.
 
     Passes of one direction may have begun and ended at different places: each lies within the longest stretch, and

@@ -9,8 +9,7 @@ import numpy as np
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
-from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.mounted import Mounted, mount, require_generator
+from whisker_array.scan.mounting import Mounted, mount, require_generator
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
@@ -18,12 +17,13 @@ from whisker_array.scan.sensor_memory import (
     ZERO_SHIFT,
     SensorMemory,
     SensorState,
-    memory_of,
-    reading_of,
+    fit_memory,
+    read_gauges,
 )
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.stage_play import StagePlay
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import WhiskerArray
@@ -54,7 +54,7 @@ def bench_calibration(
         return found
     memory = _bench_memory(chain, chain.memory.largest_n_mm, sample_rate_hz=sample_rate_hz, rng=rng)
     rest = SensorState.at_rest(chain.n_whiskers, memory)
-    read = reading_of(air + land_n_mm, memory=memory, state=rest, step_s=1.0 / sample_rate_hz)
+    read = read_gauges(air + land_n_mm, memory=memory, state=rest, step_s=1.0 / sample_rate_hz)
     # the gain is that of a gauge without memory, which the plate has not shown
     return replace(found, gain=found.gain * land_n_mm / read.mean(axis=1), memory=memory)
 
@@ -74,7 +74,7 @@ def _bench_memory(
     )
     shift = np.clip((after - zero) / (first - zero), *ZERO_SHIFT)
     crept = np.clip((last - first) / (first - zero), CREEP[0], shift)
-    return memory_of(crept, shift, largest_n_mm=largest_n_mm)
+    return fit_memory(crept, shift, largest_n_mm=largest_n_mm)
 
 
 class SimulatedSession:

@@ -62,7 +62,7 @@ def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
     return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))
 
 
-def really_run(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
+def displace_plan(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
     """The plan as the stage runs it, but for the screw's wave, which is not even along a line.
 
     Args:
@@ -80,7 +80,7 @@ def really_run(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -
     )
 
 
-def waved(
+def apply_screw_wave(
     moment: NDArray[np.float32], flags: NDArray[np.uint8], plan: SweepPlan, stage: StagePlay
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Samples taken at even places as they are at those of a screw's wave, by a straight line between neighbours.

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def as_taken(laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None) -> NDArray[Any]:
+def to_instants(
+    laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
+) -> NDArray[Any]:
     """Samples at places as they come in time; each row waits on its first sample and ends on its last.
 
     Args:
@@ -36,7 +38,7 @@ def as_taken(laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | N
     return out
 
 
-def as_laid(taken: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp]) -> NDArray[Any]:
+def to_places(taken: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp]) -> NDArray[Any]:
     """Samples in time as they lie on the plate, over the stretch that all rows ran.
 
     A row that comes to its places between two samples has them by a straight line; bits of flags are gathered.

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from glyphs.compiled import FAST, inlined, kernel
+from glyphs.compiled import FAST, inline_kernel, kernel
 from whisker_array.simulation.soft import LEAST_GIVE
 from whisker_array.simulation.traces import SampleFlag
 
@@ -26,7 +26,7 @@ SMOOTHING_STEPS = 1e-3
 """|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
 
 
-@inlined
+@inline_kernel
 def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     """Height, both slopes and friction at (x, z), bilinear, clamped at the rim."""
     rows, cols = fields.shape[0], fields.shape[1]
@@ -46,7 +46,7 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     )
 
 
-@inlined
+@inline_kernel
 def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def]
     """The same of a surface whose grid is not that of the traces (`contact.Laid`)."""
     (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = laid
@@ -68,7 +68,7 @@ def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def
     return h + rise + along * x + across * z, ox * p + sx * q + along, oz * p + sz * q + across, mu
 
 
-@inlined
+@inline_kernel
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
     """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and which part is the track's.
 
@@ -91,7 +91,7 @@ def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def
     return h + thickness - sinkage, p + part * (p_track - p), q + part * (q_track - q), thickness, part
 
 
-@inlined
+@inline_kernel
 def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignore[no-untyped-def]
     """Newton's step in x, z and sinkage s: both balances along the track, and kappa s = f_n, by Cramer's rule."""
     p, q, inv_norm = track

@@ -22,7 +22,7 @@ from glyphs.soiling.strokes import across, along, drop, spread
 from glyphs.surface.noise import Field, ramp
 
 
-def bridged(coat: Coat, mould: Mould, amount: float) -> Field:
+def misrun(coat: Coat, mould: Mould, amount: float) -> Field:
     """Misrun: where it is cold, the metal follows the mould only down to a radius. Height, mm.
 
     A raised character is a thin section in a narrow recess of the mould: it freezes before the land does.
@@ -89,7 +89,7 @@ def veins(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
     return fins
 
 
-def blown(
+def blow_holes(
     coat: Coat, top: Field, sand: Field, amount: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
     """Gas: round holes in the metal, closed while there was sand, so none lies in them. New top, mm, and where."""

@@ -21,8 +21,8 @@ from dataclasses import replace
 import numpy as np
 
 from glyphs.soiling.casting.fields import slow_noise
-from glyphs.soiling.casting.metal import blown, bridged, laps, veins
-from glyphs.soiling.casting.sand import SAND_HARDNESS_MPA, Mould, burnt_on, drawn_mould, loose_sand, prints
+from glyphs.soiling.casting.metal import blow_holes, laps, misrun, veins
+from glyphs.soiling.casting.sand import SAND_HARDNESS_MPA, Mould, burn_on, draw_mould, loose_sand, prints
 from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import Field
 
@@ -38,16 +38,16 @@ def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     slowness = rng.uniform([0.7, 0.7, 0.7, 1.0, 1.0], [1.6, 1.6, 1.6, 2.2, 2.2])
     gassy, cracked, dirty, cold, burnt = (poured**slowness).tolist()
     streams = rng.spawn(7)
-    mould = drawn_mould(coat, streams[0])
-    z = bridged(coat, mould, cold) + laps(coat, mould, cold, streams[1])
+    mould = draw_mould(coat, streams[0])
+    z = misrun(coat, mould, cold) + laps(coat, mould, cold, streams[1])
     # shrinkage: dishes a character or two wide over what froze last
     dishes = np.maximum(slow_noise(coat, 1.4 * coat.height_mm, streams[2]) - np.float32(0.6), 0.0)
     z -= np.float32(0.035 * poured * coat.height_mm) * dishes
     z += prints(mould, poured) + veins(coat, cracked, streams[3])
-    held, crust = burnt_on(coat, z, mould, burnt)
+    held, crust = burn_on(coat, z, mould, burnt)
     z += crust
     sand = loose_sand(coat, z, mould, dirty, streams[4])
-    z, hole = blown(coat, z, sand, gassy, streams[5])
+    z, hole = blow_holes(coat, z, sand, gassy, streams[5])
     sand *= 1.0 - hole
     there = np.minimum(sand / np.float32(0.3 * mould.grain_mm), 1.0)
     skin = np.float32(1.0 - np.exp(-4.0 * poured))

@@ -53,7 +53,7 @@ class Mould:
     __repr__ = one_line
 
 
-def drawn_mould(coat: Coat, rng: np.random.Generator) -> Mould:
+def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:
     """Grains rammed against the pattern: a shaken lattice, so that they touch and none is like the next."""
     from glyphs.opencv import cv2
 
@@ -93,7 +93,7 @@ def prints(mould: Mould, amount: float) -> Field:
     return np.asarray(deep * wet * (bowls + 2.2 * knobs - np.float32(0.45)), dtype=np.float32)
 
 
-def burnt_on(coat: Coat, z: Field, mould: Mould, amount: float) -> tuple[Field, Field]:
+def burn_on(coat: Coat, z: Field, mould: Mould, amount: float) -> tuple[Field, Field]:
     """Grains fused on, in the mark first. Whether each is held, 0 to 1; and columns of unlike height, mm."""
     recess = np.clip((coat.brim_mm - z) / np.float32(MARK * coat.height_mm), 0.0, 1.0)
     hot = mould.warmth + np.float32(0.6) * mould.ragged + np.float32(0.8) * recess

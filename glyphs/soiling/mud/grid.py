@@ -60,7 +60,7 @@ def thinned(coat: Coat) -> Grid:
     return Grid(step, (rows, cols), step * coat.pitch_mm, coat.height_mm, depth)
 
 
-def blurred(grid: Grid, field: Field, width_mm: float) -> Field:
+def blur(grid: Grid, field: Field, width_mm: float) -> Field:
     """A field of the coat as a Gaussian of that width leaves it."""
     thin = np.ascontiguousarray(field[:: grid.step, :: grid.step])
     sigma = max(width_mm / grid.pitch_mm, 0.5)

@@ -32,7 +32,7 @@ import numpy as np
 
 from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
 from glyphs.soiling.mud.cracks import nearest_crack
-from glyphs.soiling.mud.grid import Grid, blurred, thinned
+from glyphs.soiling.mud.grid import Grid, blur, thinned
 from glyphs.soiling.strokes import drop
 from glyphs.surface.noise import Field, ramp, share
 
@@ -95,13 +95,13 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
 def _levelled(coat: Coat, grid: Grid) -> Field:
     """Level of a thick wet film above the surface, mm: grooves fill, edges of raised marks run thin."""
-    level = blurred(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
+    level = blur(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
     return np.asarray(level - coat.z_mm, dtype=np.float32)
 
 
 def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
     """Thickness that dries and cracks as one; what lies below it in a groove is held by the walls."""
-    near = blurred(grid, thick_mm, 0.07 * coat.height_mm)
+    near = blur(grid, thick_mm, 0.07 * coat.height_mm)
     return np.asarray(np.minimum(near, 1.5 * thick_mm), dtype=np.float32)
 
 

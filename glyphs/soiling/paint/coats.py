@@ -34,10 +34,10 @@ from glyphs.soiling.grids import resize
 from glyphs.soiling.paint.shapes import (
     TENSION_N_PER_M,
     Can,
-    laid_on,
-    left_by_chips,
+    chip_off,
+    coat_unevenness,
+    orange_peel,
     over_spray,
-    peeled,
     runs,
     thinned,
 )
@@ -73,16 +73,16 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     top, dry = coat.z_mm, []
     for start in _STARTS:
         gain = float(np.clip((much - start) / 0.5, 0.0, 1.0))
-        wet = np.float32(gain * can.wet_mm) * resize(laid_on(thin, can, rng), coat.shape)
-        film = levelled(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
+        wet = np.float32(gain * can.wet_mm) * resize(coat_unevenness(thin, can, rng), coat.shape)
+        film = level_film(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
         dry.append(np.float32(can.solids) * film)
         top = top + dry[-1]
-    first, rest = dry[0], (dry[1] + dry[2]) * resize(peeled(thin, can, rng), coat.shape)
+    first, rest = dry[0], (dry[1] + dry[2]) * resize(orange_peel(thin, can, rng), coat.shape)
     caps = resize(runs(thin, can, (much - 0.1) / 0.8, rng), coat.shape)
     rest += np.float32(can.solids) * _flowed(top, caps, can, coat)
     dusty = np.float32(min(1.0, 1.2 * much)) * resize(over_spray(thin, can, rng), coat.shape)
     rest += dusty
-    left_first, left_rest = left_by_chips(coat, much, rng)
+    left_first, left_rest = chip_off(coat, much, rng)
     return _finished(coat, can, (first * left_first, rest * left_rest), dusty, rng)
 
 
@@ -101,8 +101,8 @@ def _can(coat: Coat, rng: np.random.Generator) -> Can:
     )
 
 
-def levelled(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float) -> Field:
-    """The wet film after it has levelled: Orchard's law for its surface, no paint lost, none below the ground.
+def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float) -> Field:
+    """Level a wet film: Orchard's law for its surface, no paint lost, none below the ground.
 
     Args:
         top: the ground, mm.

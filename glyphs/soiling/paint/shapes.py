@@ -55,7 +55,7 @@ def thinned(coat: Coat) -> Coat:
     return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])
 
 
-def laid_on(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
+def coat_unevenness(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Unevenness of a coat by brush or gun, a factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
     streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
@@ -162,7 +162,7 @@ def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> F
     return np.asarray(np.exp(np.maximum(falls, -40.0)) * np.float32(height), dtype=np.float32)
 
 
-def peeled(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
+def orange_peel(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Orange peel, a factor on the film: waves just too long to level, short ones and some as wide as strokes."""
     short = _slow(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
     waves = np.float32(0.6) * short + np.float32(0.7) * _slow(coat, 0.15 * coat.height_mm, rng)
@@ -183,7 +183,7 @@ def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     return np.asarray(dust * np.float32(1.0 - 0.7 * can.brushed), dtype=np.float32)
 
 
-def left_by_chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
+def chip_off(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """Share left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()

@@ -43,7 +43,7 @@ class Bumps:
     __repr__ = one_line
 
 
-def scattered(
+def scatter_bumps(
     coat: Coat,
     density: float,
     rng: np.random.Generator,

@@ -36,7 +36,7 @@ from typing import Final
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.rust.bumps import Bumps, scattered, union_mm
+from glyphs.soiling.rust.bumps import Bumps, scatter_bumps, union_mm
 from glyphs.surface.noise import Field, share
 
 RATIO: Final = 3.0
@@ -108,12 +108,12 @@ def mark_depth_mm(coat: Coat) -> float:
 
 def draw_pits(coat: Coat, rng: np.random.Generator) -> Bumps:
     """Pits: log-normal in depth and width, 45 on a square as high as a character (180 a cm2 at 5 mm)."""
-    return scattered(coat, 45.0, rng, width=0.084, spread=0.4, slope=0.6, blunt=0.25, born=0.0)
+    return scatter_bumps(coat, 45.0, rng, width=0.084, spread=0.4, slope=0.6, blunt=0.25, born=0.0)
 
 
 def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
     """Blisters and tubercles: low domes, a fifth of a character's height across, half of them 0.15 to 0.3."""
-    return scattered(coat, 2.5, rng, width=0.22, spread=0.45, slope=0.3, blunt=0.6, born=0.1)
+    return scatter_bumps(coat, 2.5, rng, width=0.22, spread=0.45, slope=0.3, blunt=0.6, born=0.1)
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:

@@ -90,10 +90,10 @@ class Dirt:
 
 def workshop(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     """The usual mixture of a severity (`glyphs.soiling.soils.SoilModel`)."""
-    return mixed(coat, Dirt.of(amount), rng=rng)
+    return lay_mixture(coat, Dirt.of(amount), rng=rng)
 
 
-def mixed(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
+def lay_mixture(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
     """Lay a mixture on a surface.
 
     Every kind draws from a stream of its own, and the same whatever its amount: so more grime leaves the

@@ -20,7 +20,7 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from pipeline.bench.ramp import Ramp
 from pipeline.bench.settings import BenchSettings
 from recognition.views.levelling import level
-from whisker_array.scan.mounted import mount
+from whisker_array.scan.mounting import mount
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import SweepPlan

@@ -15,7 +15,7 @@ from functools import lru_cache
 from statistics import fmean, median
 from typing import TYPE_CHECKING
 
-from glyphs.errors import MarksError, fault_of
+from glyphs.errors import MarksError, describe_fault
 from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
@@ -127,7 +127,7 @@ def tried_on(
 
 def failed(item: Item, plans: Sequence[TouchPlan], error: Exception) -> tuple[TouchTrial, ...]:
     """The trials of a part that could not be made, or whose worker was lost."""
-    told = f"the part: {fault_of(error)}"
+    told = f"the part: {describe_fault(error)}"
     return tuple(replace(_blank(item, given, plan), error=told) for given in item.given for plan in plans)
 
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from glyphs.errors import MarksError, fault_of
+from glyphs.errors import MarksError, describe_fault
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
@@ -139,7 +139,7 @@ def measure(
     """
 
     def lost(part: StudiedPart, error: Exception) -> tuple[Measured, ...]:
-        return tuple(_failed(blank, fault_of(error)) for _, blank in _blanks(plan, part))
+        return tuple(_failed(blank, describe_fault(error)) for _, blank in _blanks(plan, part))
 
     for _ in resumable(journal, parts, executor, measure_part, plan, lost=lost):
         on_part()
@@ -170,7 +170,7 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Measured) -
         return _failed(blank, str(error))
     # a fault of the program in one part may not cost the study the other parts
     except Exception as error:
-        return _failed(blank, f"{fault_of(error)}; please report it")
+        return _failed(blank, f"{describe_fault(error)}; please report it")
     touch = reading.touch
     return replace(
         blank,

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 
-from glyphs.errors import FileError, fault_of
+from glyphs.errors import FileError, describe_fault
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
 from pipeline.formats.kinds import HEAD_BYTES
@@ -172,7 +172,7 @@ class WatchedFolder:
                 return self._failed(part, str(error), began_s)
             except Exception as error:
                 log.exception("fault of the program over a watched file", file=visible(part.name))
-                return self._failed(part, fault_of(error), began_s)
+                return self._failed(part, describe_fault(error), began_s)
             if read is None and not problems:
                 return
             self._failures.pop(part.key, None)

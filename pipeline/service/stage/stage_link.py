@@ -23,8 +23,8 @@ from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.service.stage.driver_thread import DriverThread
-    from whisker_array.scan.felt_sweep import Sweep
     from whisker_array.scan.session import Fitting, SessionStage, StageSession
+    from whisker_array.scan.sweep import Sweep
     from whisker_array.whisker.passes import Pass
 
 _LOST = (EOFError, OSError)

@@ -10,7 +10,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.camera.appearance import draw_light, photograph
-from glyphs.camera.pose import Camera, draw_camera, mapped
+from glyphs.camera.pose import Camera, apply_homography, draw_camera
 from glyphs.camera.shading import Light, lit_share, openness, radiance
 from glyphs.soiling.coat import Look
 from glyphs.soiling.soil import Soil
@@ -121,7 +121,9 @@ def test_a_known_corner_is_where_the_homography_says(camera: Camera) -> None:
     scene = _scene(np.zeros((121, 161)), Look(albedo, look.roughness, look.reflectance))
     photo = photograph(scene, Light(elevation_deg=90.0, ambient=0.0), camera, rng=np.random.default_rng(0))
     back = np.linalg.inv(camera.to_plate(scene.height_map))
-    col, row = (float(v) for v in mapped(back, 7.95, 5.95))  # the edge lies half a sample before the white
+    col, row = (
+        float(v) for v in apply_homography(back, 7.95, 5.95)
+    )  # the edge lies half a sample before the white
     grey = photo.grey() / photo.grey().max()
     c, r = round(col), round(row)
     # three pixels from the corner, along either edge and across, all is either white or dark

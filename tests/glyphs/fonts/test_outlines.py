@@ -11,7 +11,7 @@ from matplotlib.path import Path as PlotPath
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance, transformed, with_stroke
+from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance, transform_glyph, with_stroke
 from glyphs.fonts.outlines import BUILTIN_FONTS, SERIAL_CHARACTERS, load_font
 from glyphs.fonts.serials import SIGNS
 
@@ -186,7 +186,7 @@ def test_with_stroke_keeps_the_ink_height():
 
 
 def test_transformed_widens_and_leans_about_mid_cap():
-    leaning = transformed(load_font("gothic").glyph("I"), x_scale=2.0, shear=0.2)
+    leaning = transform_glyph(load_font("gothic").glyph("I"), x_scale=2.0, shear=0.2)
     (x0, y0), (x1, y1) = leaning.strokes[0]
     assert (x1 - x0) / (y1 - y0) == pytest.approx(0.2)
     assert (x0 + x1) / 2 == pytest.approx(2.0 * load_font("gothic").glyph("I").strokes[0][:, 0].mean())

@@ -9,7 +9,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.paint.coats import WET_MM, levelled, paint
+from glyphs.soiling.paint.coats import WET_MM, level_film, paint
 from glyphs.surface.noise import Field
 
 PITCH_MM = 0.05
@@ -36,7 +36,7 @@ def _ripple(length_mm: float) -> Field:
 @pytest.mark.parametrize("length_mm", [12.0, 6.0, 4.0, 3.0])
 def test_a_ripple_fades_as_orchard_says(length_mm: float) -> None:
     flat = np.zeros((40, 120), dtype=np.float32)
-    film = levelled(flat, _ripple(length_mm), pitch_mm=PITCH_MM, seconds_per_pa_s=SECONDS_PER_PA_S)
+    film = level_film(flat, _ripple(length_mm), pitch_mm=PITCH_MM, seconds_per_pa_s=SECONDS_PER_PA_S)
     # surface tension 0.03 N/m, film 1e-4 m; wave number in 1/m
     k = 2 * np.pi / (1e-3 * length_mm)
     expected = np.exp(-SECONDS_PER_PA_S * k**4 * 0.03 * 1e-12 / 3)
@@ -48,7 +48,7 @@ def test_no_paint_is_lost_and_it_pools_in_grooves() -> None:
     ground = np.zeros((40, 120), dtype=np.float32)
     ground[:, 55:65] = -0.2
     wet = np.full(ground.shape, 0.1, dtype=np.float32)
-    film = levelled(ground, wet, pitch_mm=PITCH_MM, seconds_per_pa_s=SECONDS_PER_PA_S)
+    film = level_film(ground, wet, pitch_mm=PITCH_MM, seconds_per_pa_s=SECONDS_PER_PA_S)
     assert film.mean() == pytest.approx(0.1, rel=1e-4)
     assert film[:, 58:62].min() > 0.15
     # an edge keeps less than open land, and never nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from glyphs.surface.blur import blurred, sampled
+from glyphs.surface.blur import gaussian_blur, sample_bilinear
 
 
 @pytest.mark.parametrize("shape", [(60, 90), (3, 5), (2, 40), (1, 1)])
@@ -16,9 +16,9 @@ def test_blurred_is_scipys_filter(shape: tuple[int, int], sigma: float, truncate
 
     z = np.random.default_rng(1).standard_normal(shape, dtype=np.float32)
     expected = gaussian_filter(z, sigma, mode="nearest", truncate=truncate)
-    np.testing.assert_array_equal(blurred(z, sigma, truncate=truncate), expected)
+    np.testing.assert_array_equal(gaussian_blur(z, sigma, truncate=truncate), expected)
     wide = np.repeat(z[:, :, None], 2, axis=2)[:, :, 1]  # not contiguous
-    np.testing.assert_array_equal(blurred(wide, sigma, truncate=truncate), expected)
+    np.testing.assert_array_equal(gaussian_blur(wide, sigma, truncate=truncate), expected)
 
 
 def test_sampled_is_scipys_interpolation_inside_and_beyond() -> None:
@@ -31,4 +31,4 @@ def test_sampled_is_scipys_interpolation_inside_and_beyond() -> None:
     expected = map_coordinates(
         z, np.stack([row, col]), output=np.float32, order=1, mode="mirror", prefilter=False
     )
-    np.testing.assert_array_equal(sampled(z, row, col), expected)
+    np.testing.assert_array_equal(sample_bilinear(z, row, col), expected)

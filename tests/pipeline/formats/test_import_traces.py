@@ -17,7 +17,7 @@ from pipeline.formats.traces_file import TracesFile, read_traces_file
 from tests.factories import scanned
 from whisker_array.scan.recording import load_scan
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.stagger import as_taken
+from whisker_array.scan.stagger import to_instants
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -55,7 +55,7 @@ def rows_of(scan: Scan, *, behind: tuple[int, ...] = (0, 0, 0)) -> dict[str, np.
     number = 0
     for sweep in scan.sweeps:
         n_air = sweep.air_n_mm.shape[2]
-        taken = as_taken(sweep.moment_n_mm, np.array(behind))
+        taken = to_instants(sweep.moment_n_mm, np.array(behind))
         sign = -1.0 if sweep.plan.direction.backward else 1.0
         along = sweep.plan.start_mm + sign * sweep.plan.step_mm * np.arange(taken.shape[2])
         along = np.r_[np.full(n_air, along[0]), along]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.errors import FaultError, FileError, OwnFileError, damage_reported
+from glyphs.errors import FaultError, FileError, OwnFileError, report_damage
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
@@ -238,7 +238,7 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
     parts: Parts, folder: Path, monkeypatch: pytest.MonkeyPatch, raised: Exception, own: bool
 ) -> None:
     def failing(*_: object, **__: object) -> None:
-        with damage_reported(parts.photo, kind="picture"):
+        with report_damage(parts.photo, kind="picture"):
             raise raised
 
     monkeypatch.setattr("pipeline.reading.part_reader.PartReader.unverified", failing)

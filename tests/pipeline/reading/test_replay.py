@@ -17,12 +17,12 @@ from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replayed
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.recorded_session import RecordedSession
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.passes import Pass
 

@@ -24,10 +24,10 @@ from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.driver_thread import DriverThread
 from pipeline.service.stage.stage_link import StageLink
 from tests.support.service_fixtures import FORMAT, inline_service
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.recording import load_scan
 from whisker_array.scan.session import StageSession
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.passes import Pass
 
 PLAN = ScanPlanRecord(

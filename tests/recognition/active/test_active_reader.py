@@ -21,9 +21,9 @@ from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray, default_plan
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import default_touch

@@ -14,8 +14,8 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
+from whisker_array.estimation.averaging import averaging_weights
 from whisker_array.estimation.edges import calibrated_moments, edge_map
-from whisker_array.estimation.spreading import averaging
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
@@ -242,7 +242,7 @@ def test_a_region_without_samples_is_not_valid(scan: Scan) -> None:
 def test_averaging_keeps_constants_and_straight_lines() -> None:
     position = np.random.default_rng(7).permutation(0.05 * np.arange(200))
     pixel = 0.5 + 0.125 * np.arange(70)
-    weights = averaging(position, pixel, 0.125)
+    weights = averaging_weights(position, pixel, 0.125)
     total = weights.sum(axis=1)
     np.testing.assert_allclose(weights @ np.full(200, 3.0) / total, 3.0)
     # the samples lie unevenly under the triangle; off by at most a twentieth of a pixel
@@ -252,7 +252,7 @@ def test_averaging_keeps_constants_and_straight_lines() -> None:
 def test_averaging_interpolates_where_samples_are_coarse() -> None:
     position = 0.5 * np.arange(11)
     pixel = 0.125 * np.arange(41)
-    weights = averaging(position, pixel, 0.125)
+    weights = averaging_weights(position, pixel, 0.125)
     np.testing.assert_allclose(
         weights @ position**2, np.interp(pixel, position, position**2), rtol=1e-5, atol=1e-6
     )

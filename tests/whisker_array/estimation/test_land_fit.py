@@ -9,19 +9,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from whisker_array.estimation.edges import UNUSABLE, in_order
+from whisker_array.estimation.edges import UNUSABLE, ordered_lines
 from whisker_array.estimation.land import (
     DAMPING,
     LAND_SHARE,
     MIN_INLIERS,
     TUKEY_CUT,
+    divide_by_land,
     land_coefficients,
     line_drift,
-    over_land,
     plate_land,
+    remove_drift,
     shorth,
     whisker_gain,
-    without_drift,
 )
 from whisker_array.estimation.land_fit import fit_quadratic, robust_lines, running_median
 
@@ -127,8 +127,8 @@ def test_in_place_is_as_written_out() -> None:
     moment = sweep((31, 64), 6, holes=0.1)
     ratio = moment / plate_land(moment)
     # the polynomial is summed in another order
-    np.testing.assert_allclose(over_land(moment.copy(), land_coefficients(moment)), ratio, rtol=1e-13)
-    np.testing.assert_allclose(without_drift(ratio.copy()), ratio / line_drift(ratio) - 1.0, atol=1e-13)
+    np.testing.assert_allclose(divide_by_land(moment.copy(), land_coefficients(moment)), ratio, rtol=1e-13)
+    np.testing.assert_allclose(remove_drift(ratio.copy()), ratio / line_drift(ratio) - 1.0, atol=1e-13)
 
 
 def test_lines_come_in_order_without_offset_lead_and_flagged_samples() -> None:
@@ -137,7 +137,7 @@ def test_lines_come_in_order_without_offset_lead_and_flagged_samples() -> None:
     flags = rng.choice(np.array([0, 2, 128], dtype=np.uint8), size=signal.shape)
     flags[4] = 2
     offset, order = rng.normal(size=6), rng.permutation(6)
-    lines = in_order(signal, flags, offset, order, 2)
+    lines = ordered_lines(signal, flags, offset, order, 2)
     expected = np.where(flags & UNUSABLE, np.nan, signal.astype(np.float64) - offset[:, None])[order, 2:10]
     np.testing.assert_array_equal(lines, expected)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from glyphs.surface.pieces import Piece
 from tests.support.benches import recorded
-from whisker_array.identification.bench import DRAWN, Bench, Unknown, known_before, nominal_bench, of_screw
+from whisker_array.identification.bench import DRAWN, Bench, Unknown, nominal_bench, of_screw, prior_sd
 from whisker_array.identification.cloud import Plane, plane_through
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import sample_sigma_n_mm
@@ -55,7 +55,7 @@ def stub(jump_n_mm: float = 0.0) -> Stub:
 
 
 def laid(model: Stub, *, width: float, turns: int = 1) -> Plane:
-    before = known_before(model.start)
+    before = prior_sd(model.start)
     free = np.ones(before.size, dtype=np.bool_)
     free[: len(DRAWN)] = False
     # narrow: tips and friction become less in proportion
@@ -107,7 +107,7 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> Non
         PIECE.height_mm, traces, nominal=scan.touch, about=about, setup_friction=scan.touch.friction,
         largest_n_mm=1e3, grid_mm=0.0125,
     )  # fmt: skip
-    before = known_before(about)
+    before = prior_sd(about)
     free = np.ones(before.size, dtype=np.bool_)
     free[: len(DRAWN)] = False
     plane = plane_through(
@@ -138,7 +138,7 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> Non
 @given(st.lists(st.floats(-20.0, 20.0), min_size=3, max_size=3))
 def test_no_step_makes_a_bench_that_there_is_not(sds: list[float]) -> None:
     bench = nominal_bench(default_whisker(5.0), default_touch(5.0), n_whiskers=1)
-    before, names = known_before(bench), list(Unknown)
+    before, names = prior_sd(bench), list(Unknown)
     step = np.zeros(before.size)
     at = [names.index(name) for name in (Unknown.RADIUS, Unknown.FRICTION, Unknown.STIFFNESS)]
     step[at] = np.array(sds) * before[at]

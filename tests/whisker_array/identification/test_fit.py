@@ -15,12 +15,12 @@ from whisker_array.identification.bench import (
     WORN_TIP,
     Bench,
     Unknown,
-    known_before,
     nominal_bench,
+    prior_sd,
 )
 from whisker_array.identification.fit import IdentifyError, identify
+from whisker_array.identification.open_numbers import confounded, remedies, undetermined
 from whisker_array.identification.piece_map import heights_of
-from whisker_array.identification.telling import not_apart, remedies, untold
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
@@ -40,11 +40,11 @@ def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
     assert found.of(Unknown.PRELOAD)[0] == pytest.approx(1.04, rel=5e-3)
     assert found.misfit < 1.5
     # only the product of stiffness and gain is in a quasi-static signal
-    shared = next(group for group in not_apart(found) if "stiffness" in group)
+    shared = next(group for group in confounded(found) if "stiffness" in group)
     assert "gains" in shared
     product = found.sd_of(lambda bench: bench[Unknown.STIFFNESS] * float(bench.gain.mean()))
     assert product < 0.5 * found.of(Unknown.STIFFNESS)[1]
-    assert Unknown.FRICTION not in untold(found)
+    assert Unknown.FRICTION not in undetermined(found)
     for way in remedies(found):
         assert all(way.sd[name] <= found.of(name)[1] * (1.0 + 1e-9) for name in way.sd)
 
@@ -120,8 +120,8 @@ def test_a_bench_goes_through_its_vector() -> None:
     again = Bench.of_vector(bench.vector())
     assert again.values == bench.values
     np.testing.assert_array_equal(again.gain, bench.gain)
-    assert known_before(bench).shape == bench.vector().shape
-    assert (known_before(bench) > 0.0).all()
+    assert prior_sd(bench).shape == bench.vector().shape
+    assert (prior_sd(bench) > 0.0).all()
 
 
 @pytest.mark.parametrize("kind", list(PieceKind))

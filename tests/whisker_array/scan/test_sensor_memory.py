@@ -19,9 +19,9 @@ from whisker_array.scan.sensor_memory import (
     SensorMemory,
     SensorState,
     draw_memory,
-    lifted,
-    memory_of,
-    reading_of,
+    fit_memory,
+    read_gauges,
+    rest_gauges,
 )
 
 LARGEST = 20.0
@@ -43,7 +43,7 @@ def read(
     """Readings of one load, (samples,), by every whisker."""
     n = memory.creep.shape[0]
     state = SensorState.at_rest(n, memory) if state is None else state
-    return reading_of(np.broadcast_to(load, (n, load.size)), memory=memory, state=state, step_s=1.0 / rate)
+    return read_gauges(np.broadcast_to(load, (n, load.size)), memory=memory, state=state, step_s=1.0 / rate)
 
 
 def cycles(n: int) -> np.ndarray:
@@ -140,8 +140,8 @@ def test_hanging_in_air_is_the_same_at_once_and_sample_by_sample(seconds: float,
     one, other = (SensorState.at_rest(2, memory) for _ in range(2))
     for state in (one, other):
         read(np.full(50, 15.0), memory, state)
-    lifted(memory, one, seconds=seconds)
-    reading_of(np.zeros((2, 20)), memory=memory, state=other, step_s=seconds / 20)
+    rest_gauges(memory, one, seconds=seconds)
+    read_gauges(np.zeros((2, 20)), memory=memory, state=other, step_s=seconds / 20)
     np.testing.assert_allclose(one.strain_n_mm, other.strain_n_mm, atol=1e-9)
     np.testing.assert_array_equal(one.play_n_mm, other.play_n_mm)
 
@@ -189,7 +189,7 @@ def test_memory_leaves_gains_and_noise_as_they_were() -> None:
 
 
 def test_figures_of_a_known_whisker_give_back_its_memory() -> None:
-    memory = memory_of(np.array([0.01]), np.array([0.02]), largest_n_mm=LARGEST)
+    memory = fit_memory(np.array([0.01]), np.array([0.02]), largest_n_mm=LARGEST)
     assert (memory.creep > 0.0).all()
     hold = int(HOLD_S * RATE)
     assert read(cycles(1), memory)[0, hold] / LARGEST == pytest.approx(0.02, abs=5e-4)

@@ -9,13 +9,13 @@ import pytest
 
 from glyphs.surface.maps import HeightMap
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.steadied import steadied
-from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
-from whisker_array.scan.session import gathered
+from whisker_array.scan.session import gather_sweeps
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -50,7 +50,7 @@ def session(**options: object) -> SimulatedSession:
 
 
 def scan_of(felt: list[Sweep]) -> Scan:
-    return Scan(gathered(felt), touch=TOUCH, line_pitch_mm=0.25, sample_rate_hz=1000.0)
+    return Scan(gather_sweeps(felt), touch=TOUCH, line_pitch_mm=0.25, sample_rate_hz=1000.0)
 
 
 def test_passes_in_any_order_make_the_scan_of_the_plan() -> None:
@@ -68,7 +68,7 @@ def test_passes_in_any_order_make_the_scan_of_the_plan() -> None:
 def test_a_stretch_lies_within_the_whole_line() -> None:
     stage, whole = session(), PLAN.passes()[0]
     part = replace(whole, along_mm=(2.0, 4.0), line_mm=tuple(v + 0.125 for v in whole.line_mm))
-    (together,) = gathered([stage.feel(whole), stage.feel(part)])
+    (together,) = gather_sweeps([stage.feel(whole), stage.feel(part)])
     assert together.plan.line_mm.shape == (2, 4)
     outside = (together.flags[1] & np.uint8(SampleFlag.OUTSIDE)) != 0
     felt = together.plan.position_mm()[~outside[0]]
@@ -82,7 +82,7 @@ def test_a_stretch_lies_within_the_whole_line() -> None:
 def test_passes_of_one_stretch_keep_the_land_on_which_they_run_in() -> None:
     stage, order = session(), PLAN.passes()[0]
     beside = replace(order, line_mm=tuple(v + 0.125 for v in order.line_mm))
-    (together,) = gathered([stage.feel(order), stage.feel(beside)])
+    (together,) = gather_sweeps([stage.feel(order), stage.feel(beside)])
     assert together.plan.n_lead == order.n_lead > 0
     assert not (together.flags[..., : order.n_lead] & np.uint8(SampleFlag.OUTSIDE)).any()
 
@@ -90,7 +90,7 @@ def test_passes_of_one_stretch_keep_the_land_on_which_they_run_in() -> None:
 def test_passes_of_other_steps_do_not_go_together() -> None:
     stage, one = session(), PLAN.passes()[0]
     with pytest.raises(ValueError, match="steps"):
-        gathered([stage.feel(one), stage.feel(replace(one, sample_pitch_mm=0.1))])
+        gather_sweeps([stage.feel(one), stage.feel(replace(one, sample_pitch_mm=0.1))])
 
 
 def test_a_harder_pass_feels_the_land_in_proportion() -> None:
@@ -124,7 +124,7 @@ def test_sensors_keep_their_gains_and_the_bench_knows_them() -> None:
     # as felt, plays and creep take up to 2 % off it, other whiskers and passes otherwise; the bench knows them but
     # for what its own drift does to its reading of creep
     assert np.abs(land(felt) - 1.0).max() > 0.01
-    np.testing.assert_allclose(land(steadied(felt)), 1.0, atol=0.005)
+    np.testing.assert_allclose(land(remove_memory(felt)), 1.0, atol=0.005)
 
 
 def test_a_closed_session_feels_nothing() -> None:

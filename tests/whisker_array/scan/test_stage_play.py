@@ -11,7 +11,7 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.estimation.edges import play_between
 from whisker_array.scan.scan import trace_scan
-from whisker_array.scan.stage_play import StagePlay, draw_stage_play, really_run, waved
+from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan, draw_stage_play
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -50,18 +50,18 @@ def test_a_stage_without_errors_is_an_ideal_stage() -> None:
 def test_the_nut_lags_by_half_the_play_whichever_way_it_goes() -> None:
     plans = PLAN.sweeps()
     for plan, sign in zip(plans, (-1.0, 1.0), strict=True):
-        ran = really_run(plan, replace(STILL, play_mm=0.04), rng=rng())
+        ran = displace_plan(plan, replace(STILL, play_mm=0.04), rng=rng())
         np.testing.assert_allclose(ran.position_mm() - plan.position_mm(), sign * 0.02)
         np.testing.assert_array_equal(ran.line_mm, plan.line_mm)
 
 
 def test_travel_is_stretched_and_lines_are_missed_together() -> None:
     plan = PLAN.sweeps()[0]
-    ran = really_run(plan, replace(STILL, rate=1e-3), rng=rng())
+    ran = displace_plan(plan, replace(STILL, rate=1e-3), rng=rng())
     np.testing.assert_allclose(ran.position_mm(), 1.001 * plan.position_mm())
     np.testing.assert_allclose(ran.line_mm, 1.001 * plan.line_mm)
     many = replace(plan, line_mm=np.zeros((4000, 4)))
-    missed = really_run(many, replace(STILL, return_mm=0.002), rng=rng()).line_mm
+    missed = displace_plan(many, replace(STILL, return_mm=0.002), rng=rng()).line_mm
     assert missed.std() == pytest.approx(0.002, rel=6.0 / np.sqrt(2 * 4000))
     assert np.ptp(missed, axis=1).max() == 0.0
 
@@ -71,7 +71,7 @@ def test_the_wave_shifts_samples_along_the_plate_either_way() -> None:
         at = plan.position_mm()
         ramp = np.tile(at, (2, 1)).astype(np.float32)
         stage = replace(STILL, wave_mm=0.01, lead_mm=3.0, phase_rad=0.4)
-        moved, flags = waved(ramp, np.zeros(ramp.shape, np.uint8), plan, stage)
+        moved, flags = apply_screw_wave(ramp, np.zeros(ramp.shape, np.uint8), plan, stage)
         # a straight line is interpolated exactly, but for its two ends
         expected = at + 0.01 * np.sin(2.0 * np.pi * at / 3.0 + 0.4)
         np.testing.assert_allclose(moved[0, 1:-1], expected[1:-1], atol=1e-5)
@@ -82,7 +82,7 @@ def test_flags_of_both_neighbours_are_kept() -> None:
     plan = PLAN.sweeps()[0]
     flags = np.zeros((1, plan.n_samples), np.uint8)
     flags[0, 50] = 4
-    _, out = waved(np.zeros(flags.shape, np.float32), flags, plan, replace(STILL, wave_mm=0.01))
+    _, out = apply_screw_wave(np.zeros(flags.shape, np.float32), flags, plan, replace(STILL, wave_mm=0.01))
     assert 1 <= np.flatnonzero(out[0]).size <= 3
 
 

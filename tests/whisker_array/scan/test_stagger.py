@@ -17,7 +17,7 @@ from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
-from whisker_array.scan.stagger import as_laid, as_taken
+from whisker_array.scan.stagger import to_instants, to_places
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
@@ -53,21 +53,21 @@ def scan(plan: RasterPlan, *, seed: int | None = None) -> Scan:
 def test_taken_and_laid_again_is_the_same(behind: list[int], n: int, seed: int) -> None:
     laid = np.random.default_rng(seed).normal(size=(2, len(behind), n)).astype(np.float32)
     late = np.array(behind)
-    taken = as_taken(laid, late)
+    taken = to_instants(laid, late)
     assert taken.shape[2] == n + max(behind)
     for whisker, first in enumerate(behind):
         np.testing.assert_array_equal(taken[:, whisker, first : first + n], laid[:, whisker])
-    np.testing.assert_array_equal(as_laid(taken, late), laid)
+    np.testing.assert_array_equal(to_places(taken, late), laid)
 
 
 def test_a_row_between_two_samples_is_laid_by_straight_lines() -> None:
     instants = np.tile(np.arange(10.0), (1, 3, 1))
-    laid = as_laid(instants, np.array([0.0, 2.25, 3.0]))
+    laid = to_places(instants, np.array([0.0, 2.25, 3.0]))
     np.testing.assert_allclose(laid[0], np.arange(7.0) + np.array([[0.0], [2.25], [3.0]]))
     flags = np.zeros((1, 2, 5), np.uint8)
     flags[0, 1, 2] = 4
     # a place between a good sample and a bad one is bad
-    np.testing.assert_array_equal(as_laid(flags, np.array([0.0, 0.5]))[0, 1], [0, 4, 4, 0])
+    np.testing.assert_array_equal(to_places(flags, np.array([0.0, 0.5]))[0, 1], [0, 4, 4, 0])
 
 
 def test_ideal_sensors_feel_the_same_whatever_the_stagger() -> None:
@@ -87,7 +87,7 @@ def test_a_shake_of_the_base_comes_to_the_rows_at_other_places() -> None:
 
     level, staggered = noise(LEVEL), noise(STAGGERED)
     late = STAGGERED.sweeps()[0].behind
-    in_time = as_taken(staggered, late)[..., late.max() : staggered.shape[2]]
+    in_time = to_instants(staggered, late)[..., late.max() : staggered.shape[2]]
 
     def alike(a: np.ndarray) -> float:
         """Mean correlation of whiskers 0 and 1 (rows 0 and 1)."""

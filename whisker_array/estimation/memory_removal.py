@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor_memory import SensorMemory, SensorState, lifted, reading_of
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, read_gauges, rest_gauges
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import RasterPlan
 
@@ -26,7 +26,7 @@ BETWEEN_S = RasterPlan.turnaround_s
 """Time that whiskers hang in air before its samples: not recorded, so taken from the plan's default."""
 
 
-def steadied(scan: Scan) -> Scan:
+def remove_memory(scan: Scan) -> Scan:
     """The scan as gauges without memory would have felt it; itself where the calibration knows of none.
 
     Passes are taken in the order in which they stand: the last load before a pass is what hysteresis remembers.
@@ -42,13 +42,13 @@ def steadied(scan: Scan) -> Scan:
         return scan
     state = SensorState.at_rest(known.memory.n_whiskers, known.memory)
     sweeps = tuple(
-        _steadied(s, known.memory, state, gain=known.gain, step_s=1.0 / scan.sample_rate_hz)
+        _remove_from_sweep(s, known.memory, state, gain=known.gain, step_s=1.0 / scan.sample_rate_hz)
         for s in scan.sweeps
     )
     return replace(scan, sweeps=sweeps, calibration=replace(known, memory=None), log=None)
 
 
-def _steadied(
+def _remove_from_sweep(
     sweep: Sweep, memory: SensorMemory, state: SensorState, *, gain: np.ndarray, step_s: float
 ) -> Sweep:
     n_air = sweep.air_n_mm.shape[2]
@@ -57,13 +57,13 @@ def _steadied(
     moment, air = np.empty_like(sweep.moment_n_mm), np.empty_like(sweep.air_n_mm)
     scale = gain[:, None]
     for i in range(moment.shape[0]):
-        lifted(memory, state, seconds=BETWEEN_S)
+        rest_gauges(memory, state, seconds=BETWEEN_S)
         zero = np.median(sweep.air_n_mm[i], axis=1).astype(np.float64)
         load = (sweep.moment_n_mm[i] - zero[:, None]) / scale
         # where a pass did not run at all, among longer ones
         load[((sweep.flags[i] & NEVER_RUN) != 0) & (sweep.moment_n_mm[i] == 0.0)] = 0.0
         both = np.concatenate([np.zeros((gain.size, n_air)), load], axis=1)
-        added = scale * (reading_of(both, memory=memory, state=state, step_s=step_s) - both)
+        added = scale * (read_gauges(both, memory=memory, state=state, step_s=step_s) - both)
         air[i] = sweep.air_n_mm[i] - added[:, :n_air]
         moment[i] = sweep.moment_n_mm[i] - added[:, n_air:]
     return replace(sweep, moment_n_mm=moment, air_n_mm=air)

@@ -17,7 +17,7 @@ BRIDGED = 2.1
 """Gaps between samples that are joined, usual steps: passes laid between passes leave some twice as wide as others."""
 
 
-def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
+def averaging_weights(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
     """Sparse (pixels, samples) weights of samples for pixels.
 
     A triangle reaches one pitch to either side, or to the neighbouring sample if that is further away: so samples of
@@ -44,10 +44,10 @@ def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
     return sparse.csr_array((weight, order[near], first), shape=(pixel.size, position.size))
 
 
-def spread(
+def average_onto(
     values: NDArray[np.float64], along: Any, across: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(lines, samples) averaged onto (pixels across, pixels along) by `averaging` both ways.
+    """(lines, samples) averaged onto (pixels across, pixels along) by `averaging_weights` both ways.
 
     What is not finite is left out; valid where half of the weight or more is known, 0 where not.
     """

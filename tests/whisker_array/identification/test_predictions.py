@@ -1,4 +1,4 @@
-"""What an identified whisker promises, and by how much it may be off."""
+"""Print the figures of an identified whisker for a request, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.benches import known_whisker
 from whisker_array.design.built import fitness
 from whisker_array.design.limits import Request
 from whisker_array.identification.bench import Unknown
-from whisker_array.identification.promises import Knowledge, promises
+from whisker_array.identification.predictions import Knowledge, predictions
 from whisker_array.whisker.enhancement import is_jammed
 from whisker_array.whisker.sections import WhiskerError
 
@@ -23,7 +23,7 @@ REQUEST = Request(
 
 
 def of(known: Knowledge) -> dict[str, tuple[float, float]]:
-    told = promises(WHISKER, TOUCH, known, more=fitness(REQUEST))
+    told = predictions(WHISKER, TOUCH, known, more=fitness(REQUEST))
     return {one.what: (one.value, one.sd) for one in told}
 
 
@@ -77,7 +77,7 @@ def test_the_steepest_wall_is_where_the_whisker_jams() -> None:
 
 def test_a_whisker_that_jams_in_the_job_is_no_number() -> None:
     steep = replace(REQUEST, alpha_rad=(math.radians(30.0), math.radians(85.0)), mu=(0.1, 0.9))
-    told = {one.what: one for one in promises(WHISKER, TOUCH, KNOWN, more=fitness(steep))}
+    told = {one.what: one for one in predictions(WHISKER, TOUCH, KNOWN, more=fitness(steep))}
     assert math.isnan(told["worst edge contrast"].value)
     assert math.isfinite(told["moment of the land, N mm"].value)
 

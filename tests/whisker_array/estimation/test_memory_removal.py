@@ -11,8 +11,8 @@ from glyphs.surface.maps import TraceDirection
 from tests.factories import extruded, scanned
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.friction import land_friction
+from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.profiled import estimate_relief
-from whisker_array.estimation.steadied import steadied
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
@@ -67,19 +67,21 @@ def test_what_gauges_remember_is_taken_off_where_it_is_known(flat: bool) -> None
     remembering = felt(chain(memory=True), known=True, flat=flat)
     assert off(remembering, without) > 0.008
     # a tenth: creep is led by a load that is 2 % too large, and by passes without the pauses between them
-    assert off(steadied(remembering), without) < 0.0012
+    assert off(remove_memory(remembering), without) < 0.0012
 
 
 def test_a_scan_of_unknown_memory_is_left_as_it_is() -> None:
     scan = felt(chain(memory=True), known=False)
-    assert steadied(scan) is scan
-    done = steadied(felt(chain(memory=True), known=True))
-    assert steadied(done) is done
+    assert remove_memory(scan) is scan
+    done = remove_memory(felt(chain(memory=True), known=True))
+    assert remove_memory(done) is done
 
 
 def test_one_kind_of_whisker_is_steadied_by_its_own_memory() -> None:
     scan = felt(chain(memory=True), known=True)
-    for a, b in zip(only(steadied(scan), kind=1).sweeps, steadied(only(scan, kind=1)).sweeps, strict=True):
+    for a, b in zip(
+        only(remove_memory(scan), kind=1).sweeps, remove_memory(only(scan, kind=1)).sweeps, strict=True
+    ):
         # one has felt the pushed sweeps between the dragged ones, too: slow creep, which each pass's air takes off
         np.testing.assert_allclose(
             *(s.moment_n_mm - np.median(s.air_n_mm, axis=2, keepdims=True) for s in (a, b)), atol=0.01

@@ -11,9 +11,9 @@ from glyphs.surface.pieces import Piece
 from tests.support.benches import recorded
 from whisker_array.estimation.edges import calibrated_moments
 from whisker_array.identification.fit import identify
-from whisker_array.identification.remembered import gauges, lagged, remembered
+from whisker_array.identification.gauge_memory import gauge_effects, gauges, lag_response
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor_memory import SensorMemory, SensorState, lifted, reading_of
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, read_gauges, rest_gauges
 from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import default_touch
 
@@ -28,10 +28,10 @@ def with_memory(scan: Scan, memory: SensorMemory) -> Scan:
     for sweep in scan.sweeps:
         moment, air = sweep.moment_n_mm.copy(), sweep.air_n_mm.copy()
         for i in range(moment.shape[0]):
-            lifted(memory, state, seconds=RasterPlan.turnaround_s)
+            rest_gauges(memory, state, seconds=RasterPlan.turnaround_s)
             zero = np.median(air[i], axis=1)[:, None]
             load = np.concatenate([air[i] - zero, moment[i] - zero], axis=1)
-            read = reading_of(load, memory=memory, state=state, step_s=1.0 / scan.sample_rate_hz) + zero
+            read = read_gauges(load, memory=memory, state=state, step_s=1.0 / scan.sample_rate_hz) + zero
             air[i], moment[i] = read[:, : air.shape[2]], read[:, air.shape[2] :]
         sweeps.append(replace(sweep, moment_n_mm=moment.astype(np.float32), air_n_mm=air.astype(np.float32)))
     return replace(scan, sweeps=tuple(sweeps))
@@ -43,12 +43,12 @@ def test_what_memory_adds_is_creep_and_lag_of_what_is_told() -> None:
     n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
     memory = np.repeat([[CREEP], [LAG]], n, axis=1)
     held = with_memory(plain, gauges(memory, largest_n_mm=largest))
-    told = remembered(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
+    told = gauge_effects(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
     for sweep, before, found in zip(held.sweeps, plain.sweeps, told, strict=True):
         pressed = calibrated_moments(plain, before)
         added = calibrated_moments(held, sweep) - pressed
         lags = [
-            lagged(one, play_n_mm=begun, largest_n_mm=largest)
+            lag_response(one, play_n_mm=begun, largest_n_mm=largest)
             for one, begun in zip(pressed, found.play_n_mm, strict=True)
         ]
         answer = CREEP * found.crept_n_mm + LAG * np.array(lags)
@@ -61,7 +61,7 @@ def test_loads_are_the_recording_without_its_memory() -> None:
     n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
     memory = np.repeat([[CREEP], [LAG]], n, axis=1)
     held = with_memory(plain, gauges(memory, largest_n_mm=largest))
-    told = remembered(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
+    told = gauge_effects(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
     for sweep, before, found in zip(held.sweeps, plain.sweeps, told, strict=True):
         pressed = calibrated_moments(plain, before)
         added = calibrated_moments(held, sweep) - pressed

@@ -27,20 +27,20 @@ class Remedy:
 
     Attributes:
         what: to do, in words.
-        sd: standard deviations that untold numbers would then have.
+        sd: standard deviations that undetermined numbers would then have.
     """
 
     what: str
     sd: dict[Unknown, float]
 
 
-def untold(found: Identified) -> tuple[Unknown, ...]:
+def undetermined(found: Identified) -> tuple[Unknown, ...]:
     """Numbers that stay as they were known before."""
     names = [name for k, name in enumerate(Unknown) if found.sd[k] > UNTOLD * found.before[k]]
     return tuple(names)
 
 
-def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
+def confounded(found: Identified) -> tuple[tuple[str, ...], ...]:
     """Numbers of which only a combination is known; the gains as one."""
     scaled = found.covariance / np.outer(found.before, found.before)
     own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
@@ -62,7 +62,7 @@ def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
 
 def remedies(found: Identified) -> tuple[Remedy, ...]:
     """List what would determine the open numbers, the best first; steps that would hardly help are left out."""
-    open_ = untold(found)
+    open_ = undetermined(found)
     weights = np.zeros_like(found.covariance)
     for whisker in found.whiskers:
         weights[len(Unknown) + whisker, len(Unknown) + whisker] = 1.0 / BENCH_GAIN**2

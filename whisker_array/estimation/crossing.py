@@ -22,7 +22,7 @@ Layer = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def filled_from_crossed(
+def fill_from_crossing(
     layers: Sequence[Layer],
     known: Sequence[Mask],
     directions: tuple[TraceDirection, ...],

@@ -10,11 +10,11 @@ import numpy as np
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, TraceDirection
-from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import SensorState
-from whisker_array.scan.stage_play import StagePlay, really_run, waved
-from whisker_array.scan.stagger import as_laid, as_taken
+from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
+from whisker_array.scan.stagger import to_instants, to_places
+from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
 from whisker_array.simulation.surface import (
     Friction,
@@ -78,7 +78,7 @@ class Mounted:
         ran = sweep
         if stage is not None and rng is not None:
             # of a generator of its own: the same seed gives the same noise with play and without
-            ran = really_run(sweep, stage, rng=rng.spawn(1)[0])
+            ran = displace_plan(sweep, stage, rng=rng.spawn(1)[0])
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
@@ -99,7 +99,7 @@ class Mounted:
             shape = (*own.line_mm.shape, own.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             if stage is not None:
-                moment, flags = waved(moment, flags, asked, stage)
+                moment, flags = apply_screw_wave(moment, flags, asked, stage)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # kind by kind: they come to a place one after the other, so the base does not shake them alike
@@ -108,15 +108,15 @@ class Mounted:
                 # rows of one comb are shaken together, each over its own place
                 behind = asked.behind - asked.behind.min(initial=0)
                 raw, saturated = measure(
-                    np.concatenate([air, as_taken(moment, behind)], axis=2),
+                    np.concatenate([air, to_instants(moment, behind)], axis=2),
                     chain=chain,
                     sample_rate_hz=sample_rate_hz,
                     rng=rng,
                     state=None if state is None else state.part(whiskers),
                     pause_s=pause_s,
                 )
-                air, moment = raw[..., :air_samples], as_laid(raw[..., air_samples:], behind)
-                clipped = as_laid(saturated[..., air_samples:], behind)
+                air, moment = raw[..., :air_samples], to_places(raw[..., air_samples:], behind)
+                clipped = to_places(saturated[..., air_samples:], behind)
                 flags = flags | np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
             kinds.append((moment, flags, air))
         moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*kinds, strict=True))

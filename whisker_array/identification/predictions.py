@@ -61,7 +61,7 @@ class Knowledge:
 
 
 @dataclass(frozen=True)
-class Promise:
+class Prediction:
     """A figure of a whisker.
 
     Attributes:
@@ -83,9 +83,9 @@ def knowledge_of(found: Identified) -> Knowledge:
     return Knowledge(names, found.covariance[np.ix_(at, at)] / np.outer(scale, scale))
 
 
-def promises(
+def predictions(
     whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
-) -> tuple[Promise, ...]:
+) -> tuple[Prediction, ...]:
     """Compute figures of a whisker: land, edges, the steepest wall; and further ones.
 
     Args:
@@ -111,7 +111,7 @@ def promises(
                 for name, sd in zip(known.names, known.sd, strict=True)
             ]
         )
-        made.append(Promise(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
+        made.append(Prediction(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
     return tuple(made)
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whisker_array.estimation.spreading import BRIDGED, averaging, spread
+from whisker_array.estimation.averaging import BRIDGED, average_onto, averaging_weights
 
 Lines = NDArray[np.float64]
 
@@ -38,7 +38,8 @@ def test_layers_are_those_of_full_matrices(seed: int, holes: float, step: float)
     known = np.isfinite(values)
     expected, weight = c.sum(axis=1)[:, None] * a.sum(axis=1), c @ known.astype(float) @ a.T
     total = c @ np.where(known, values, 0.0) @ a.T
-    layer, valid = spread(values, averaging(along, pixel_along, 0.1), averaging(across, pixel_across, 0.1))
+    weights = [averaging_weights(a, p, 0.1) for a, p in ((along, pixel_along), (across, pixel_across))]
+    layer, valid = average_onto(values, *weights)
     # half of the weight, give or take its rounding
     clear = np.abs(weight - 0.5 * expected) > 1e-9 * (1.0 + expected)
     np.testing.assert_array_equal(valid[clear], ((weight > 0.5 * expected) & (expected > 0.0))[clear])
@@ -51,12 +52,12 @@ def test_the_sparse_weights_are_the_full_ones() -> None:
     rng = np.random.default_rng(3)
     position, pixel = rng.permutation(0.05 * np.arange(80)), 0.13 * np.arange(30)
     np.testing.assert_allclose(
-        averaging(position, pixel, 0.13).toarray(), full(position, pixel, 0.13), atol=1e-14
+        averaging_weights(position, pixel, 0.13).toarray(), full(position, pixel, 0.13), atol=1e-14
     )
 
 
 def test_one_sample_alone_is_reached_within_a_pitch() -> None:
-    weights = averaging(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
+    weights = averaging_weights(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
     np.testing.assert_array_equal(np.diff(weights.indptr), [0, 1, 1, 0])
 
 
@@ -67,7 +68,7 @@ def test_lines_of_uneven_distance_are_joined_by_straight_lines(seed: int, fine: 
     # no gap is wider than twice another, as where passes were laid between passes
     position = np.cumsum(rng.uniform(1.0, 2.0, 30))
     pixel = np.linspace(position[0], position[-1], 301 if fine else 200)
-    weights = averaging(position, pixel, 0.05)
+    weights = averaging_weights(position, pixel, 0.05)
     slanted = (weights @ (3.0 * position - 1.0)) / weights.sum(axis=1)
     # reaches are a millionth longer than the gaps, which run to 2
     np.testing.assert_allclose(slanted, 3.0 * pixel - 1.0, atol=3e-5)
@@ -75,5 +76,5 @@ def test_lines_of_uneven_distance_are_joined_by_straight_lines(seed: int, fine: 
 
 def test_a_gap_of_many_steps_stays_open() -> None:
     position = np.array([0.0, 1.0, 2.0, 3.0, 7.0, 8.0, 9.0])
-    weights = averaging(position, np.array([1.5, 5.0 + 0.2, 7.5]), 0.1).sum(axis=1)
+    weights = averaging_weights(position, np.array([1.5, 5.0 + 0.2, 7.5]), 0.1).sum(axis=1)
     assert (weights > 0.0).tolist() == [True, False, True]

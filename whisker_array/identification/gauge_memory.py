@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from whisker_array.estimation.edges import calibrated_moments
-from whisker_array.estimation.steadied import BETWEEN_S, steadied
+from whisker_array.estimation.memory_removal import BETWEEN_S, remove_memory
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import (
@@ -25,8 +25,8 @@ from whisker_array.scan.sensor_memory import (
     RELAX_S,
     SensorMemory,
     SensorState,
-    lifted,
-    reading_of,
+    read_gauges,
+    rest_gauges,
 )
 
 LARGEST_LANDS = 3.0
@@ -36,7 +36,7 @@ _LITTLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
+class GaugeEffects:
     """What gauges have added to a sweep.
 
     Attributes:
@@ -68,10 +68,10 @@ def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
     )
 
 
-def remembered(
+def gauge_effects(
     scan: Scan, *, gain: NDArray[np.float64], memory: NDArray[np.float64], largest_n_mm: float
-) -> list[Remembered]:
-    """What gauges have added to every sweep, by loads that are steadied by what is known of them already.
+) -> list[GaugeEffects]:
+    """Compute what gauges have added to every sweep, by loads that are corrected by what is known of them already.
 
     Args:
         scan: the recording.
@@ -83,19 +83,19 @@ def remembered(
     plain = replace(
         scan, calibration=replace(known, memory=gauges(memory, largest_n_mm=largest_n_mm)), log=None
     )
-    plain = steadied(plain)
+    plain = remove_memory(plain)
     creep, lag = (
         gauges(_LITTLE * np.repeat(of, scan.n_whiskers, axis=1), largest_n_mm=largest_n_mm)
         for of in ([[1.0], [0.0]], [[0.0], [1.0]])
     )
-    taken = steadied(replace(plain, calibration=replace(known, memory=creep)))
+    taken = remove_memory(replace(plain, calibration=replace(known, memory=creep)))
     state = SensorState.at_rest(scan.n_whiskers, lag)
     found = []
     for sweep, less in zip(plain.sweeps, taken.sweeps, strict=True):
         signal = calibrated_moments(plain, sweep)
         load = np.nan_to_num(signal)
         begun = _plays(load / gain[:, None], lag, state, scan.sample_rate_hz)
-        found.append(Remembered((signal - calibrated_moments(taken, less)) / _LITTLE, begun, load))
+        found.append(GaugeEffects((signal - calibrated_moments(taken, less)) / _LITTLE, begun, load))
     return found
 
 
@@ -105,13 +105,13 @@ def _plays(
     """(passes, whiskers, plays) where they stand when each pass begins."""
     begun = []
     for load in load_n_mm:
-        lifted(memory, state, seconds=BETWEEN_S)
+        rest_gauges(memory, state, seconds=BETWEEN_S)
         begun.append(state.play_n_mm.copy())
-        reading_of(load, memory=memory, state=state, step_s=1.0 / sample_rate_hz)
+        read_gauges(load, memory=memory, state=state, step_s=1.0 / sample_rate_hz)
     return np.array(begun)
 
 
-def lagged(
+def lag_response(
     load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
 ) -> NDArray[np.float64]:
     """(lines, samples) what a lag of 1 adds to passes that were lifted before and began with these plays, N mm."""
@@ -119,7 +119,7 @@ def lagged(
     state = SensorState.at_rest(load_n_mm.shape[0], memory)
     state.play_n_mm[...] = play_n_mm
     load = np.pad(load_n_mm, ((0, 0), (1, 0)))
-    read = reading_of(load, memory=memory, state=state, step_s=1.0)
+    read = read_gauges(load, memory=memory, state=state, step_s=1.0)
     return np.asarray((read[:, 1:] - read[:, :1] - load_n_mm) / _LITTLE)
 
 
