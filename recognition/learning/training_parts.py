@@ -16,7 +16,7 @@ from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import draw_camera
 from glyphs.errors import MarksError
-from glyphs.fonts.glyph import Font, transformed
+from glyphs.fonts.glyph import Font, transform_glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.part import Part, stamp
 from glyphs.stamping.dies import DIES
@@ -144,7 +144,7 @@ def draw_part(
 
 def _widened(font: Font, text: str, x_scale: float) -> Font:
     """The characters of a text, wider or narrower than the font has them."""
-    have = {char: transformed(font.glyph(char), x_scale=x_scale) for char in set(text)}
+    have = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in set(text)}
     return replace(font, glyphs={**font.glyphs, **have})
 
 
