@@ -52,7 +52,7 @@ def report_start(*, kept: bool = True) -> None:
 
 
 def report_end(seconds: float) -> None:
-    """It is compiled; another may follow."""
+    """Show that a kernel is compiled; another may follow."""
     _Watch.seconds += seconds
     if _Watch.show is not None and _Watch.seconds - max(_Watch.told_s, 0.0) >= PROGRESS_S:
         _Watch.show(f"compiling kernels: {_Watch.seconds:.0f} s so far")
@@ -60,7 +60,7 @@ def report_end(seconds: float) -> None:
 
 
 def end_part() -> None:
-    """A piece of work is done, and with it what was compiled for it."""
+    """Show the time of all kernels compiled for a piece of work that is done."""
     if _Watch.at_it and _Watch.show is not None and (_Watch.told_s or _Watch.seconds >= LEAST_S):
         _Watch.show(f"kernels compiled in {_Watch.seconds:.0f} s")
     _Watch.at_it, _Watch.seconds, _Watch.told_s = False, 0.0, 0.0

@@ -11,7 +11,7 @@ from glyphs.plain_text import visible
 
 
 class MarksError(Exception):
-    """An expected failure, in words for the person who can put it right.
+    """An expected failure, with a message for the user.
 
     Its text is one line, "where: what; hint". It can be pickled as long as every keyword argument of a class
     derived from it has a default.
@@ -49,7 +49,7 @@ class FaultError(FileError):
 
 
 class OwnFileError(FileError):
-    """A file, disk or limit of this machine that keeps what was sent from being read; it may be well again later."""
+    """A file, disk or limit of this machine that keeps the input from being read; a later attempt may succeed."""
 
 
 class MissingExtraError(MarksError):
@@ -111,7 +111,7 @@ def require_file(path: Path, *, most_bytes: int) -> None:
 
 @contextlib.contextmanager
 def report_damage(path: Path, *, kind: str) -> Iterator[None]:
-    """Turn whatever a parser trips over in a damaged file into a FileError.
+    """Turn any error of a parser on a damaged file into a FileError.
 
     Parsers of foreign formats meet damage with nearly any exception, MemoryError included; none may end a
     run.

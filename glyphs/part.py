@@ -95,7 +95,7 @@ class Part:
         pixel_mm: float = DEFAULT_PIXEL_MM,
         lights: int = 1,
     ) -> Photo:
-        """Take a picture of the part; what is not given is drawn, the same whatever lies on the part.
+        """Take a picture of the part; by default light and camera are drawn, the same whatever lies on the part.
 
         Args:
             light: how it is lit.

@@ -15,7 +15,7 @@ _PERHAPS = re.compile(r"[^\x20-\x7e]")
 
 
 def is_hidden(char: str) -> bool:
-    """Whether a character has no place in a line of text: control, format, surrogate, unassigned, line separator."""
+    """Whether a character is not visible text: control, format, surrogate, unassigned, line separator."""
     return unicodedata.category(char) in _HIDDEN_KINDS
 
 

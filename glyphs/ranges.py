@@ -26,7 +26,7 @@ def require_range(
     hint: str = "",
     **numbers: float | tuple[float, ...] | None,
 ) -> None:
-    """Check numbers; None and what is no number pass, and of a tuple every member is checked.
+    """Check numbers; values that are not numbers pass, and every member of a tuple is checked.
 
     Args:
         error: class of the error that is raised.

@@ -16,7 +16,7 @@ MOST_COMPONENTS = 256
 
 
 class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
-    """Draws a glyph that is made of others, if not too many: thirty levels of two each are a thousand million."""
+    """Draws a composite glyph with a limit on its parts: thirty levels of two each would be a thousand million."""
 
     _components = 0
 

@@ -125,7 +125,7 @@ def _hershey_font(name: str) -> Font:
 
 @lru_cache(maxsize=32)
 def _from_file(path: str, mtime_ns: int, size: int) -> Font:
-    """Read a font file; the time and size are only there to notice that the file has changed."""
+    """Read a font file; time and size are part of the cache key, so that a changed file is read again."""
     from fontTools.ttLib import TTFont
 
     # it warns of odd dates in a font's header, which are not used here

@@ -61,7 +61,7 @@ class _Site:
 
 @dataclass(frozen=True, eq=False)
 class _Cake:
-    """Packed below the ceiling, void under roofs, and built up over it; (rows, cols), mm."""
+    """A cake: packed below the ceiling, void under roofs, and built up above; (rows, cols), mm."""
 
     packed_mm: Field
     void_mm: Field
@@ -248,7 +248,7 @@ def _crumbly(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random
 
 
 def _finished(coat: Coat, cake: _Cake, old: Field, dry: Field) -> Coat:
-    """The surface, what of it yields, how it slides and how it looks."""
+    """Finish the coat: top, yielding thickness, friction and look."""
     solid = cake.solid_mm
     thickness = solid + cake.void_mm
     cover = 1.0 - np.exp(solid / np.float32(-_HIDING_MM))

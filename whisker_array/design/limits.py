@@ -66,7 +66,7 @@ class Bound(enum.Enum):
 
     @property
     def hint(self) -> str:
-        """What to change where the limit cannot be kept."""
+        """Change to make where the limit cannot be kept."""
         return self.value[1]
 
 

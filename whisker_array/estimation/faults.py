@@ -41,7 +41,7 @@ class FaultKind(StrEnum):
 
     @property
     def hint(self) -> str:
-        """What to do about it."""
+        """Remedy of the fault."""
         return _TABLE[self][1]
 
 

@@ -1,4 +1,4 @@
-"""How sure the numbers of a bench are.
+"""Covariance of the numbers of a bench.
 
     C = (G - 1) / G sum over passes d d^T + H^-1 P H^-1
     d = (H - J_pass^T J_pass)^-1 g,     H = J^T J + P,   g = J_pass^T r_pass,   P = diag(1 / sd^2)
@@ -24,7 +24,7 @@ from whisker_array.identification.traces import Trace
 
 LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
 LAG_LEFT_OUT = 4e-4
-"""Of some numbers, mm, and of a lag: what a fit leaves out that all passes share, so that they do not scatter by it.
+"""Errors of some numbers, mm, and of a lag that all passes share, so that they do not show as scatter.
 Measured on benches of seeds below 50 of `tests.benchmarks.identify_benches`, which are no proof of them."""
 COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""

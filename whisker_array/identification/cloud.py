@@ -99,13 +99,13 @@ def plane_through(
     off = [of_trace - mean for of_trace, mean in zip(moments, middle, strict=True)]
     # for a cubature's points the sum of z z^T is n times 1
     slopes = [points.T @ o / n for o in off]
-    sigma, told, noise = [], np.zeros(n_ways), 0.0
+    sigma, signal_power, noise = [], np.zeros(n_ways), 0.0
     for trace, o, slope in zip(forward.traces, off, slopes, strict=True):
         rough = np.sqrt(((o - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways))
         sigma.append(np.hypot(sample_sigma_n_mm(trace, scatter_n_mm), rough))
-        told += ((slope / sigma[-1]) ** 2).sum(axis=1)
+        signal_power += ((slope / sigma[-1]) ** 2).sum(axis=1)
         noise += float(((rough / sigma[-1]) ** 2).sum()) / n
-    sure = np.maximum(0.0, 1.0 - noise / np.maximum(told, noise)) if cautious else np.ones(n_ways)
+    sure = np.maximum(0.0, 1.0 - noise / np.maximum(signal_power, noise)) if cautious else np.ones(n_ways)
 
     names, jacobian = list(Unknown), []
     for k, (trace, slope) in enumerate(zip(forward.traces, slopes, strict=True)):

@@ -6,7 +6,7 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
 felt - predicted is what a level that walks on leaves of it (`misses`), and predicted a plane through a cloud of
 benches (`cloud`), which is laid again around each solution. The second sum is what the workshop knew before
-(`bench.known_before`), without which many numbers could not be told apart; how sure they are, `certainty` says. At
+(`bench.prior_sd`), without which many numbers could not be separated; their covariance is in `certainty`. At
 edges a sample is as uncertain as its place, for a pass does not come back to its line; what a screw does to all passes
 alike is among the numbers.
 """
@@ -49,7 +49,7 @@ from whisker_array.whisker.touch import Touch
 
 @dataclass(frozen=True)
 class Round:
-    """How a cloud is looked at.
+    """Settings of one round of the fit.
 
     Attributes:
         coarser: how much than asked the map is.
@@ -72,14 +72,14 @@ ROUNDS = (
 """From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
 uncertain."""
 WIDE = 3.0
-"""So many standard deviations the cloud is wide, as `MOST_TRACES` lines would leave them, however many there are: one
+"""Width of the cloud in standard deviations, as `MOST_TRACES` lines would leave them, however many there are: one
 that is narrower than contact is rough rests anywhere."""
 FINEST = 0.1
-"""Of a tip's radius: a grid that is finer shows no more of what it feels."""
+"""Finest grid, share of a tip's radius: a finer one adds no detail."""
 AVERAGED = 2
-"""So many of the last are averaged: how a cloud is turned moves what contact is rough in."""
+"""Rounds that are averaged at the end: the random rotation of a cloud moves what contact is rough in."""
 SETTLED = 0.05
-"""What is left over changes by no more, of itself, between the last two."""
+"""Most relative change of the misfit between the last two rounds of a settled fit."""
 FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
 """The loss is bounded little by little, or the first bench would choose what is to be explained: graduated
 non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020) 1127)."""

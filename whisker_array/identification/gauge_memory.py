@@ -1,4 +1,4 @@
-"""What creep and hysteresis add to a recording, for each unit of either: they are found beside all else.
+"""Contributions of creep and hysteresis to a recording, for each unit of either: both are fitted with all else.
 
     felt = gain * moment + creep * crept + lag * lagged
 
@@ -37,7 +37,7 @@ _LITTLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class GaugeEffects:
-    """What gauges have added to a sweep.
+    """Contributions of the gauges to a sweep.
 
     Attributes:
         crept_n_mm: (passes, whiskers, samples) by a creep of 1.

@@ -177,7 +177,7 @@ def fastest_mm_s(
     allowed_error: float = FINE_ERROR,
     bevel_rad: float = BEVEL_RAD,
 ) -> float:
-    """The fastest stage whose edge map is no more wrong than allowed.
+    """Find the fastest stage whose edge map is within the allowed error.
 
     Args:
         whisker: of the touch.

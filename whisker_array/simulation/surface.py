@@ -100,7 +100,7 @@ def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
 
 
 def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
-    """Refuse dirt that lies on another grid.
+    """Check that dirt lies on the grid of the height map.
 
     Raises:
         MapError: it does.

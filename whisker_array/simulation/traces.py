@@ -30,7 +30,7 @@ class SampleFlag(IntFlag):
     FAULTY = 64
 
     def describe(self) -> str:
-        """The message for a person."""
+        """Describe the flags that are set."""
         return "; ".join(text for flag, text in _MESSAGES.items() if flag in self) or "good"
 
 

@@ -80,7 +80,7 @@ class WhiskerArray:
             self._check_room(self.body)
 
     def _check_room(self, body: Body) -> None:
-        """All rows of all kinds must be clear of each other.
+        """Check that all rows of all kinds are clear of each other.
 
         Raises:
             WhiskerError: which would touch, and what would do.
@@ -101,7 +101,7 @@ class WhiskerArray:
 
     @property
     def offset_mm(self) -> tuple[float, ...]:
-        """How far behind the foremost row each whisker stands along the trace, the first comb's whiskers first."""
+        """Distance of each whisker behind the foremost row along the trace, the first comb's whiskers first."""
         return tuple(
             (kind * self.rows + i % self.rows) * self.stagger_mm
             for kind in range(self.kinds)
@@ -110,13 +110,13 @@ class WhiskerArray:
 
     @property
     def mass_g(self) -> float:
-        """Of whiskers and clamps, without what carries them; 0 of points."""
+        """Mass of whiskers and clamps without their carrier; 0 where whiskers are points."""
         return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
 
 @dataclass(frozen=True)
 class RasterPlan:
-    """How an array covers a rectangle of the plate.
+    """Raster of an array over a rectangle of the plate.
 
     Attributes:
         array: the comb of whiskers.
@@ -282,7 +282,7 @@ def default_plan(
 
     Samples are always as close as for 40 lines: they cost no stage time.
 
-    The speed is 10 character heights a second unless given, but no more than `SAFE_SPEED_MM_S`.
+    The default speed is 10 character heights a second, but no more than `SAFE_SPEED_MM_S`.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm)
     line_pitch = character_height_mm / lines_per_height

@@ -36,7 +36,7 @@ from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
 """Limits of a load step: most lift in whole lengths, most rotation anywhere, least share of the first step."""
 _TOLERANCE = 1e-7
-"""Of solve_bvp: relative residual of the equations; force and tip then stand to 2e-8."""
+"""Relative residual of the equations for solve_bvp; force and tip are then exact to 2e-8."""
 _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
 """At first in each segment; over all segments together (but 100 in each); over all of the bent line."""
 
@@ -75,7 +75,7 @@ class LargeDeflection:
 
 @dataclass(frozen=True)
 class LinearError:
-    """What the linear beam gets wrong at one lift: positive where it says too much.
+    """Errors of the linear beam at one lift: positive where it overestimates.
 
     Attributes:
         lift_mm: how far the tip is held above its free place, mm.
@@ -269,7 +269,7 @@ def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
 
 
 def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0) -> LinearError:
-    """What the linear beam of (7), (11), (13) gets wrong at this lift, against `large_deflection`.
+    """Compute the errors of the linear beam of (7), (11), (13) at a lift, against `large_deflection`.
 
     To first order, without friction on the land, an L-shaped whisker with beta = 0 is wrong by 3.375 k lift / l1
     in force and 1.875 k lift / l1 in moment (its tip arm swings out); a straight one only by (lift / l)^2.

@@ -27,7 +27,7 @@ _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 
 
 class WhiskerError(MarksError):
-    """A material or section that cannot be one."""
+    """A whisker, array or use of one that is not possible."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def _check_beta(beta_rad: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class TipModel:
-    """All that the contact has to know of a whisker: how its tip yields and what its sensor feels.
+    """Whisker as the contact sees it: compliance of the tip and moment arm of the sensor.
 
     Attributes:
         compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.

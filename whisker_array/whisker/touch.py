@@ -1,4 +1,4 @@
-"""How a whisker meets the surface: what its moments depend on beside the surface itself."""
+"""Touch of a whisker: tip, preload, ball and friction, on which its moments depend beside the surface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from whisker_array.whisker.shapes import TipModel
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """How a whisker meets the surface.
+    """Touch of a whisker: tip, preload, ball and friction.
 
     Attributes:
         tip: compliance and moment arm at the tip.
@@ -51,7 +51,7 @@ class Touch:
         return normal * float(self.tip.moment_arm_mm @ force)
 
     def key(self) -> tuple[float, ...]:
-        """Numbers that decide what is felt; equal keys feel alike (for caches)."""
+        """Numbers that determine the signal, as a key for caches."""
         numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
         return tuple(
             float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction)

@@ -224,7 +224,7 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
 
 
 def _finished(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch) -> Coat:
-    """The coat under mud and sand: what yields is the mud down to the sand in it, moist mud and curled rims first."""
+    """Finish the coat under mud and sand: the mud yields down to the sand in it, moist mud and curled rims first."""
     top = np.maximum(thick, sand)
     soft = top - sand
     grains = np.nonzero(sand)

@@ -147,7 +147,7 @@ def _flowed(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
 
 
 def _finished(coat: Coat, can: Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator) -> Coat:
-    """The coat with its dry films: how it looks, how it rubs, what yields."""
+    """Finish the coat with its dry films: look, friction and yielding thickness."""
     picks = rng.integers(len(_COLOURS), size=2)
     tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)
     gloss = float(rng.uniform(0.08, 0.22)) + 0.4 * can.rubber
