@@ -9,7 +9,6 @@ matter, and the same part twice is enrolled once.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
+from pipeline.common.version import file_sha256
 from recognition.learning.exemplars import Cut, ExemplarError
 
 if TYPE_CHECKING:
@@ -220,8 +220,7 @@ def _sha256(part: ReviewedPart) -> str | Refused:
         error = ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
         return Refused(part.name, str(error))
     try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return file_sha256(path)
     except OSError as error:
         problem = FileError(path, f"cannot be read ({error.strerror})", "check the name")
         return Refused(part.name, str(problem))

@@ -91,7 +91,8 @@ class Journal(Generic[Kept]):
         self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
         self._synced_s = time.monotonic()
         with self._faults():
-            self._db = self._opened()
+            reads = description is None and not os.access(path, os.W_OK)
+            self._db = self._opened_to_read() if reads else self._opened()
         try:
             with self._faults():
                 held = self._held()
@@ -255,6 +256,9 @@ class Journal(Generic[Kept]):
                 if self._is(before) or not isinstance(error, sqlite3.Error):
                     raise
             db.close()  # the run before removed it as it ended
+
+    def _opened_to_read(self) -> sqlite3.Connection:
+        return sqlite3.connect(f"{self.path.absolute().as_uri()}?immutable=1", uri=True)
 
     def _is(self, before: os.stat_result) -> bool:
         """Whether the file is still the one that was opened."""

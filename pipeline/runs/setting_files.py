@@ -12,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from glyphs.errors import require_file
+from pipeline.common.job_file import FILES, files_of
 from pipeline.common.settings import ReadSettings
 
 _MOST_BYTES = 200_000_000
@@ -23,12 +24,10 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     Raises:
         FileError: one is missing or too large.
     """
-    files = settings.database, settings.lexicon, settings.certificate
-    named = [str(path) for path in files if path is not None]
-    named += [font for font in settings.font if Path(font).is_file()]
-    for name in named:
-        require_file(Path(name), most_bytes=_MOST_BYTES)
-    return {name: Path(name).read_bytes() for name in named}
+    named = files_of(settings)
+    for path in named:
+        require_file(path, most_bytes=_MOST_BYTES)
+    return {str(path): path.read_bytes() for path in named}
 
 
 def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
@@ -37,18 +36,11 @@ def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
         return settings
     own = {name: _copy(Path(name).name, content) for name, content in sent.items()}
 
-    def at(path: Path | None) -> Path | None:
-        return None if path is None else own.get(str(path), path)
-
-    fonts = tuple(str(own.get(font, font)) for font in settings.font)
-    return settings.model_copy(
-        update={
-            "database": at(settings.database),
-            "lexicon": at(settings.lexicon),
-            "certificate": at(settings.certificate),
-            "font": fonts,
-        }
-    )
+    files = {
+        name: own.get(str(path), path) for name in FILES if (path := getattr(settings, name)) is not None
+    }
+    fonts = tuple(str(own.get(str(Path(font)), font)) for font in settings.font)
+    return settings.model_copy(update={**files, "font": fonts})
 
 
 @cache

@@ -34,6 +34,15 @@ def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
         assert asdict(found) == asdict(TRIAL)
 
 
+def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with TrialJournal.open(tmp_path, DESCRIPTION) as book:
+        book.add("p", (TRIAL,))
+    monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root
+    before = book.path.stat().st_mtime_ns
+    assert "p" in TrialJournal.read(tmp_path).done
+    assert book.path.stat().st_mtime_ns == before
+
+
 def test_a_book_of_another_format_is_refused_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
