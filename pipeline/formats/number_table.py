@@ -123,16 +123,12 @@ def _decoded(data: bytes) -> str:
 
 def _layout(lines: Sequence[str]) -> Layout | None:
     """The layout in which most lines are numbers, as many a line; None where there is none with two columns."""
-    best: tuple[int, Layout] | None = None
+    found: list[tuple[int, Layout]] = []
     for delimiter, comma in _LAYOUTS:
-        layout = Layout(delimiter, comma, 0, 0)
-        counts = [_count(line, layout) for line in lines]
-        columns, n = (
-            Counter(c for c in counts if c >= 2).most_common(1)[0] if any(c >= 2 for c in counts) else (0, 0)
-        )
-        if n and (best is None or n * columns > best[0]):
-            best = (n * columns, Layout(delimiter, comma, columns, counts.index(columns)))
-    return None if best is None else best[1]
+        counts = [_count(line, Layout(delimiter, comma, 0, 0)) for line in lines]
+        for columns, n in Counter(c for c in counts if c >= 2).most_common(1):
+            found.append((n * columns, Layout(delimiter, comma, columns, counts.index(columns))))
+    return max(found, key=lambda one: one[0])[1] if found else None
 
 
 def _count(line: str, layout: Layout) -> int:

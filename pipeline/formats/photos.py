@@ -179,14 +179,13 @@ def _page(path: Path, image: ImageFile) -> tuple[int, int]:
         if not int(image.tag_v2.get(_SUBFILE, 0)) & _REDUCED:  # type: ignore[attr-defined]
             whole.append(number)
     whole = whole or [0]
-    best = whole[0]
-    if len(whole) > 1:
-        for number in whole:
-            image.seek(number)
-            _header_of(image)
-            if not is_blank(_decoded(path, image, number)):
-                best = number
-                break
+
+    def shows_something(number: int) -> bool:
+        image.seek(number)
+        _header_of(image)
+        return not is_blank(_decoded(path, image, number))
+
+    best = next(filter(shows_something, whole), whole[0]) if len(whole) > 1 else whole[0]
     image.seek(best)
     return best, len(whole)
 
