@@ -15,34 +15,13 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in, ordered_levels
-from pipeline.benchmark.analysis.shares import drawn_parts
+from pipeline.benchmark.analysis.shares import Estimate, drawn_parts
 from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
 from pipeline.benchmark.trials.journal import Trial
-from pipeline.common.shares import CONFIDENCE_LEVEL
 
 ENOUGH_PARTS = 20
 """Parts of a level from which its bootstrap interval is to be trusted; of fewer it is too narrow."""
 _KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its 95 % interval, whole parts drawn again.
-
-    Attributes:
-        value: as measured.
-        low: lower end.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def sure(self) -> bool:
-        """Whether the interval leaves out nought."""
-        return self.low > 0.0 or self.high < 0.0
 
 
 @dataclass(frozen=True)
@@ -133,9 +112,9 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
         LevelEffect(
             level=level,
             parts=int((counts[:, k, 3] > 0).sum()),
-            characters=_estimate(_shares(measured, 0)[:, k], _shares(again, 0)[:, k]),
-            serials=_estimate(_shares(measured, 2)[:, k], _shares(again, 2)[:, k]),
-            difference=_estimate(_less_others(measured, k), _less_others(again, k)),
+            characters=Estimate.of(_shares(measured, 0)[0, k], _shares(again, 0)[:, k]),
+            serials=Estimate.of(_shares(measured, 2)[0, k], _shares(again, 2)[:, k]),
+            difference=Estimate.of(_less_others(measured, k)[0], _less_others(again, k)),
         )
         for k, level in enumerate(levels)
     ]
@@ -167,10 +146,3 @@ def _less_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
     shares = _shares(counts, 0)
     difference: NDArray[np.float64] = shares[:, k] - np.delete(shares, k, axis=1).mean(axis=1)
     return difference
-
-
-def _estimate(measured: NDArray[np.float64], again: NDArray[np.float64]) -> Estimate:
-    tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
-    value, known = float(measured[0]), again[np.isfinite(again)]
-    low, high = np.percentile(known, [tail, 100.0 - tail]) if known.size else (value, value)
-    return Estimate(value, float(low), float(high))

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.shares import drawn_parts
-from pipeline.common.shares import CONFIDENCE_LEVEL
+from pipeline.benchmark.analysis.shares import Estimate, drawn_parts
 
-MOST_EXACT = 14
-"""Parts that differ up to which every pattern of signs is counted out: 2^14."""
-_FLIPS = 20_000
+# patterns of signs: those of 14 parts that differ and of the nought beside them, else so many are drawn
+_FLIPS = 2**15
 _SEED = 20240301
 
 
@@ -92,25 +89,25 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
     if d.size == 0 or n.sum() == 0.0:
         return CharacterTest(0.0, 0.0, 0.0, 1.0, 1.0)
     drawn = drawn_parts(d.size)
-    tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
-    low, high = np.percentile((drawn @ d) / np.maximum(drawn @ n, 1.0), [tail, 100.0 - tail])
-    p_differ, p_worse = _sign_flips(d[d != 0.0], np.random.default_rng(_SEED))
-    return CharacterTest(float(d.sum() / n.sum()), float(low), float(high), p_differ, p_worse)
+    found = Estimate.of(d.sum() / n.sum(), (drawn @ d) / np.maximum(drawn @ n, 1.0))
+    differing = d[d != 0.0]
+    if not differing.size:
+        return CharacterTest(found.value, found.low, found.high, 1.0, 1.0)
+    p_differ, p_worse = (_sign_flips(differing, alternative) for alternative in ("two-sided", "less"))
+    return CharacterTest(found.value, found.low, found.high, p_differ, p_worse)
 
 
-def _sign_flips(d: NDArray[np.float64], rng: np.random.Generator) -> tuple[float, float]:
-    """(two-sided, lower one-sided) p of the sum when the sign of every part's difference is a coin's."""
-    if d.size == 0:
-        return 1.0, 1.0
-    if d.size <= MOST_EXACT:
-        patterns = np.arange(2**d.size)[:, None] >> np.arange(d.size)[None, :] & 1
-        sums = (2.0 * patterns - 1.0) @ np.abs(d)
-        extra = 0
-    else:
-        sums = rng.choice((-1.0, 1.0), size=(_FLIPS, d.size)) @ np.abs(d)
-        # the pattern that was seen is one of those possible, so that p is never 0
-        extra = 1
-    seen, among = float(d.sum()), sums.size + extra
-    differ = (int((np.abs(sums) >= math.fabs(seen) - 1e-9).sum()) + extra) / among
-    worse = (int((sums <= seen + 1e-9).sum()) + extra) / among
-    return differ, worse
+def _sign_flips(d: NDArray[np.float64], alternative: str) -> float:
+    """P of the sum of differences were the sign of each a coin's; every pattern is counted out for up to 14 parts."""
+    from scipy.stats import permutation_test
+
+    found = permutation_test(
+        (np.append(d, 0.0),),  # the test takes at least two values, and a nought has no sign
+        lambda x, axis: x.sum(axis=axis),
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=_FLIPS,
+        alternative=alternative,
+        random_state=np.random.default_rng(_SEED),
+    )
+    return float(found.pvalue)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +13,39 @@ from pipeline.common.shares import CONFIDENCE_LEVEL
 
 RESAMPLES = 2000
 _SEED = 20240229
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval, whole parts drawn again.
+
+    Attributes:
+        value: as measured.
+        low: lower end.
+        high: upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves out nought."""
+        return self.low > 0.0 or self.high < 0.0
+
+    @classmethod
+    def of(cls, value: float, again: NDArray[np.float64]) -> Estimate:
+        """A number with the percentiles of what each draw gives.
+
+        Args:
+            value: as measured.
+            again: (draws,) NaN where a draw says nothing; the value alone where none says anything.
+        """
+        known = again[np.isfinite(again)]
+        tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
+        low, high = np.percentile(known, [tail, 100.0 - tail]) if known.size else (value, value)
+        return cls(float(value), float(low), float(high))
 
 
 @lru_cache(maxsize=4)
@@ -38,7 +72,6 @@ def resampled(right: Sequence[int], total: Sequence[int]) -> tuple[float, float]
         return (0.0, 1.0)
     drawn = drawn_parts(k.size)
     chars = drawn @ n
-    shares = (drawn @ k) / np.where(chars > 0.0, chars, 1.0)
-    tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
-    low, high = np.percentile(shares[chars > 0.0], [tail, 100.0 - tail])
-    return (float(low), float(high))
+    again = np.where(chars > 0.0, (drawn @ k) / np.maximum(chars, 1.0), np.nan)
+    found = Estimate.of(k.sum() / n.sum(), again)
+    return found.low, found.high

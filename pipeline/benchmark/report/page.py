@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.benchmark.analysis.factors import Estimate, FactorEffect, LevelEffect, factor_name
+from pipeline.benchmark.analysis.factors import FactorEffect, LevelEffect, factor_name
+from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import severity_name
 from pipeline.common.shares import Share

@@ -11,12 +11,13 @@ of Clopper and Pearson, kappas as `pipeline.benchmark.study.kappa`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
 
-from pipeline.benchmark.study.kappa import Kappa, fleiss_kappa, mean_cohen_kappa
+from pipeline.benchmark.analysis.shares import Estimate
+from pipeline.benchmark.study.kappa import fleiss_kappa, mean_cohen_kappa
 from pipeline.common.shares import Share, share
 
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]
@@ -49,7 +50,7 @@ class Agreement:
     kind: Kind
     who: str
     parts: Share
-    kappa: Kappa | None
+    kappa: Estimate | None
     disagreed: tuple[str, ...]
 
 
@@ -69,73 +70,35 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):
             raise ValueError(f"{who} did not rate every part equally often")
-    found = [_within(who, by_part) for who, by_part in ratings.items() if len(_any(by_part)) > 1]
+    several = {who: trials for who, trials in ratings.items() if len(next(iter(trials.values()))) > 1}
+    found = [_agreement(Kind.WITHIN, {who: by_part}) for who, by_part in several.items()]
     if len(ratings) > 1:
-        found.append(_between(ratings))
+        found.append(_agreement(Kind.BETWEEN, ratings))
     if len(ratings) > 2:
-        found += _pairs(ratings)
+        found += [_agreement(Kind.PAIR, dict(two)) for two in combinations(ratings.items(), 2)]
     if truth:
-        found += [_against_truth(who, by_part, truth) for who, by_part in ratings.items()]
+        found += [_agreement(Kind.TRUTH, {who: by_part}, truth) for who, by_part in ratings.items()]
         if len(ratings) > 1:
-            found.append(_all_against_truth(ratings, truth))
+            found.append(_agreement(Kind.ALL_TRUTH, ratings, truth))
     return found
 
 
-def _within(who: str, by_part: Mapping[str, tuple[str, ...]]) -> Agreement:
-    return _agreement(Kind.WITHIN, who, by_part, fleiss_kappa(list(by_part.values())))
-
-
-def _between(ratings: Ratings) -> Agreement:
-    rows = {part: _of_all(ratings, part) for part in _common(ratings)}
-    return _agreement(Kind.BETWEEN, ", ".join(ratings), rows, fleiss_kappa(list(rows.values())))
-
-
-def _pairs(ratings: Ratings) -> Iterator[Agreement]:
-    for first, second in combinations(ratings, 2):
-        both = {who: ratings[who] for who in (first, second)}
-        parts = _common(both)
-        rows = {part: _of_all(both, part) for part in parts}
-        trials = min(len(_any(by_part)) for by_part in both.values())
-        paired = [tuple([both[who][part][k] for part in parts] for who in both) for k in range(trials)]
-        kappa = mean_cohen_kappa([(a, b) for a, b in paired])
-        yield _agreement(Kind.PAIR, f"{first}, {second}", rows, kappa)
-
-
-def _against_truth(who: str, by_part: Mapping[str, tuple[str, ...]], truth: Mapping[str, str]) -> Agreement:
-    parts = [part for part in by_part if part in truth]
-    rows = {part: (truth[part], *by_part[part]) for part in parts}
-    right = [truth[part] for part in parts]
-    trials = [[by_part[part][k] for part in parts] for k in range(len(_any(by_part)))]
-    return _agreement(Kind.TRUTH, who, rows, mean_cohen_kappa([(trial, right) for trial in trials]))
-
-
-def _all_against_truth(ratings: Ratings, truth: Mapping[str, str]) -> Agreement:
-    parts = [part for part in _common(ratings) if part in truth]
-    rows = {part: (truth[part], *_of_all(ratings, part)) for part in parts}
-    right = [truth[part] for part in parts]
-    trials = [
-        [by_part[part][k] for part in parts]
-        for by_part in ratings.values()
-        for k in range(len(_any(by_part)))
-    ]
-    kappa = mean_cohen_kappa([(trial, right) for trial in trials])
-    return _agreement(Kind.ALL_TRUTH, ", ".join(ratings), rows, kappa)
-
-
-def _agreement(kind: Kind, who: str, rows: Mapping[str, Sequence[str]], kappa: Kappa | None) -> Agreement:
-    disagreed = tuple(part for part, said in rows.items() if len(set(said)) > 1)
-    return Agreement(kind, who, share(len(rows) - len(disagreed), len(rows), exact=True), kappa, disagreed)
-
-
-def _common(ratings: Ratings) -> list[str]:
-    """The parts that all have rated."""
+def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = None) -> Agreement:
+    """Of some appraisers, on the parts that all have rated and whose truth is known where it is asked for."""
     first, *others = ratings.values()
-    return [part for part in first if all(part in other for other in others)]
-
-
-def _of_all(ratings: Ratings, part: str) -> tuple[str, ...]:
-    return tuple(said for by_part in ratings.values() for said in by_part[part])
-
-
-def _any(by_part: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    return next(iter(by_part.values()))
+    parts = [p for p in first if all(p in by for by in others) and (truth is None or p in truth)]
+    # (appraisers, trials, parts)
+    said = [
+        [[by_part[part][k] for part in parts] for k in range(len(next(iter(by_part.values()))))]
+        for by_part in ratings.values()
+    ]
+    trials = [trial for of_one in said for trial in of_one]
+    right = [] if truth is None else [[truth[part] for part in parts]]
+    rows = {part: [trial[k] for trial in (*right, *trials)] for k, part in enumerate(parts)}
+    if kind in (Kind.WITHIN, Kind.BETWEEN):
+        kappa = fleiss_kappa(list(rows.values()))
+    else:
+        kappa = mean_cohen_kappa([(a, right[0]) for a in trials] if right else list(zip(*said, strict=False)))
+    disagreed = tuple(part for part, row in rows.items() if len(set(row)) > 1)
+    agreed = share(len(rows) - len(disagreed), len(rows), exact=True)
+    return Agreement(kind, ", ".join(ratings), agreed, kappa, disagreed)

@@ -122,44 +122,36 @@ def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
     p, o, r = x.shape
     mean = x.mean()
     by_part, by_appraiser, by_cell = x.mean(axis=(1, 2)), x.mean(axis=(0, 2)), x.mean(axis=2)
-    ss_part = o * r * float(((by_part - mean) ** 2).sum())
-    ss_repeat = float(((x - by_cell[..., None]) ** 2).sum())
-    total = Row("total", x.size - 1, float(((x - mean) ** 2).sum()), float(x.var(ddof=1)))
-    if o == 1:
-        repeat = _row("repeatability", p * (r - 1), ss_repeat)
-        part = _row("parts", p - 1, ss_part, against=repeat)
-        part_var = max(0.0, (part.mean_square - repeat.mean_square) / r)
-        return GaugeRR(
-            (part, repeat, total), p, o, r, False, math.sqrt(repeat.mean_square), None, math.sqrt(part_var)
-        )
-    ss_appraiser = p * r * float(((by_appraiser - mean) ** 2).sum())
     cells = by_cell - by_part[:, None] - by_appraiser[None, :] + mean
-    ss_cell = r * float((cells**2).sum())
-    repeat = _row("repeatability", p * o * (r - 1), ss_repeat)
-    cell = _row("parts x appraisers", (p - 1) * (o - 1), ss_cell, against=repeat)
-    pooled = cell.p is None or cell.p > SIGNIFICANT
-    error = _row("pooled", repeat.freedom + cell.freedom, ss_repeat + ss_cell) if pooled else cell
-    part = _row("parts", p - 1, ss_part, against=error)
-    appraiser = _row("appraisers", o - 1, ss_appraiser, against=error)
-    cell_var = 0.0 if pooled else max(0.0, (cell.mean_square - repeat.mean_square) / r)
-    appraiser_var = max(0.0, (appraiser.mean_square - error.mean_square) / (p * r))
-    part_var = max(0.0, (part.mean_square - error.mean_square) / (o * r))
-    table = (part, appraiser, cell, repeat, *((error,) if pooled else ()), total)
-    repeat_var = (error if pooled else repeat).mean_square
+    repeat = _row("repeatability", p * o * (r - 1), ((x - by_cell[..., None]) ** 2).sum())
+    error, between, interaction = repeat, [], []
+    cell_mm2, appraiser_mm2, pooled = 0.0, 0.0, False
+    if o > 1:
+        cell = _row("parts x appraisers", (p - 1) * (o - 1), r * (cells**2).sum(), against=repeat)
+        pooled = cell.p is None or cell.p > SIGNIFICANT
+        error = (
+            _row("pooled", repeat.freedom + cell.freedom, repeat.squares + cell.squares) if pooled else cell
+        )
+        spread = p * r * ((by_appraiser - mean) ** 2).sum()
+        between, interaction = [_row("appraisers", o - 1, spread, against=error)], [cell]
+        cell_mm2 = 0.0 if pooled else max(0.0, (cell.mean_square - repeat.mean_square) / r)
+        appraiser_mm2 = max(0.0, (between[0].mean_square - error.mean_square) / (p * r))
+    part = _row("parts", p - 1, o * r * ((by_part - mean) ** 2).sum(), against=error)
+    total = Row("total", x.size - 1, float(((x - mean) ** 2).sum()), float(x.var(ddof=1)))
     return GaugeRR(
-        table,
-        p,
-        o,
-        r,
-        pooled,
-        math.sqrt(repeat_var),
-        math.sqrt(appraiser_var + cell_var),
-        math.sqrt(part_var),
+        table=(part, *between, *interaction, repeat, *((error,) if pooled else ()), total),
+        parts=p,
+        appraisers=o,
+        trials=r,
+        pooled=pooled,
+        repeatability_mm=math.sqrt((error if pooled else repeat).mean_square),
+        reproducibility_mm=math.sqrt(appraiser_mm2 + cell_mm2) if o > 1 else None,
+        part_mm=math.sqrt(max(0.0, (part.mean_square - error.mean_square) / (o * r))),
     )
 
 
-def _row(source: str, freedom: int, squares: float, *, against: Row | None = None) -> Row:
-    mean_square = squares / freedom
+def _row(source: str, freedom: int, summed: float, *, against: Row | None = None) -> Row:
+    squares, mean_square = float(summed), float(summed) / freedom
     if against is None or against.mean_square <= 0.0:
         return Row(source, freedom, squares, mean_square)
     from scipy.stats import f as f_distribution

@@ -12,33 +12,16 @@ kappa is the share that agrees.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.shares import drawn_parts
-from pipeline.common.shares import CONFIDENCE_LEVEL
+from pipeline.benchmark.analysis.shares import Estimate, drawn_parts
 
 _Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Kappa:
-    """Agreement beyond chance.
-
-    Attributes:
-        value: 1 all agree, 0 no more than chance, below 0 less.
-        low: lower end of the 95 % interval, whole parts drawn again.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
-
-
-def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Kappa | None:
+def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Estimate | None:
     """Mean of Cohen's kappas over several pairs of ratings of the same parts; None where one is not defined.
 
     Args:
@@ -60,7 +43,7 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Ka
     return _with_interval(kappas, len(pairs[0][0]))
 
 
-def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Kappa | None:
+def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
     """Of parts that were each rated equally often, by anybody; None where kappa is not defined.
 
     Args:
@@ -101,13 +84,10 @@ def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
         return np.where(chance < 1.0 - 1e-12, (agreed - chance) / (1.0 - chance), np.nan)
 
 
-def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Kappa | None:
+def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate | None:
     """Kappa and its interval; `kappas` takes (draws, parts) how often each part counts and gives (draws,)."""
     value = float(kappas(np.ones((1, parts)))[0])
     if np.isnan(value):
         return None
-    again = kappas(drawn_parts(parts))
     # parts drawn that all have one rating say nothing of kappa
-    tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
-    low, high = np.nanpercentile(again, [tail, 100.0 - tail])
-    return Kappa(value, float(low), float(high))
+    return Estimate.of(value, kappas(drawn_parts(parts)))
