@@ -1,7 +1,7 @@
 """The first pass over a part of which nothing is known: coarse, and at a scale that is always the same.
 
     part --whiskers for 4 mm characters, every 0.15 mm, there and back--> view --find lines--> character heights
-      \\--nothing found: those for 1.2 mm, every 0.05 mm---------------------^                       |
+                                                                                                     |
                                                      whisker, preload and plan of the scan that is read
 
 A bench has nothing else to go by, so neither has a height map that is read by touch. Where the height is given, that
@@ -25,8 +25,8 @@ from whisker_array.whisker.touch import default_touch
 Feel = Callable[[HeightMap, float], Scan]
 """Scans a level surface for characters of a height, mm."""
 
-FIRST_HEIGHTS_MM = (4.0, 1.2)
-"""Character heights for which the whiskers are made; the second only where the first finds nothing."""
+FIRST_HEIGHT_MM = 4.0
+"""Character height for which the whiskers are made; they find characters of 0.8 to 25 mm."""
 FIRST_LINES = 26
 """Lines of the first pass to such a height: characters of half of it still have thirteen."""
 
@@ -62,27 +62,21 @@ def felt_heights_mm(
     """
     if search.height_mm:
         return [search.height_mm]
-    for height_mm in FIRST_HEIGHTS_MM:
-        scan = (
-            feel(surface, height_mm)
-            if feel is not None
-            else _first_scan(surface, height_mm, fidelity=fidelity, soil=soil)
-        )
-        try:
-            edges = edge_map(scan)
-        except MapError:  # nothing was felt
-            continue
-        found = search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))
-        if found:
-            return found
-    return []
+    scan = (
+        _first_scan(surface, fidelity=fidelity, soil=soil) if feel is None else feel(surface, FIRST_HEIGHT_MM)
+    )
+    try:
+        edges = edge_map(scan)
+    except MapError:  # nothing was felt
+        return []
+    return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))
 
 
-def _first_scan(surface: HeightMap, height_mm: float, *, fidelity: Fidelity, soil: Soil | None) -> Scan:
+def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None) -> Scan:
     plan = default_plan(
         (0.0, 0.0, *surface.size_mm),
-        character_height_mm=height_mm,
+        character_height_mm=FIRST_HEIGHT_MM,
         directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
         lines_per_height=FIRST_LINES,
     )
-    return trace_scan(surface, touch=default_touch(height_mm), plan=plan, fidelity=fidelity, soil=soil)
+    return trace_scan(surface, touch=default_touch(FIRST_HEIGHT_MM), plan=plan, fidelity=fidelity, soil=soil)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.verified import verified
@@ -46,6 +47,7 @@ def test_a_reading_bears_the_states_of_what_is_expected() -> None:
     read, found = verdict(reading("81"), SURE_81, "B1")
     assert found.verdict is Verdict.REFUTED
     assert ReadingFlag.MISMATCH in read.flags
+    assert (reading("81").decision, read.decision) == (Decision.ACCEPT, Decision.REVIEW)
     states = [c.state for c in read.characters if c.state is not None]
     assert [s.state for s in states] == [CharacterState.MISMATCH, CharacterState.READ]
     assert (states[0].rival, states[0].expected) == ("8", "B")

@@ -1,0 +1,48 @@
+"""The first pass: what chooses the whiskers of the scan that is read is felt, not known."""
+
+from __future__ import annotations
+
+import pytest
+
+from glyphs import stamp
+from glyphs.surface.maps import HeightMap
+from recognition import Reader
+from recognition.views.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+PART = stamp("K7B2", font="gothic", height_mm=5.0, seed=3)
+
+
+class Recorder:
+    """Feels as the reader would, and keeps for which character heights."""
+
+    def __init__(self) -> None:
+        self.heights_mm: list[float] = []
+
+    def __call__(self, surface: HeightMap, height_mm: float) -> Scan:
+        self.heights_mm.append(height_mm)
+        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
+        return trace_scan(surface, touch=default_touch(height_mm), plan=plan)
+
+
+def test_whiskers_are_chosen_by_what_a_pass_of_fixed_scale_has_felt() -> None:
+    feel = Recorder()
+    read = Reader(format="A9A9").touch.read_height_map(PART.height_map, feel=feel)
+    assert read.text == "K7B2"
+    assert feel.heights_mm[0] == FIRST_HEIGHT_MM
+    assert feel.heights_mm[1] == pytest.approx(5.0, rel=0.15)
+
+
+def test_a_height_that_is_given_is_taken_as_it_is() -> None:
+    feel = Recorder()
+    Reader(format="A9A9", height_mm=5.0).touch.read_height_map(PART.height_map, feel=feel)
+    assert feel.heights_mm == [5.0]
+
+
+@pytest.mark.parametrize("height_mm", [0.8, 25.0])
+def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
+    part = stamp("K7B2", font="gothic", height_mm=height_mm, seed=3)
+    found = felt_heights_mm(Reader(format="A9A9").touch.lines.search, part.height_map)
+    assert found[0] == pytest.approx(height_mm, rel=0.15)
