@@ -106,7 +106,7 @@ def test_strokes_are_measured_at_the_weakest_place() -> None:
 def test_a_better_quantity_never_lowers_a_score(source: str, data: st.DataObject) -> None:
     fitted = score_of(source)
     better = {
-        Measure.ODDS, Measure.FORMAT, Measure.LEAST_STROKES, Measure.STROKES,
+        Measure.ODDS, Measure.CAMERA, Measure.FORMAT, Measure.LEAST_STROKES, Measure.STROKES,
     }  # fmt: skip
     values = {
         name: data.draw(st.floats(term.points[0][0] - 1.0, term.points[-1][0] + 1.0))
