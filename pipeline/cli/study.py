@@ -90,7 +90,7 @@ def study(
             written = write_study(found, out, notes=notes, command=command_line())
             journal.remove()
     _print(found, notes)
-    for path in written.files:
+    for path in written:
         print(f"wrote {path}")
     errors = {m.part: m.error for m in measured if m.error}
     for part, error in list(errors.items())[:_MOST_NAMED]:

@@ -109,6 +109,7 @@ class DesignedParts:
             boxes_mm=boxes,
             height_mm=stamped.height_mm,
             beside_mm=hull(stamped.other_boxes_mm),
+            number=item.number,
         )
 
     def truth_of(self, item: Item) -> str:

@@ -83,6 +83,7 @@ class FolderParts:
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
             rows_known=rows_known,
+            number=item.number,
         )
 
     def font_of(self, condition: Condition) -> str:

@@ -60,6 +60,7 @@ class Specimen:
         rows_known: whether the order of the map's rows is known.
         feel: scans it; by the default plan unless given.
         take_lights: photographs it as `take_photo`, with others under other lights; None without.
+        number: of its item.
     """
 
     part: str
@@ -74,6 +75,7 @@ class Specimen:
     rows_known: bool = True
     feel: Feel | None = None
     take_lights: Callable[[], Photo] | None = None
+    number: int = 0
 
 
 class Parts(Protocol):

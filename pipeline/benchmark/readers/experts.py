@@ -10,36 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.readers.mode import PartReadings
-
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
-    from recognition.reader import Reader
     from recognition.senses.settings import ReaderSettings
 
 EXPERT_MODES = ("tactile network", "tactile templates", "vision network")
 """Sense and expert (`recognition.senses.settings.EXPERTS`)."""
-
-
-class ExpertMode:
-    """One expert of one sense."""
-
-    def __init__(self, name: str, reader: Reader) -> None:
-        """Prepare.
-
-        Args:
-            name: of `EXPERT_MODES`.
-            reader: of both senses.
-        """
-        sense, self.expert = name.split()
-        self.uses: tuple[str, ...] = ("touch",) if sense == "tactile" else ("vision",)
-        self.settings = reader.settings
-        _ = reader.touch if sense == "tactile" else reader.vision
-
-    def read(self, senses: PartReadings) -> Reading:
-        """What the expert would have read; nothing where it had no say."""
-        whole = senses.touch if self.uses == ("touch",) else senses.vision
-        return alone(whole, self.expert, self.settings)
 
 
 def alone(whole: Reading, expert: str, settings: ReaderSettings) -> Reading:

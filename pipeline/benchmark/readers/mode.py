@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -92,13 +93,7 @@ class PartReadings:
         Raises:
             MarksError: there is none.
         """
-        from recognition.reader import centred
-
-        if self.specimen.take_photo is None:
-            raise MarksError(f"{self.specimen.part} has no photograph")
-        photo: Photo = self._timed("photograph", self.specimen.take_photo)
-        # as `pipeline.reading.part_reader` has it
-        return photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
+        return self._taken("photograph", self.specimen.take_photo)
 
     @cached_property
     def vision(self) -> Reading:
@@ -114,14 +109,19 @@ class PartReadings:
         Raises:
             MarksError: there is only one, or none.
         """
+        photo = self._taken("photographs", self.specimen.take_lights)
+        reading: Reading = self._timed("lights", lambda: self._reader.vision.read_photo(photo))
+        return reading
+
+    def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
         from recognition.reader import centred
 
-        if self.specimen.take_lights is None:
-            raise MarksError(f"{self.specimen.part} has no photographs under several lights")
-        photo: Photo = self._timed("photographs", self.specimen.take_lights)
-        shown = photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
-        reading: Reading = self._timed("lights", lambda: self._reader.vision.read_photo(shown))
-        return reading
+        if take is None:
+            several = " under several lights" if name == "photographs" else ""
+            raise MarksError(f"{self.specimen.part} has no {name}{several}")
+        photo: Photo = self._timed(name, take)
+        # as `pipeline.reading.part_reader` has it
+        return photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
 
     def _timed(self, name: str, act: Callable[[], Any]) -> Any:
         start = time.perf_counter()
@@ -149,6 +149,36 @@ def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -
     return float(sum(n * (samples / scan.sample_rate_hz + turnaround_s) for n, samples in passes))
 
 
+@dataclass(frozen=True)
+class StageReading:
+    """A reading, and what it took on a stage.
+
+    Attributes:
+        reading: of the part.
+        stage_s: stage seconds.
+        passes: felt.
+        stop: why no more.
+        thought_s: longest wait between two passes, processor seconds.
+        usual_thought_s: median wait.
+    """
+
+    reading: Reading
+    stage_s: float
+    passes: int
+    stop: str = ""
+    thought_s: float = 0.0
+    usual_thought_s: float = 0.0
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a trial that the stage fills."""
+        times = {name: round(getattr(self, name), 4) for name in ("thought_s", "usual_thought_s")}
+        return {
+            "scan_s": round(self.stage_s, 3),
+            "flags": self.stop,
+            "measures": {"passes": float(self.passes), **times},
+        }
+
+
 class ModeReader(Protocol):
     """A mode.
 
@@ -159,5 +189,5 @@ class ModeReader(Protocol):
 
     uses: tuple[str, ...]
 
-    def read(self, senses: PartReadings) -> Reading:
+    def read(self, senses: PartReadings) -> Reading | StageReading:
         """Read the part."""

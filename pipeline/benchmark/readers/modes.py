@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.readers.experts import EXPERT_MODES, ExpertMode
+from pipeline.benchmark.readers.experts import EXPERT_MODES, alone
 from pipeline.benchmark.readers.mode import ModeReader, PartReadings
 from pipeline.benchmark.readers.own_reader import OwnMode
+from pipeline.benchmark.readers.plans import PlanMode, TouchPlan
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
@@ -16,100 +18,71 @@ if TYPE_CHECKING:
     from recognition.reader import Reader
 
 
-class TactileMode:
-    """Touch alone."""
+@dataclass
+class SenseMode:
+    """A mode of the project's own senses.
 
-    uses: tuple[str, ...] = ("touch",)
+    Attributes:
+        uses: see `ModeReader`.
+        read: makes its reading of what the senses read.
+    """
 
-    def __init__(self, reader: Reader) -> None:
-        _ = reader.touch
-
-    def read(self, senses: PartReadings) -> Reading:
-        """The reading of touch."""
-        return senses.touch
+    uses: tuple[str, ...]
+    read: Callable[[PartReadings], Reading]
 
 
-class VisionMode:
-    """The camera alone."""
-
-    uses: tuple[str, ...] = ("vision",)
-
-    def __init__(self, reader: Reader) -> None:
+def _sense(
+    uses: tuple[str, ...], read: Callable[[PartReadings, Reader], Reading], reader: Reader
+) -> SenseMode:
+    if "touch" in uses:
+        _ = reader.touch  # settings that cannot be, before anything is read
+    if uses != ("touch",):
         _ = reader.vision
-
-    def read(self, senses: PartReadings) -> Reading:
-        """The reading of vision."""
-        return senses.vision
+    return SenseMode(uses, lambda senses: read(senses, reader))
 
 
-class LightsMode:
-    """The camera alone, under several lights."""
-
-    uses: tuple[str, ...] = ("lights",)
-
-    def __init__(self, reader: Reader) -> None:
-        _ = reader.vision
-
-    def read(self, senses: PartReadings) -> Reading:
-        """The reading of all photographs together."""
-        return senses.lights
+def _expert(name: str, reader: Reader) -> ModeReader:
+    sense, expert = name.split()
+    whole = MODES[sense](reader)
+    return SenseMode(whole.uses, lambda senses: alone(whole.read(senses), expert, reader.settings))
 
 
-class FusedMode:
-    """Touch and camera."""
+def _peer(name: str, reader: Reader) -> ModeReader:
+    from pipeline.benchmark.readers.peers import open_peer
 
-    uses: tuple[str, ...] = ("touch", "vision")
-
-    def __init__(self, reader: Reader) -> None:
-        _ = reader.touch, reader.vision
-        self.reader = reader
-
-    def read(self, senses: PartReadings) -> Reading:
-        """Both readings fused."""
-        return self.reader.fuse(senses.touch, senses.vision)
+    written = reader.settings.format
+    return open_peer(*name.split(), format=written if isinstance(written, str) else None)
 
 
-def _peer(engine: str, picture: str) -> Callable[[Reader], ModeReader]:
-    def make(reader: Reader) -> ModeReader:
-        from pipeline.benchmark.readers.peers import open_peer
-
-        written = reader.settings.format
-        return open_peer(engine, picture, format=written if isinstance(written, str) else None)
-
-    return make
-
-
-MODES: dict[str, Callable[[Reader], ModeReader]] = {
-    "tactile": TactileMode,
-    "vision": VisionMode,
-    "lights": LightsMode,
-    "fused": FusedMode,
+MODES: dict[str, Callable[[Reader], SenseMode]] = {
+    "tactile": partial(_sense, ("touch",), lambda senses, _: senses.touch),
+    "vision": partial(_sense, ("vision",), lambda senses, _: senses.vision),
+    "lights": partial(_sense, ("lights",), lambda senses, _: senses.lights),
+    "fused": partial(_sense, ("touch", "vision"), lambda s, reader: reader.fuse(s.touch, s.vision)),
 }
 """The project's own modes by name."""
 PEERS: dict[str, Callable[[Reader], ModeReader]] = {
-    f"{engine} {picture}": _peer(engine, picture)
+    name: partial(_peer, name)
     for engine in ("rapidocr", "tesseract")
-    for picture in ("photo", "edges", "relief", "ideal")
+    for name in (f"{engine} {picture}" for picture in ("photo", "edges", "relief", "ideal"))
 }
 """Programs of others on the same parts, by name."""
-
-
-EXPERTS: dict[str, Callable[[Reader], ModeReader]] = {
-    name: partial(ExpertMode, name) for name in EXPERT_MODES
-}
+EXPERTS: dict[str, Callable[[Reader], ModeReader]] = {name: partial(_expert, name) for name in EXPERT_MODES}
 """Every expert of the project's own modes by itself, by name."""
 
 
 def open_mode(name: str, reader: Reader) -> ModeReader:
-    """The mode of that name, or the reader of one's own, `module:function`.
+    """The mode of that name, a plan of touch, or the reader of one's own, `module:function`.
 
     Raises:
         ModeUnavailableError: it cannot run here.
         SettingsError: no such mode, or a font or format it cannot use.
     """
-    makers = {**MODES, **EXPERTS, **PEERS}
+    makers: dict[str, Callable[[Reader], ModeReader]] = {**MODES, **EXPERTS, **PEERS}
     if ":" in name:
         return OwnMode(name, reader.settings)
+    if (plan := TouchPlan.of(name)) is not None:
+        return PlanMode(plan, reader)
     if name not in makers:
         raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
     return makers[name](reader)

@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.atomic import replacing
-from pipeline.benchmark.report.page import rendered
+from pipeline.benchmark.report.page import write_page
 from pipeline.reading.certificate import Certificate
 from recognition.decision.accepted_risk import Shown
 from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
-
-_TEMPLATE = "certificate.html.j2"
 
 
 def write_certificate_page(certificate: Certificate, path: Path, *, command: str) -> None:
@@ -26,8 +23,9 @@ def write_certificate_page(certificate: Certificate, path: Path, *, command: str
     Raises:
         FileError: the file cannot be written.
     """
-    page = rendered(
-        _TEMPLATE,
+    write_page(
+        path,
+        "certificate.html.j2",
         title="Certificate of acceptance",
         c=certificate,
         tests=[test for test in certificate.tests if test.shown is not Shown.NOT_TESTED],
@@ -36,8 +34,6 @@ def write_certificate_page(certificate: Certificate, path: Path, *, command: str
         least_parts=LEAST_PARTS,
         command=command,
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:

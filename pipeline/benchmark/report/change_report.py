@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import replacing
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes, level_words, reader_of
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import rendered
+from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remade import remade
@@ -21,7 +19,6 @@ from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 
 PAGE, TABLE = "compare.html", "compare.csv"
 SHOWN = 24
-_TEMPLATE = "compare.html.j2"
 
 
 @dataclass(frozen=True)
@@ -61,14 +58,12 @@ def write_comparison(
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))
     drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or InlineExecutor())
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    make_folder(folder)
     written = Compared(folder / PAGE, folder / TABLE, found, problem)
-    _write_table(found, written.table)
-    page = rendered(
-        _TEMPLATE,
+    write_table(written.table, _rows(found))
+    write_page(
+        written.page,
+        "compare.html.j2",
         title="What the change did",
         folders=(str(before), str(after)),
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
@@ -80,8 +75,6 @@ def write_comparison(
         more=len(found.flips) - len(drawn),
         problem=problem,
     )
-    with replacing(written.page) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
     return written
 
 
@@ -105,18 +98,14 @@ def _drawn(
     return list(zip(flips, blanks, strict=True)), problem
 
 
-def _write_table(found: Changes, path: Path) -> None:
+def _rows(found: Changes) -> Iterator[Sequence[object]]:
     factors = list(dict.fromkeys(name for c in found.flips for name in c.after.levels))
     sides = ("text", "decision", "confidence", "characters_right")
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(
-            ("part", *factors, "mode", "given", "flip", "truth", *(f"{s}_{ab}" for s in sides for ab in "ab"))
-        )
-        for c in found.flips:
-            both = c.before, c.after
-            writer.writerow((
-                c.after.part, *(c.after.levels.get(name, "") for name in factors), c.after.mode, c.after.given,
-                c.flip.value, c.after.truth, *(t.text for t in both), *(t.decision for t in both),
-                *(t.confidence for t in both), *(characters_right(t) for t in both),
-            ))  # fmt: skip
+    yield "part", *factors, "mode", "given", "flip", "truth", *(f"{s}_{ab}" for s in sides for ab in "ab")
+    for c in found.flips:
+        both = c.before, c.after
+        yield (
+            c.after.part, *(c.after.levels.get(name, "") for name in factors), c.after.mode, c.after.given,
+            c.flip.value, c.after.truth, *(t.text for t in both), *(t.decision for t in both),
+            *(t.confidence for t in both), *(characters_right(t) for t in both),
+        )  # fmt: skip

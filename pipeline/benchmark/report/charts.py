@@ -73,6 +73,41 @@ def severities_in(groups: Sequence[Group]) -> list[float | None]:
     return sorted(found, key=lambda s: (s is None, s or 0.0))
 
 
+def severity_panels(
+    severities: Sequence[float | None], draw: Callable[[Axes, float | None], None], *, height_in: float
+) -> Figure:
+    """A panel for every severity, two in a row, under them what their lines mean.
+
+    Args:
+        severities: one a panel.
+        draw: draws on the axes of a severity, with labels on the first ones.
+        height_in: of a panel.
+    """
+    columns = min(2, max(1, len(severities)))
+    rows = -(-len(severities) // columns) or 1
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + height_in * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, severity in zip(panels, severities, strict=False):
+        draw(axes, severity)
+        axes.set_title(f"dirt {severity_name(severity)}", loc="left", fontsize=10, fontweight="bold")
+        ruled(axes)
+    for axes in panels[len(severities) :]:
+        axes.set_axis_off()
+    _legend_below(figure, panels[0])
+    return figure
+
+
+def ruled(axes: Axes) -> None:
+    """Draw a light grid behind the lines."""
+    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    axes.set_axisbelow(True)
+
+
+def _legend_below(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+
+
 def _places(severities: Sequence[float | None]) -> dict[float | None, float]:
     """Where each severity stands on the axis: in proportion if all are known."""
     known = [s for s in severities if s is not None]
@@ -116,10 +151,8 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
         lower.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
         lower.set_xlabel("severity of the dirt")
         for each in (upper, lower):
-            each.grid(visible=True, color="#e3e6e8", linewidth=0.7)
-            each.set_axisbelow(True)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(modes)), frameon=False)
+            ruled(each)
+    _legend_below(figure, axes[0, 0])
     return figure
 
 

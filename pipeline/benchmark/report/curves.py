@@ -12,42 +12,40 @@ from matplotlib.ticker import PercentFormatter
 from pipeline.benchmark.analysis.calibration import Reliability
 from pipeline.benchmark.analysis.confusion import Confusion
 from pipeline.benchmark.analysis.groups import Group
-from pipeline.benchmark.report.charts import WIDTH_IN, modes_in, severities_in, severity_name, style_of
+from pipeline.benchmark.report.charts import (
+    WIDTH_IN,
+    modes_in,
+    ruled,
+    severities_in,
+    severity_panels,
+    style_of,
+)
 from pipeline.common.texts import EXTRA, MISSING
 
 
 def risk_figure(groups: Sequence[Group]) -> Figure:
     """Share of wrong serials among the surest, against how many are let through; a panel for every severity."""
-    severities, modes = severities_in(groups), modes_in(groups)
-    columns = min(2, len(severities))
-    rows = -(-len(severities) // columns)
-    figure = Figure(figsize=(WIDTH_IN, 0.7 + 2.6 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    for axes, severity in zip(panels.flat, severities, strict=False):
+    modes = modes_in(groups)
+
+    def draw(axes: Axes, severity: float | None) -> None:
         most = 0.02
-        for mode in modes:
-            group = next((g for g in groups if g.key.mode == mode and g.key.severity == severity), None)
-            if group is None:
+        for group in sorted(groups, key=lambda g: modes.index(g.key.mode)):
+            if group.key.severity != severity:
                 continue
-            colour, _, line = style_of(mode)
+            colour, _, line = style_of(group.key.mode)
             axes.plot(
                 group.risk.coverage, group.risk.risk, color=colour, linestyle=line, linewidth=1.6,
-                label=mode, clip_on=False,
+                label=group.key.mode, clip_on=False,
             )  # fmt: skip
             most = max(most, float(group.risk.risk.max(initial=0.0)))
-        axes.set_title(f"dirt {severity_name(severity)}", loc="left", fontsize=10, fontweight="bold")
         axes.set_xlim(0.0, 1.0)
         axes.set_ylim(0.0, min(1.02, 1.08 * most))
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
         axes.set_xlabel("coverage: share let through, the surest first", fontsize=9)
         axes.set_ylabel("risk: of these wrong", fontsize=9)
-        axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
-    for axes in panels.flat[len(severities) :]:
-        axes.set_axis_off()
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(modes)), frameon=False)
-    return figure
+
+    return severity_panels(severities_in(groups), draw, height_in=2.6)
 
 
 def reliability_figure(groups: Sequence[Group]) -> Figure:
@@ -82,7 +80,7 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.set_ylim(-0.03, 1.03)
     axes.set_xticks([0.0, 0.5, 1.0])
     axes.set_yticks([0.0, 0.5, 1.0])
-    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    ruled(axes)
     if not diagram.bins:
         axes.text(0.5, 0.5, "no confidence said", ha="center", va="center", fontsize=8)
         return

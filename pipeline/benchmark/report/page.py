@@ -2,19 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import replacing
+from glyphs.errors import FileError
 from pipeline.benchmark.analysis.factors import FactorEffect, LevelEffect, factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import severity_name
 from pipeline.common.shares import Share
+from pipeline.common.texts import harmless
 
 
-def rendered(template: str, **values: Any) -> str:
-    """A page of `pipeline.benchmark.report.templates`."""
+def make_folder(folder: Path) -> None:
+    """Make the folder of a report, if need be.
+
+    Raises:
+        FileError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file of a report, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
+    """Write a CSV table whose cells no spreadsheet takes for formulas.
+
+    Args:
+        path: of the table.
+        rows: the headings first; None is an empty cell.
+    """
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        for row in rows:
+            writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in row])
+
+
+def write_page(path: Path, template: str, **values: Any) -> None:
+    """Write a page of `pipeline.benchmark.report.templates`."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -28,35 +63,23 @@ def rendered(template: str, **values: Any) -> str:
         percent=percent, severity=severity_name, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
         points=points, points_span=_points_span,
     )  # fmt: skip
-    return environment.get_template(template).render(**values)
+    write_text(path, environment.get_template(template).render(**values))
 
 
-@dataclass(frozen=True)
-class Bar:
-    """Where a value and its interval stand on a scale, in percent of its length.
+def bars(effect: FactorEffect) -> tuple[float, list[tuple[LevelEffect, dict[str, float]]]]:
+    """Where the levels stand on a scale of characters right.
 
-    Attributes:
-        low: left end of the interval.
-        wide: its length.
-        value: the mark.
+    Returns:
+        The share at its left end, the right end being 100 %; and of every level, in percent of the scale's length, the
+        left end of its interval, the interval's length, and its mark.
     """
-
-    low: float
-    wide: float
-    value: float
-
-
-def bars(effect: FactorEffect) -> tuple[float, list[tuple[LevelEffect, Bar]]]:
-    """(share at the left end of the scale, every level with its bar); the right end is 100 % of characters."""
     foot = min(0.9, int(10.0 * min(e.characters.low for e in effect.levels)) / 10.0)
-
-    def place(share: float) -> float:
-        return round(100.0 * (share - foot) / (1.0 - foot), 2)
-
-    return foot, [
-        (e, Bar(place(e.characters.low), place(e.characters.high) - place(e.characters.low), place(e.characters.value)))
-        for e in effect.levels
-    ]  # fmt: skip
+    placed = []
+    for e in effect.levels:
+        ends = (e.characters.low, e.characters.high, e.characters.value)
+        low, high, value = (round(100.0 * (share - foot) / (1.0 - foot), 2) for share in ends)
+        placed.append((e, {"low": low, "wide": high - low, "value": value}))
+    return foot, placed
 
 
 def percent(share: Share | Estimate) -> str:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import Any
 
 from pipeline.benchmark.analysis.bounds import parts_without_wrong
@@ -18,29 +17,23 @@ from pipeline.benchmark.report import charts as report_pictures
 from pipeline.benchmark.report import curves as report_curves
 from pipeline.benchmark.report.charts import inlined, leading, modes_in, severities_in
 from pipeline.benchmark.report.design_words import design_words
-from pipeline.benchmark.report.page import bars, rendered
+from pipeline.benchmark.report.page import bars
 from pipeline.benchmark.report.text_tables import given_words, leaders
 from pipeline.benchmark.report.worst_parts import WorstPart, marked
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
-from pipeline.reading.certificate import Certificate
 
-_TEMPLATE = "report.html.j2"
 _MOST_MISTAKES = 12
 
 
-def report_page(
+def report_values(
     benchmark: Benchmark,
     trials: Sequence[Trial],
     found: Statistics,
     judged: Sequence[Verdict],
     worst: Sequence[WorstPart],
-    *,
-    command: str,
-    certificate: Certificate | None = None,
-    drift: Mapping[str, str] = MappingProxyType({}),
-) -> str:
-    """The page as HTML.
+) -> dict[str, Any]:
+    """What the page shows, by its names in the template.
 
     Args:
         benchmark: what was tried.
@@ -48,48 +41,41 @@ def report_page(
         found: of these trials.
         judged: of these findings.
         worst: parts to be shown.
-        command: how to do it again, as typed.
-        certificate: that the parts were read with, if any.
-        drift: how the parts of a mode differ from the certified ones, by mode.
     """
     description, errors = benchmark.description(), [t for t in trials if t.error]
     modes, n_parts = modes_in(found.by_mode), len({t.part for t in trials})
     first = [g for g in found.by_mode if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
-    return rendered(
-        _TEMPLATE,
-        title="Benchmark of reading dirty marks",
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        n_parts=n_parts,
-        modes=modes,
-        design=design_words(description["parts"], n_parts, found.given),
-        given=found.given,
-        given_words=given_words(found.given),
-        leaders=leaders(found.by_mode),
-        lead=leading(modes),
-        factors=list(_factors(found, modes)),
-        knowledge=found.knowledge,
-        stability=found.stability,
-        cells=_cells(found),
-        wrong=[(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
-        certificate=certificate,
-        drift=drift,
-        wrong_limit=WRONG_LIMIT,
-        wrong_needs=parts_without_wrong(WRONG_LIMIT),
-        experts=[m for m in modes if m in EXPERTS],
-        peers=[m for m in modes if m in PEERS],
-        peer_accepts=ACCEPTED_FROM,
-        verdicts=judged,
-        summary=_sorted(found.by_severity),
-        comparisons=found.comparisons,
-        pictures=_pictures(found),
-        confusions=list(_confusions(first)),
-        worst=[(part, [(t, marked(t)) for t in part.trials]) for part in worst],
-        errors=errors[:20],
-        n_errors=len(errors),
-        settings=list(_flat(description)),
-        versions=versions(),
-        command=command,
-    )
+    return {
+        "title": "Benchmark of reading dirty marks",
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "n_parts": n_parts,
+        "modes": modes,
+        "design": design_words(description["parts"], n_parts, found.given),
+        "given": found.given,
+        "given_words": given_words(found.given),
+        "leaders": leaders(found.by_mode),
+        "lead": leading(modes),
+        "factors": list(_factors(found, modes)),
+        "knowledge": found.knowledge,
+        "stability": found.stability,
+        "cells": _cells(found),
+        "wrong": [(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
+        "wrong_limit": WRONG_LIMIT,
+        "wrong_needs": parts_without_wrong(WRONG_LIMIT),
+        "experts": [m for m in modes if m in EXPERTS],
+        "peers": [m for m in modes if m in PEERS],
+        "peer_accepts": ACCEPTED_FROM,
+        "verdicts": judged,
+        "summary": _sorted(found.by_severity),
+        "comparisons": found.comparisons,
+        "pictures": _pictures(found),
+        "confusions": list(_confusions(first)),
+        "worst": [(part, [(t, marked(t)) for t in part.trials]) for part in worst],
+        "errors": errors[:20],
+        "n_errors": len(errors),
+        "settings": list(_flat(description)),
+        "versions": versions(),
+    }
 
 
 def _factors(found: Statistics, modes: Sequence[str]) -> Iterator[dict[str, Any]]:

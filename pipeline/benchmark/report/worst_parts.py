@@ -131,18 +131,8 @@ def _photo_panel(axes: Axes, senses: PartReadings) -> None:
     axes.set_title("photograph", fontsize=9, loc="left")
 
 
-@dataclass(frozen=True)
-class MarkedText:
-    """A serial as read, letter by letter, with whether each is right."""
-
-    letters: tuple[tuple[str, bool], ...]
-
-
-def marked(trial: Trial) -> MarkedText:
-    """What was read, its mistakes marked; "·" where a character is missing."""
-    return MarkedText(
-        tuple(
-            (trial.text[p.place] if p.place is not None else "·", p.right)
-            for p in align(trial.truth, trial.text)
-        )
-    )
+def marked(trial: Trial) -> list[tuple[str, bool]]:
+    """What was read, letter by letter, with whether each is right; "·" where a character is missing."""
+    return [
+        (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
+    ]

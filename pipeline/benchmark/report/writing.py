@@ -8,23 +8,22 @@ trials --statistics_of--> Statistics --+--> benchmark.json
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import replacing
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in
 from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
 from pipeline.benchmark.analysis.targets import Verdict, verdicts
 from pipeline.benchmark.exam.condition import level_name
-from pipeline.benchmark.report.report_page import report_page, versions
+from pipeline.benchmark.report.page import write_page, write_table, write_text
+from pipeline.benchmark.report.report_page import report_values, versions
 from pipeline.benchmark.report.text_tables import text_tables
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
@@ -92,17 +91,13 @@ def write_report(
     written = Written(
         folder / PAGE, folder / TABLE, folder / FIGURES, folder / DOCUMENT, found, judged, drift
     )
-    _write_table(trials, written.table)
-    with replacing(written.figures) as temporary:
-        figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1)
-        temporary.write_text(figures + "\n", encoding="utf-8")
-    with replacing(written.document) as temporary:
-        temporary.write_text(text_tables(found, command=command), encoding="utf-8", errors="backslashreplace")
-    page = report_page(
-        benchmark, trials, found, judged, worst, command=command, certificate=certificate, drift=drift
+    write_table(written.table, _rows(trials))
+    write_text(written.figures, json.dumps(_figures(benchmark, trials, found, judged), indent=1) + "\n")
+    write_text(written.document, text_tables(found, command=command))
+    values = report_values(benchmark, trials, found, judged, worst)
+    write_page(
+        written.page, "report.html.j2", **values, command=command, certificate=certificate, drift=drift
     )
-    with replacing(written.page) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
     return written
 
 
@@ -117,24 +112,20 @@ def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str
     return {mode: watch.first for mode, watch in watches.items() if watch.first}
 
 
-def _write_table(trials: Sequence[Trial], path: Path) -> None:
+def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
     factors = list(levels_in(trials))
-    headings = (
+    yield (
         "part", *factors, "mode", "truth", "text", "right", "decision", "confidence", "characters",
-        "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", "compute_s", "reading_s",
-        "simulated_s", "scan_s",
+        "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", *_TIMES,
     )  # fmt: skip
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(headings)
-        for t in trials:
-            levels = ("" if (level := level_of(t, name)) is None else level_name(level) for name in factors)
-            writer.writerow((
-                t.part, *levels, t.mode, t.truth, t.text, int(t.right), t.decision, t.confidence, len(t.truth),
-                characters_right(t), min((c.confidence for c in t.characters), default=""),
-                min((c.margin for c in t.characters), default=""), t.flags, t.error,
-                t.compute_s, round(t.reading_s, 4), t.simulated_s, t.scan_s,
-            ))  # fmt: skip
+    for t in trials:
+        levels = ("" if (level := level_of(t, name)) is None else level_name(level) for name in factors)
+        yield (
+            t.part, *levels, t.mode, t.truth, t.text, int(t.right), t.decision, t.confidence, len(t.truth),
+            characters_right(t), min((c.confidence for c in t.characters), default=""),
+            min((c.margin for c in t.characters), default=""), t.flags, t.error,
+            *(round(getattr(t, name), 4) for name in _TIMES),
+        )  # fmt: skip
 
 
 def crossed_of(description: Mapping[str, Any]) -> tuple[str, ...]:

@@ -8,40 +8,29 @@ depth.csv      where the variation of depths comes from
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from glyphs.atomic import replacing
-from glyphs.errors import FileError
-from pipeline.benchmark.report.charts import WIDTH_IN, inlined
-from pipeline.benchmark.report.page import rendered
+from pipeline.benchmark.report.charts import WIDTH_IN, inlined, ruled
+from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.study import Study
-from pipeline.common.texts import harmless
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
-_TEMPLATE = "study.html.j2"
 _MOST_PARTS = 60
 """Parts that disagree, on the page; all of them are in the table."""
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#7f7f7f", "#a0522d", "#cc79a7", "#56b4e9")
 
 
-@dataclass(frozen=True)
-class Written:
-    """What was written; no table of depths where there is no gauge study."""
-
-    files: tuple[Path, ...]
-
-
-def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), command: str = "") -> Written:
-    """Write the page and the tables.
+def write_study(
+    study: Study, folder: Path, *, notes: Sequence[str] = (), command: str = ""
+) -> tuple[Path, ...]:
+    """Write the page and the tables, and name them; no table of depths where there is no gauge study.
 
     Args:
         study: what was found.
@@ -52,22 +41,16 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
     Raises:
         FileError: the folder cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    make_folder(folder)
     tables = {READINGS: _readings(study), AGREEMENT: _agreement(study)}
     if study.depth is not None:
         tables[DEPTH] = _depth(study.depth)
     for name, rows in tables.items():
-        with (
-            replacing(folder / name) as temporary,
-            temporary.open("w", encoding="utf-8", newline="") as stream,
-        ):
-            csv.writer(stream).writerows([harmless(str(cell)) for cell in row] for row in rows)
+        write_table(folder / name, rows)
     differ = disagreed(study)
-    page = rendered(
-        _TEMPLATE,
+    write_page(
+        folder / PAGE,
+        "study.html.j2",
         title="Agreement study",
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         study=study,
@@ -84,9 +67,7 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
         versions=versions(),
         command=command,
     )
-    with replacing(folder / PAGE) as temporary:
-        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
-    return Written(tuple(folder / name for name in (PAGE, *tables)))
+    return tuple(folder / name for name in (PAGE, *tables))
 
 
 def disagreed(study: Study) -> list[str]:
@@ -128,7 +109,7 @@ def depth_figure(study: Study) -> Figure:
     axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
     axes.set_ylabel("mean depth, mm")
-    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    ruled(axes)
     axes.legend(frameon=False, ncols=4)
     return figure
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from pipeline.benchmark.exam.condition import PERTURBED, Condition, Given
 from pipeline.benchmark.exam.specimens import Item, Parts
-from pipeline.benchmark.readers.mode import ModeReader, PartReadings
+from pipeline.benchmark.readers.mode import ModeReader, PartReadings, StageReading
 from pipeline.benchmark.readers.modes import MODES, open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
@@ -174,19 +174,22 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
         mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
-        reading = reader.certified(mode.read(senses)) if own_mode else mode.read(senses)
+        read = mode.read(senses)
+        on_stage = read.fields() if isinstance(read, StageReading) else {}
+        reading = read.reading if isinstance(read, StageReading) else read
+        reading = reader.certified(reading) if own_mode else reading
         measures = measures_of(reading) if own_mode else {}
     except Exception as error:
         return replace(blank, error=_told(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
     used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
-    return replace(
-        blank,
+    found = {
         **answer_of(reading),
-        measures={name.value: value for name, value in measures.items()},
-        compute_s=round(own + used, 4),
-        scan_s=round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
-    )
+        "measures": {name.value: value for name, value in measures.items()},
+        "compute_s": round(own + used, 4),
+        "scan_s": round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
+    }
+    return replace(blank, **{**found, **on_stage})
 
 
 @lru_cache(maxsize=KEPT_READERS)

@@ -6,51 +6,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.exam.specimens import Parts
+    from collections.abc import Sequence
 
-BUDGET_S = 90.0
-"""Most stage seconds of a part that is felt actively."""
+    from pipeline.benchmark.trials.journal import Trial
 
 
-def compare_plans(source: Parts, *, out: Path, seed: int, jobs: int) -> int:
-    """Read parts by touch that chooses, by uniform and random plans and the whole one; write the table and the page.
-
-    A run that was broken off goes on where it ended.
+def show_plans(trials: Sequence[Trial], out: Path) -> None:
+    """Print what each plan of touch costs and brings; write the table, the page and the picture.
 
     Args:
-        source: of the parts.
+        trials: by plans of touch.
         out: folder for active.csv, active.html and active.png.
-        seed: of sensors and of random plans.
-        jobs: worker processes.
     """
+    from pipeline.benchmark.report.stage_time import by_severity, write_stage_time
     from pipeline.benchmark.report.writing import command_line
-    from pipeline.benchmark.stage_time.report import level_text, write_curves, write_page, write_table
-    from pipeline.benchmark.stage_time.run import Comparison, compare
-    from pipeline.benchmark.stage_time.trial import PLANS, results
-    from pipeline.runs.progress import Progress
-    from pipeline.workers.options import ExecutorOptions
 
-    comparison = Comparison(source, seed, BUDGET_S, PLANS)
-    with Progress() as progress, ExecutorOptions(jobs).opened(len(source.items())) as executor:
-        tried = compare(
-            comparison,
-            out,
-            executor=executor,
-            on_start=progress.start,
-            on_part=lambda _: progress.advance(),
-        )
-    write_table(out / "active.csv", tried)
-    write_page(
-        out / "active.html", tried, title="What a serial costs in stage seconds", command=command_line()
+    written = write_stage_time(
+        trials, out, title="What a serial costs in stage seconds", command=command_line()
     )
-    write_curves(out / "active.png", tried)
-    severities = sorted({t.severity for t in tried if t.severity is not None})
-    for severity in (*severities, None):
+    for severity, rows in by_severity(trials):
         print("\nall parts" if severity is None else f"\ndirt {severity:g}")
-        for row in results(tried, severity=severity):
+        for row in rows:
             print(
-                f"  {row.plan.name:8} {level_text(row):32} {row.stage_s:6.1f} s (median {row.median_s:.1f})  "
+                f"  {row.plan.name:8} {row.plan.level_text:32} {row.stage_s:6.1f} s (median {row.median_s:.1f})  "
                 f"accepted {row.accepted} of {row.n}, {row.wrong} of them wrong; {row.right} right"
             )
-    print(f"wrote {out / 'active.csv'}, {out / 'active.html'} and {out / 'active.png'}")
-    return 0
+    print(f"wrote {', '.join(map(str, written[:-1]))} and {written[-1]}")

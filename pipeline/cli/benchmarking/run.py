@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import App, Parameter
 
@@ -17,9 +17,11 @@ from pipeline.common.settings import SettingsError
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.condition import Condition
     from pipeline.benchmark.report.writing import Written
+    from pipeline.benchmark.trials.journal import Trial
     from pipeline.benchmark.trials.run import Benchmark
-    from pipeline.reading.certificate import Certificate
+    from pipeline.workers.executors import Executor
 
+R = TypeVar("R")
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
 app.command(
@@ -173,6 +175,7 @@ def benchmark(
         from pipeline.benchmark.exam.specimens import Parts
         from pipeline.benchmark.readers.experts import experts_in
         from pipeline.benchmark.readers.modes import PEERS
+        from pipeline.benchmark.report.writing import command_line, write_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
         from pipeline.reading.certificate import checked
@@ -218,14 +221,25 @@ def benchmark(
                 )
             )
         if active:
-            from pipeline.cli.benchmarking.active import compare_plans
+            from pipeline.benchmark.readers.plans import PLANS
+            from pipeline.cli.benchmarking.active import show_plans
 
-            return compare_plans(source, out=out, seed=1 if seed is None else seed, jobs=jobs)
+            plans = Benchmark(
+                source, tuple(p.mode for p in PLANS), ReaderSettings(orientation=Orientation.UPRIGHT)
+            )
+            _run(plans, out, lambda trials, _: show_plans(trials, out), jobs=jobs, cluster=cluster)
+            return 0
         named = listed(mode) + tuple(reader or ())
         added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
         chosen = named + tuple(mode for mode in added if mode not in named)
         again = PERTURBATIONS if perturb else ()
-        written = _run(Benchmark(source, chosen, reading, again), out, vouching, jobs=jobs, cluster=cluster)
+        tried = Benchmark(source, chosen, reading, again)
+
+        def report(trials: Sequence[Trial], executor: Executor) -> Written:
+            typed = command_line()
+            return write_report(tried, trials, out, command=typed, certificate=vouching, executor=executor)
+
+        written = _run(tried, out, report, jobs=jobs, cluster=cluster)
         print_result(written)
         _check_stable(written)
     return 0
@@ -274,9 +288,14 @@ def _numbers(text: str) -> list[float]:
 
 
 def _run(
-    benchmark: Benchmark, out: Path, certificate: Certificate | None, *, jobs: int, cluster: str | None
-) -> Written:
-    from pipeline.benchmark.report.writing import command_line, crossed_of, write_report
+    benchmark: Benchmark,
+    out: Path,
+    report: Callable[[Sequence[Trial], Executor], R],
+    *,
+    jobs: int,
+    cluster: str | None,
+) -> R:
+    from pipeline.benchmark.report.writing import crossed_of
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import run_benchmark
     from pipeline.runs.progress import Progress
@@ -297,9 +316,7 @@ def _run(
                     on_part=lambda _: progress.advance(),
                 )
                 progress.step("drawing the report")
-                return write_report(
-                    benchmark, trials, out, command=command_line(), certificate=certificate, executor=executor
-                )
+                return report(trials, executor)
         except KeyboardInterrupt as error:
             raise CommandError(
                 "interrupted",

@@ -40,15 +40,16 @@ def test_an_active_scan_chooses_its_ways_itself(part: Path, tmp_path: Path) -> N
 def test_the_benchmark_compares_plans(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline.benchmark.stage_time import run, trial
+    from pipeline.benchmark.readers import plans as touch_plans
+    from pipeline.benchmark.trials import run
 
     # three plans of all: the suite need not feel a part as often
     plans = (
-        trial.TouchPlan("active", 100.0),
-        trial.TouchPlan("uniform", 4),
-        trial.TouchPlan("whole", LINES_PER_HEIGHT),
+        touch_plans.TouchPlan("active", 100.0),
+        touch_plans.TouchPlan("uniform", 4),
+        touch_plans.TouchPlan("whole", LINES_PER_HEIGHT),
     )
-    monkeypatch.setattr(trial, "PLANS", plans)
+    monkeypatch.setattr(touch_plans, "PLANS", plans)
     asked = [
         "benchmark",
         "--active",
@@ -70,7 +71,7 @@ def test_the_benchmark_compares_plans(
     assert page.count("<img") == 1
     assert (tmp_path / "active.png").stat().st_size > 10_000
     # what is kept is not felt again
-    monkeypatch.setattr(run, "tried_on", None)
+    monkeypatch.setattr(run, "try_part", None)
     assert main(asked) == 0
     assert list(csv.DictReader((tmp_path / "active.csv").open(encoding="utf-8"))) == rows
     assert main([*asked, "--seed", "5"]) == 1

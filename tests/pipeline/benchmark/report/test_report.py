@@ -163,7 +163,7 @@ def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
     assert [w.part[-1] for w in worst] == ["1", "4", "2", "3", "0"]
     assert worst[1].why == "tactile: an error"
     assert [t.mode for t in worst[0].trials] == ["tactile", "vision", "fused"]
-    assert marked(TRIALS[3]).letters == (("A", True), ("·", False))
+    assert marked(TRIALS[3]) == [("A", True), ("·", False)]
 
 
 def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_read() -> None:

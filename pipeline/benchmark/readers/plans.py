@@ -1,0 +1,122 @@
+"""Plans of touch as modes: one that chooses its passes and stops, uniform ones, ones drawn at random, the whole one.
+
+mode         level                           passes                            stops
+active L     worth of a serial, stage s      chosen one step ahead             when sure, or not worth it
+uniform L    lines to half a height          along x, evenly                   never before its end
+random L     budget, stage s                 ways drawn at random              never before its end
+whole L      lines to a height               four directions, as usual         never before its end
+
+All are read by touch alone, on one bench with the sensors and the stage that `BENCH_SEED` draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.benchmark.readers.mode import PartReadings, StageReading
+from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
+from recognition.active.active_reader import ActiveReader, ActiveSettings
+from recognition.active.moves import MOST, Way
+from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder
+from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
+
+if TYPE_CHECKING:
+    from recognition.reader import Reader
+
+WORTHS_S = (30.0, WORTH_S, 1000.0)
+UNIFORM_LINES = (4, 8, 16)
+RANDOM_BUDGETS_S = (8.0, 24.0)
+BUDGET_S = 90.0
+"""Most stage seconds of a part that is felt actively."""
+BENCH_SEED = 1
+_NO_LIMIT_S = 1e6
+_LEVELS = {
+    "active": "a serial is worth {0:g} s",
+    "uniform": "{0:g} lines to half a height",
+    "random": "{0:g} s at most",
+    "whole": "{0:g} lines to a height, four directions",
+}
+
+
+@dataclass(frozen=True)
+class TouchPlan:
+    """A plan of touch.
+
+    Attributes:
+        name: active, uniform, random or whole.
+        level: what makes it longer or shorter; see the module.
+    """
+
+    name: str
+    level: float
+
+    @property
+    def mode(self) -> str:
+        """The mode that reads by this plan."""
+        return f"{self.name} {self.level:g}"
+
+    @property
+    def level_text(self) -> str:
+        """What makes the plan longer or shorter, in words."""
+        return _LEVELS[self.name].format(self.level)
+
+    @classmethod
+    def of(cls, mode: str) -> TouchPlan | None:
+        """The plan of a mode's name; None of another mode."""
+        name, _, level = mode.partition(" ")
+        return cls(name, float(level)) if name in _LEVELS and level.replace(".", "", 1).isdigit() else None
+
+    def settings(self, number: int) -> ActiveSettings:
+        """Policy and budget on the part of that number."""
+        if self.name == "active":
+            return ActiveSettings(budget_s=BUDGET_S, policy=Greedy(worth_s=self.level))
+        if self.name == "uniform":
+            policy = Ladder(((Way.ALONG, min(MOST, round(self.level))),))
+            return ActiveSettings(budget_s=_NO_LIMIT_S, policy=policy, until_sure=False)
+        return ActiveSettings(budget_s=self.level, policy=Drawn(BENCH_SEED + number), until_sure=False)
+
+
+PLANS = (
+    *(TouchPlan("active", worth) for worth in WORTHS_S),
+    *(TouchPlan("uniform", lines) for lines in UNIFORM_LINES),
+    *(TouchPlan("random", budget) for budget in RANDOM_BUDGETS_S),
+    TouchPlan("whole", LINES_PER_HEIGHT),
+)
+
+
+class PlanMode:
+    """Touch by one plan."""
+
+    uses: tuple[str, ...] = ()
+
+    def __init__(self, plan: TouchPlan, reader: Reader) -> None:
+        self._plan, self._touch = plan, reader.touch
+
+    def read(self, senses: PartReadings) -> StageReading:
+        """Feel the part by the plan and read it."""
+        from pipeline.reading.simulated_scan import feel, open_session
+
+        part = senses.specimen
+        height_mm = part.height_mm or USUAL_HEIGHT_MM
+        if self._plan.name == "whole":
+            plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
+            scan = feel(
+                part.height_map, plan=plan, height_mm=height_mm, sensor_seed=BENCH_SEED, soil=part.soil
+            )
+            return StageReading(self._touch.read_scan(scan), plan.scan_time_s, passes=len(plan.passes()))
+        session = open_session(
+            part.height_map, height_mm=height_mm, soil=part.soil, part_id=part.part, sensor_seed=BENCH_SEED
+        )
+        found = ActiveReader(self._touch, self._plan.settings(part.number)).read(session)
+        session.close()
+        # after the last pass nobody waits: the part can be taken away
+        waits = sorted(p.thought_s for p in found.passes[:-1] if p.thought_s > 0.0)
+        return StageReading(
+            found.reading,
+            found.stage_s,
+            passes=len(found.passes),
+            stop=found.stop.value,
+            thought_s=max(waits, default=0.0),
+            usual_thought_s=waits[len(waits) // 2] if waits else 0.0,
+        )
