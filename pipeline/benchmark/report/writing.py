@@ -105,7 +105,7 @@ def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str
     """How the parts of each mode differ from the certified ones, in words; of those that do."""
     watches: dict[str, DriftWatch] = {}
     for trial in (t for t in trials if not t.perturbed):
-        measures = {Measure(name): value for name, value in trial.measures.items()}
+        measures = {m: trial.measures[m.value] for m in Measure if m.value in trial.measures}
         watches.setdefault(trial.mode, DriftWatch(certificate)).add(trial.mode, measures)
     for watch in watches.values():
         watch.compare()
