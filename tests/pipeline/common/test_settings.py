@@ -57,7 +57,11 @@ def test_the_readers_are_told_grammar_and_thresholds() -> None:
 def test_the_readers_are_told_who_has_a_say() -> None:
     reader = open_reader(ReadSettings(experts="network, templates"))
     assert reader.settings.experts == ("network", "templates")
-    assert reader.touch.lines.experts == {"network", "templates"}
+    named = [
+        open_reader(ReadSettings(font=("gothic",), experts=who)).touch.templates_judge
+        for who in ((), ("network",), ("network", "templates"))
+    ]
+    assert named == [True, False, True]
     with pytest.raises(MarksError, match="no photograph is read by templates; add the expert network"):
         _ = open_reader(ReadSettings(experts=("templates",))).vision
     assert open_reader(ReadSettings()).settings.experts == ()
