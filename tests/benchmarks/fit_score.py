@@ -269,7 +269,8 @@ def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -
                 for level in (0.0, 0.3, 0.6, 0.9):
                     at = np.abs(joined.severity - level) < 0.15
                     own = (getattr(joined, c)[at] for c in ("right", "severity", "said", "broken"))
-                    yield Judged(f"dirt {level:g}", *own).row(threshold)
+                    if at.any():
+                        yield Judged(f"dirt {level:g}", *own).row(threshold)
     yield ""
 
 
