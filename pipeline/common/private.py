@@ -21,10 +21,14 @@ def private_folder(path: Path) -> None:
 def private_file(path: Path) -> None:
     """Make an empty file if it is missing, for its owner alone; one that is there is closed as `close_to_others` does.
 
+    One that is there is not opened: to close a file again lets go of all locks that the process has on it, and another
+    process would take away the log of a store that is open here.
+
     Raises:
         OSError: it cannot be made.
     """
-    os.close(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600))
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o600))
     close_to_others(path)
 
 
