@@ -1,7 +1,7 @@
 """TOML and JSON that somebody else has written: whatever is wrong with the text is one kind of error.
 
 The parsers raise more than their own errors: RecursionError for brackets in brackets, ValueError for a number of more
-digits than Python converts. What is wrong with the keys of a model is told by the first of them.
+digits than Python converts. Of several wrong keys of a model the message names the first.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def list_parts(
     """The parts that the inputs name, in the order given, a folder's by name.
 
     In a folder or glob files of other kinds are passed over; named on their own they are parts with a problem,
-    as are files that are not there. Beside height maps or scans, a photograph that is none of theirs may be any
+    as are files that are not there. Beside height maps or scans, a photograph that belongs to none of them may be any
     picture. A URL that ends as a file of a known kind does is taken for one and not asked after; any other is listed.
 
     Args:
@@ -278,7 +278,7 @@ def _kind_of_named(file: str) -> str:
 
 
 def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
-    """The part with one more file; two different files of one kind: which is meant, nobody can tell.
+    """Add a file to a part; with two different files of one kind it is not known which is meant.
 
     Photographs that are numbered (part.light-2.png) are all meant.
     """

@@ -21,7 +21,7 @@ when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MOST_BYTES = {"height_map": 1_000_000_000, "scan": 4_000_000_000, "photo": 500_000_000}
-"""Of the longest file of each kind that is read."""
+"""Size of the longest file of each kind that is read."""
 HEAD_BYTES = 16
 """First bytes of a file that tell its kind."""
 

@@ -35,7 +35,7 @@ _HEADER_BYTES = 10_000
 _MOST_MEMBERS = 10_000
 _ROWS = ("top-first", "bottom-first")
 DEFAULT_HARDNESS_MPA = 10.0
-"""Of caked grime, where a file gives a thickness and no hardness."""
+"""Hardness of caked grime, for a file that gives a thickness and no hardness."""
 
 
 class _SoilMember(NamedTuple):

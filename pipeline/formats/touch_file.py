@@ -27,7 +27,7 @@ _BYTES_PER_SAMPLE, _SPARE_BYTES = 24, 64_000_000
 
 
 class _Reader(NamedTuple):
-    """Who reads a format: a function of (path, most samples) that returns a RawMap; its module is loaded when needed.
+    """Reader of a format: a function of (path, most samples) that returns a RawMap; its module is loaded when needed.
 
     Attributes:
         module: in this package.

@@ -23,6 +23,8 @@ FINE_MM, COARSE_MM = 0.1, 0.4
 """Between places of the land whose heights are compared: grains, and lumps."""
 FINE_PX, COARSE_PX = 1, 4
 """The same of a photograph."""
+MOST_ODDS = 50.0
+"""Log odds that stand for certainty."""
 DECIDING_HEIGHTS = 0.25
 """Length from which strokes that only one of two characters has decide between them, character heights."""
 _ENOUGH_SAMPLES = 100_000
@@ -61,8 +63,8 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     """What is known of the part; the others are left out."""
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
-        Measure.ODDS: reading.trace.odds,
-        Measure.CAMERA: reading.trace.camera_odds,
+        Measure.ODDS: _within(reading.trace.odds),
+        Measure.CAMERA: _within(reading.trace.camera_odds),
         Measure.FORMAT: reading.trace.evidence,
         Measure.LEAST_STROKES: min(
             (p.felt for p in reading.trace.strokes if p.felt is not None), default=None
@@ -111,6 +113,11 @@ def roughness(surface: NDArray[np.float64], step: int) -> float | None:
     ]
     known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
     return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else None
+
+
+def _within(odds: float | None) -> float | None:
+    """Log odds as a number: certainty is no missing value."""
+    return None if odds is None else min(max(odds, -MOST_ODDS), MOST_ODDS)
 
 
 def _covered(reading: Reading) -> float | None:

@@ -75,12 +75,15 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
 
 def _odds_of(reading: Reading, text: str) -> float | None:
     """Log odds of a text by one sense; None where it has read nothing, or another number of characters."""
-    lattice, plain = reading.trace.lattice, text.replace(" ", "")
+    lattice, plain = reading.trace.lattice, "".join(text.split())
     if lattice is None or not reading.characters or lattice.n_places != len(plain):
         return None
     if not set(plain) <= set(lattice.chars):
         return -math.inf
-    return log_odds(math.exp(sum(lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(plain))))
+    logs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(plain))
+    odds, own = log_odds(math.exp(sum(logs))), reading.trace.odds
+    # where no format says how many characters there are, its own text is no surer than their number
+    return odds if own is None or plain_text(reading) != plain else min(odds, own)
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:

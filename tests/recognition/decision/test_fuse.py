@@ -148,6 +148,13 @@ def test_a_sense_that_read_nothing_says_nothing(one: Lattice) -> None:
     np.testing.assert_allclose(np.exp(fuse_lattices(one, uniform).log_belief).argmax(1), share.argmax(1))
 
 
+def test_a_text_is_no_surer_of_both_than_the_number_of_its_characters_is_of_touch() -> None:
+    sure, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.999))
+    counted = sure.traced(odds=0.0)  # of touch, whether there are six characters is open
+    assert fuse(counted, seen, SETTINGS).trace.odds == 0.0
+    assert fuse(sure, seen, SETTINGS).confidence > fuse(counted, seen, SETTINGS).confidence
+
+
 def test_other_numbers_of_places_are_refused() -> None:
     with pytest.raises(ValueError, match="6 and 4 places"):
         fuse_lattices(of_text("AB1234", 0.9), of_text("B123", 0.9))

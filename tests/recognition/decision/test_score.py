@@ -38,6 +38,12 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "score_of", lambda source: PLAIN)
 
 
+@pytest.mark.parametrize(("odds", "accepted"), [(math.inf, True), (-math.inf, False)])
+def test_certainty_is_no_missing_value(odds: float, accepted: bool) -> None:
+    assert (scored(of_photo(odds=odds)).decision is Decision.ACCEPT) == accepted
+    assert scored(of_photo(odds=odds)).confidence != pytest.approx(0.5)
+
+
 def test_log_odds_and_shares_undo_each_other() -> None:
     for belief in (1e-6, 0.3, 0.5, 0.999):
         assert share(log_odds(belief)) == pytest.approx(belief)
