@@ -7,77 +7,59 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle as Box
+from matplotlib.ticker import FuncFormatter, LogLocator
 
+from pipeline.plots.pictures import PALE, STEEL, VERMILION, note, styled
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest
 from whisker_array.whisker.comb import Body
 
-_STEEL, _MARK, _PALE = "#3b5b7a", "#c2571a", "#a5b5c7"
 _DRAWN = (8, 24, 48)
 
 
+@styled
 def array_figure(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> Figure:
-    """Stage seconds on top; below, what up to three of the arrays look like. Narrow, to be read on a phone."""
+    """Draw stage seconds on top; below up to three of the arrays. Narrow, to be read on a phone."""
     drawn = [c for c in choices if c.plan.array.n_whiskers in _DRAWN] or [choices[-1]]
-    figure = Figure(figsize=(5.2, 3.6 + 1.6 * len(drawn)), dpi=150, layout="constrained")
-    grid = figure.add_gridspec(1 + len(drawn), 1, height_ratios=(3.4, *(1.6 for _ in drawn)))
-    _seconds(figure.add_subplot(grid[0]), request, choices)
-    for k, choice in enumerate(drawn, start=1):
-        _comb(figure.add_subplot(grid[k]), choice)
+    figure = Figure(figsize=(5.2, 3.6 + 1.6 * len(drawn)), dpi=150)
+    top, *combs = figure.subplots(1 + len(drawn), 1, height_ratios=(3.4, *(1.6 for _ in drawn)))
+    whiskers, seconds = [c.plan.array.n_whiskers for c in choices], [c.stage_s for c in choices]
+    top.loglog(whiskers, seconds, "o-", color=STEEL, markersize=5, linewidth=1.6)
+    for place in zip(whiskers, seconds, strict=True):
+        note(top, f"{place[1]:.1f}", place, (0, 7), ha="center")
+    top.set_xticks(whiskers, [str(n) for n in whiskers])
+    top.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    top.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    top.minorticks_off()
+    top.grid()
+    top.set(
+        ylim=(0.75 * min(seconds), 1.5 * max(seconds)),
+        xlabel="whiskers",
+        ylabel="stage seconds a serial",
+        title=f"{100 * request.accuracy:g} % of characters at dirt {request.severity:g}, "
+        f"{request.character_height_mm:g} mm high",
+    )
+    for axes, choice in zip(combs, drawn, strict=True):
+        _comb(axes, choice)
     return figure
 
 
-def _seconds(axes: Axes, request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
-    whiskers, seconds = [c.plan.array.n_whiskers for c in choices], [c.stage_s for c in choices]
-    axes.plot(whiskers, seconds, "o-", color=_STEEL, ms=5, lw=1.6)
-    for choice in choices:
-        axes.annotate(
-            f"{choice.stage_s:.1f}", (choice.plan.array.n_whiskers, choice.stage_s), xytext=(0, 7),
-            textcoords="offset points", ha="center", fontsize=9,
-        )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xticks(whiskers, [str(n) for n in whiskers])
-    ticks = [t for t in (0.5, 1, 2, 5, 10, 20, 50, 100, 200) if min(seconds) / 2 < t < 2 * max(seconds)]
-    axes.set_yticks(ticks, [f"{t:g}" for t in ticks])
-    axes.minorticks_off()
-    axes.set_ylim(0.75 * min(seconds), 1.5 * max(seconds))
-    axes.tick_params(labelsize=9)
-    axes.set_xlabel("whiskers", fontsize=10)
-    axes.set_ylabel("stage seconds a serial", fontsize=10)
-    axes.grid(alpha=0.3)
-    axes.set_title(
-        f"{100 * request.accuracy:g} % of characters at dirt {request.severity:g}, "
-        f"{request.character_height_mm:g} mm high",
-        fontsize=10,
-        loc="left",
-    )
-
-
 def _comb(axes: Axes, choice: ArrayChoice) -> None:
-    """Bodies from above, mm, traced to the right; the foremost row on the right, dots are tips."""
-    array = choice.plan.array
-    body = array.body
+    """Draw bodies from above, mm, traced to the right; the foremost row on the right, dots are tips."""
+    array, body = choice.plan.array, choice.plan.array.body
     if not isinstance(body, Body):  # points have nothing to draw
         return
     reach = body.reach_mm
     for i, behind in enumerate(array.offset_mm):
-        y = i * array.pitch_mm
+        x, y = -behind - reach, i * array.pitch_mm
         axes.add_patch(
-            Box(
-                (-behind - reach, y - 0.5 * body.width_mm),
-                reach,
-                body.width_mm,
-                fc=_PALE,
-                ec=_STEEL,
-                lw=0.5,
-                alpha=0.6,
-            )
+            Box((x, y - 0.5 * body.width_mm), reach, body.width_mm, fc=PALE, ec=STEEL, lw=0.5, alpha=0.6)
         )
-        axes.plot(-behind - reach, y, ".", color=_MARK, ms=3)
-    across = (array.n_whiskers - 1) * array.pitch_mm
-    axes.set_xlim(-max(array.offset_mm) - 1.06 * reach, 0.1 * reach)
-    axes.set_ylim(-body.width_mm, across + body.width_mm)
-    axes.set_aspect("equal", adjustable="box")
-    axes.tick_params(labelsize=8)
+        axes.plot(x, y, ".", color=VERMILION, markersize=3)
     rows = "1 row" if array.rows == 1 else f"{array.rows} rows, {array.stagger_mm:g} mm apart"
-    axes.set_title(f"{array.n_whiskers} whiskers from above: {rows}", fontsize=9, loc="left")
+    across = (array.n_whiskers - 1) * array.pitch_mm
+    axes.set(
+        xlim=(-max(array.offset_mm) - 1.06 * reach, 0.1 * reach),
+        ylim=(-body.width_mm, across + body.width_mm),
+        title=f"{array.n_whiskers} whiskers from above: {rows}",
+    )
+    axes.set_aspect("equal", adjustable="box")

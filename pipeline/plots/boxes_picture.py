@@ -1,4 +1,4 @@
-"""A picture with the boxes of the characters drawn in, for whoever has no page to lay them over it."""
+"""A picture with the boxes of its characters drawn in, for clients without a page that lays them over it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from pathlib import Path
 
 from pipeline.common.reading_records import ReadingRecord
 
-_ORANGE_BGR = (46, 87, 228)
-_WHITE_BGR = (255, 255, 255)
+_ORANGE_BGR, _WHITE_BGR = (46, 87, 228), (255, 255, 255)
 
 
 def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord) -> bytes:
-    """The picture as PNG, with each character's box and what was read there.
+    """Draw each character's box and the character read there; a PNG.
 
     Args:
         path: of a picture made by the service.
@@ -25,26 +24,15 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise RuntimeError(f"the picture {path.name} of the service's own making cannot be read")
-    x0, y0, pitch = meta["x0_mm"], meta["y0_mm"], meta["mm_per_pixel"]
+        raise RuntimeError(f"the service's own picture {path.name} cannot be read")
     thick = max(1, image.shape[1] // 600)
     for character in reading.characters:
-        left, top, right, bottom = character.box
-        corners = np.array([[left - x0, top - y0], [right - x0, bottom - y0]]) / pitch
-        a, b = (tuple(round(v) for v in corner) for corner in np.clip(corners, -1e6, 1e6).tolist())
-        cv2.rectangle(image, a, b, _ORANGE_BGR, thick, cv2.LINE_AA)
-        at = (a[0] + thick, a[1] - 3 * thick)
+        corners_mm = np.reshape(character.box, (2, 2)) - (meta["x0_mm"], meta["y0_mm"])
+        first, last = np.rint(np.clip(corners_mm / meta["mm_per_pixel"], -1e6, 1e6)).astype(int).tolist()
+        cv2.rectangle(image, first, last, _ORANGE_BGR, thick, cv2.LINE_AA)
+        at, font = (first[0] + thick, first[1] - 3 * thick), cv2.FONT_HERSHEY_SIMPLEX
         for colour, width in ((_WHITE_BGR, 4 * thick), (_ORANGE_BGR, 2 * thick)):
-            cv2.putText(
-                image,
-                character.char,
-                at,
-                cv2.FONT_HERSHEY_SIMPLEX,
-                0.9 * thick,
-                colour,
-                width,
-                cv2.LINE_AA,
-            )
+            cv2.putText(image, character.char, at, font, 0.9 * thick, colour, width, cv2.LINE_AA)
     done, encoded = cv2.imencode(".png", image)
     if not done:
         raise RuntimeError("the picture could not be encoded")

@@ -1,4 +1,4 @@
-"""What every drawing of the gallery is given, and what it gives back."""
+"""Settings of the gallery's figures, and a figure with its tables."""
 
 from __future__ import annotations
 
@@ -9,16 +9,12 @@ from matplotlib.figure import Figure
 
 from pipeline.common.settings import SettingsError
 from pipeline.plots.estimator_trial import TrialRow
-from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
-
-FIDELITY_COLOURS = {Fidelity.POINTWISE: "#0072B2", Fidelity.CONTACT: "#D55E00"}
-"""Blue and vermilion of Okabe and Ito: apart for every eye, and in grey."""
 
 
 @dataclass(frozen=True)
 class FigureSettings:
-    """What can be chosen about the gallery.
+    """Settings of the gallery.
 
     Attributes:
         mu: friction coefficient, where a figure is not about it.
@@ -34,19 +30,18 @@ class FigureSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.mu) and 0.0 <= self.mu <= 1.0):
-            raise SettingsError(f"--mu is {self.mu}", hint="friction of metal on metal lies between 0 and 1")
-        if not (math.isfinite(self.noise) and 0.0 <= self.noise <= 0.02):
-            raise SettingsError(
-                f"--noise is {self.noise}", hint="it is a share of the land's moment, between 0 and 0.02"
-            )
-        if self.seed < 0:
-            raise SettingsError(f"--seed is {self.seed}", hint="it cannot be negative")
+        for name, most, hint in (
+            ("mu", 1.0, "friction of metal on metal lies between 0 and 1"),
+            ("noise", 0.02, "it is a share of the land's moment, between 0 and 0.02"),
+            ("seed", math.inf, "it cannot be negative"),
+        ):
+            if not 0.0 <= (value := getattr(self, name)) <= most:
+                raise SettingsError(f"--{name} is {value}", hint=hint)
 
 
 @dataclass(frozen=True)
 class StepRow:
-    """One line of figures.csv: a step as eq. (16) has it and as a trace shows it.
+    """One line of figures.csv: a step by eq. (16) and as read off a trace.
 
     Attributes:
         figure: where it is drawn.

@@ -1,4 +1,4 @@
-"""Errors of friction, slope and depth as a mixed array finds them, with sensor noise on."""
+"""Errors of friction, slope and depth as a mixed array estimates them, with sensor noise on."""
 
 from __future__ import annotations
 
@@ -10,103 +10,92 @@ from matplotlib.figure import Figure
 
 from pipeline.plots.drawing import Drawing, FigureSettings
 from pipeline.plots.estimator_trial import ANGLES_DEG, TrialRow, try_estimators
+from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, styled
 
 FRICTIONS = (0.1, 0.3, 0.5)
-_COLOURS = {30.0: "#0072B2", 45.0: "#009E73", 60.0: "#D55E00"}
-_MARKERS = {"straight": "s", "raised sensor": "o", "none": "x"}
-_NAMES = {
-    "straight": "straight",
-    "raised sensor": "L with its sensor raised by l2/2",
-    "none": "L-shaped alone",
+_COLOURS = dict(zip(ANGLES_DEG, (BLUE, GREEN, VERMILION), strict=True))
+_SHAPES = {
+    "none": ("x", "L-shaped alone"),
+    "raised sensor": ("o", "L with its sensor raised by l2/2"),
+    "straight": ("s", "straight"),
 }
 _SCANS = 3
 
 
+@styled
 def estimators_figure(settings: FigureSettings) -> Drawing:
-    """Bias and standard deviation over mu and alpha, contact fidelity."""
+    """Draw bias and standard deviation over mu and alpha, contact fidelity."""
     rows = try_estimators(frictions=FRICTIONS, scans=_SCANS, seed=settings.seed)
-    figure = Figure(figsize=(11.0, 6.8), dpi=110, layout="constrained")
+    figure = Figure(figsize=(11.0, 6.8))
     figure.suptitle(
-        "What the moments tell: errors over μ 0.1 to 0.5 and α 30° to 60°, contact, sensors as from the bench\n"
+        "Estimates from the moments: errors over μ 0.1 to 0.5 and α 30° to 60°, contact, sensors as from the bench\n"
         "(noise, vibration, drift, 16 bits, creep and hysteresis as the bench knows them; markers: bias, bars: "
-        "standard deviation)",
-        fontsize=11,
+        "standard deviation)"
     )
-    panels = figure.subplots(2, 2)
-    _friction(panels[0, 0], rows)
-    mixed = [row for row in rows if row.profiler != "none"]
-    _errors(panels[0, 1], mixed, "slope", "error of the wall's angle, degrees")
-    panels[0, 1].set_title("slope, from profilers and L-shaped", fontsize=10, loc="left")
-    _errors(panels[1, 0], rows, "depth", "error of the floor's depth, µm")
-    panels[1, 0].set_title("depth of a floor 500 µm deep", fontsize=10, loc="left")
-    _errors(
-        panels[1, 1], [r for r in rows if r.profiler == "none"], "slope", "error of the wall's angle, degrees"
-    )
-    panels[1, 1].set_title("slope, L-shaped alone turned about, μ taken for 0.2", fontsize=10, loc="left")
+    (friction, slope), (depth, alone) = figure.subplots(2, 2)
+    for name, label, colour, aside in (
+        ("friction", "dragged and pushed back (no gain needed)", BLUE, -0.008),
+        ("shapes", "ratio of the shapes, gains known to 0.1 %", PURPLE, 0.008),
+    ):
+        chosen = [
+            [r for r in rows if r.mu == mu and np.isfinite(getattr(r, f"{name}_bias"))] for mu in FRICTIONS
+        ]
+        bias = [np.mean([getattr(r, f"{name}_bias") for r in some]) for some in chosen]
+        spread = [np.sqrt(np.mean([getattr(r, f"{name}_sd") ** 2 for r in some])) for some in chosen]
+        friction.errorbar(
+            np.add(FRICTIONS, aside),
+            bias,
+            spread,
+            fmt="o",
+            color=colour,
+            capsize=3,
+            markersize=5,
+            label=label,
+        )
+    _dress(friction, "friction of the land", "error of μ", room=0.25, columns=1)
+    mixed, single = ([r for r in rows if (r.profiler == "none") is only] for only in (False, True))
+    angle = "error of the wall's angle, degrees"
+    _errors(slope, mixed, "slope_{}_deg", "slope, from profilers and L-shaped", angle)
+    _errors(depth, rows, "depth_{}_um", "depth of a floor 500 µm deep", "error of the floor's depth, µm")
+    _errors(alone, single, "slope_{}_deg", "slope, L-shaped alone turned about, μ taken for 0.2", angle)
     return Drawing(figure, trial=rows)
 
 
-def _places(rows: Sequence[TrialRow], row: TrialRow) -> float:
-    """Where a row stands over its friction: shapes and angles side by side."""
-    shapes = sorted({r.profiler for r in rows})
+def _errors(axes: Axes, rows: Sequence[TrialRow], field: str, title: str, label: str) -> None:
+    """Draw errors over friction: arrays and angles side by side; `field` has a gap for "bias" and "sd"."""
+    shapes = [name for name in _SHAPES if any(r.profiler == name for r in rows)]
     count = len(shapes) * len(ANGLES_DEG)
-    index = ANGLES_DEG.index(row.alpha_deg) * len(shapes) + shapes.index(row.profiler)
-    return row.mu + 0.014 * (index - 0.5 * (count - 1))
-
-
-def _errors(axes: Axes, rows: Sequence[TrialRow], what: str, label: str) -> None:
-    unit = "_deg" if what == "slope" else "_um"
-    for row in rows:
-        axes.errorbar(
-            _places(rows, row),
-            getattr(row, f"{what}_bias{unit}"),
-            getattr(row, f"{what}_sd{unit}"),
-            fmt=_MARKERS[row.profiler],
-            color=_COLOURS[row.alpha_deg],
-            markersize=5,
-            markerfacecolor="none",
-            capsize=2,
-        )
-    _dress(axes, rows, label)
-    for profiler in sorted({r.profiler for r in rows}):
-        axes.plot([], [], _MARKERS[profiler], color="0.3", markerfacecolor="none", label=_NAMES[profiler])
-    for angle, colour in _COLOURS.items():
-        axes.plot([], [], "-", color=colour, label=f"α = {angle:g}°")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.4 * (high - low))  # room for the legend
-    axes.legend(fontsize=7.5, ncols=2, loc="upper left")
-
-
-def _friction(axes: Axes, rows: Sequence[TrialRow]) -> None:
-    routes = (
-        ("friction", "dragged and pushed back (no gain needed)", "#0072B2", -0.008),
-        ("shapes", "ratio of the shapes, gains known to 0.1 %", "#CC79A7", 0.008),
-    )
-    for name, label, colour, aside in routes:
-        for mu in FRICTIONS:
-            chosen = [r for r in rows if r.mu == mu and np.isfinite(getattr(r, f"{name}_bias"))]
-            bias = float(np.mean([getattr(r, f"{name}_bias") for r in chosen]))
-            spread = float(np.sqrt(np.mean([getattr(r, f"{name}_sd") ** 2 for r in chosen])))
+    for k, angle in enumerate(ANGLES_DEG):
+        for j, shape in enumerate(shapes):
+            some = [r for r in rows if (r.alpha_deg, r.profiler) == (angle, shape)]
+            place = np.array([r.mu for r in some]) + 0.014 * (k * len(shapes) + j - 0.5 * (count - 1))
+            bias, spread = ([getattr(r, field.format(of)) for r in some] for of in ("bias", "sd"))
             axes.errorbar(
-                mu + aside,
+                place,
                 bias,
                 spread,
-                fmt="o",
-                color=colour,
-                capsize=3,
+                fmt=_SHAPES[shape][0],
+                color=_COLOURS[angle],
                 markersize=5,
-                label=label if mu == FRICTIONS[0] else None,
+                mfc="none",
+                capsize=2,
             )
-    _dress(axes, rows, "error of μ")
-    axes.set_title("friction of the land", fontsize=10, loc="left")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.25 * (high - low))
-    axes.legend(fontsize=7.5, loc="upper left")
+    for shape in shapes:
+        axes.plot([], [], _SHAPES[shape][0], color="0.3", mfc="none", label=_SHAPES[shape][1])
+    for angle, colour in _COLOURS.items():
+        axes.plot([], [], "-", color=colour, label=f"α = {angle:g}°")
+    _dress(axes, title, label, room=0.4)
 
 
-def _dress(axes: Axes, rows: Sequence[TrialRow], label: str) -> None:
+def _dress(axes: Axes, title: str, label: str, *, room: float, columns: int = 2) -> None:
+    """Label the axes; `room` for the legend above, as a share of the data's height."""
     axes.axhline(0.0, color="0.6", linewidth=0.8)
-    axes.set_xticks(sorted({row.mu for row in rows}))
-    axes.set_xlabel("true friction μ", fontsize=9)
-    axes.set_ylabel(label, fontsize=9)
-    axes.tick_params(labelsize=8)
+    low, high = axes.get_ylim()
+    axes.set(
+        ylim=(low, high + room * (high - low)),
+        xticks=FRICTIONS,
+        xlabel="true friction μ",
+        ylabel=label,
+        title=title,
+    )
+    axes.legend(ncols=columns, loc="upper left")

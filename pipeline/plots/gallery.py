@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Literal, TypeAlias
-
-import matplotlib
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
@@ -19,6 +18,7 @@ from pipeline.plots.factor import factor_figure
 from pipeline.plots.pictures import save_figure
 from pipeline.plots.speed import speed_figure
 from pipeline.plots.traces import pieces_figure, whiskers_figure
+from whisker_array.simulation.traces import Fidelity
 
 PictureFormat: TypeAlias = Literal["png", "svg"]
 Draw: TypeAlias = Callable[[FigureSettings], Drawing]
@@ -31,14 +31,12 @@ FIGURES: tuple[tuple[str, Draw], ...] = (
     ("estimators", estimators_figure),
     ("speed", speed_figure),
 )
-"""Name of the file and how it is drawn; a further picture is one more line."""
-TABLE = "figures.csv"
-TRIAL_TABLE = "estimators.csv"
+"""Name of each file and the function that draws it."""
 
 
 @dataclass(frozen=True)
 class Gallery:
-    """What was made.
+    """Files of a gallery.
 
     Attributes:
         pictures: the files, in the order of FIGURES.
@@ -57,7 +55,6 @@ def draw_gallery(
     settings: FigureSettings | None = None,
     picture_format: PictureFormat = "png",
     figures: Sequence[tuple[str, Draw]] = FIGURES,
-    on_picture: Callable[[Path], None] | None = None,
 ) -> Gallery:
     """Draw the figures into a folder, made if need be, and write their steps beside them.
 
@@ -66,13 +63,11 @@ def draw_gallery(
         settings: friction and noise.
         picture_format: "png" or "svg".
         figures: which.
-        on_picture: told of every picture when it is there.
 
     Raises:
         FileError: the folder cannot be made or written.
         StepError: a step cannot be read off a trace.
     """
-    settings = settings or FigureSettings()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -81,50 +76,34 @@ def draw_gallery(
     rows: list[StepRow] = []
     trial: list[TrialRow] = []
     for name, draw in figures:
-        drawing = draw(settings)
-        path = folder / f"{name}.{picture_format}"
-        # names inside an SVG are else drawn by chance
-        with matplotlib.rc_context({"svg.hashsalt": name}):
-            save_figure(drawing.figure, path)
-        pictures.append(path)
+        drawing = draw(settings or FigureSettings())
+        pictures.append(folder / f"{name}.{picture_format}")
+        save_figure(drawing.figure, pictures[-1])
         rows += drawing.rows
         trial += drawing.trial
-        if on_picture is not None:
-            on_picture(path)
-    tables = [folder / TABLE]
-    write_rows(rows, tables[0])
+    tables = [_write_rows(rows, folder / "figures.csv")]
     if trial:
-        tables.append(folder / TRIAL_TABLE)
-        write_rows(trial, tables[1])
+        tables.append(_write_rows(trial, folder / "estimators.csv"))
     return Gallery(tuple(pictures), tuple(tables), tuple(rows))
 
 
-def write_rows(rows: Sequence[StepRow] | Sequence[TrialRow], path: Path) -> None:
-    """Write figures.csv or estimators.csv; the file appears whole or not at all.
-
-    Raises:
-        FileError: it cannot be written.
-    """
-    import csv
-
+def _write_rows(rows: Sequence[StepRow] | Sequence[TrialRow], path: Path) -> Path:
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, [f.name for f in fields(rows[0])])
+        writer = csv.DictWriter(stream, [field.name for field in fields(rows[0])])
         writer.writeheader()
         for row in rows:
             values = asdict(row)
             writer.writerow({n: f"{v:.6g}" if isinstance(v, float) else v for n, v in values.items()})
+    return path
 
 
 def step_table(rows: Sequence[StepRow]) -> list[str]:
-    """The table for people: one line a step, both fidelities side by side."""
-    from whisker_array.simulation.traces import Fidelity
-
+    """Lay the steps out as a table for people: one line a step, both fidelities side by side."""
     head = f"{'fig':<4}{'l2/l1':>6}{'alpha':>7}{'mu':>6}{'F (16)':>9}"
     head += "".join(f"{f.value:>12}{'error':>9}{'peak':>7}" for f in Fidelity)
-    lines: dict[tuple[str, float, float, float], list[str]] = {}
+    lines: dict[str, str] = {}
     for row in rows:
-        key = (row.figure, row.k, row.alpha_deg, row.mu)
-        start = f"{row.figure:<4}{row.k:>6.3f}{row.alpha_deg:>7.0f}{row.mu:>6.2f}{row.f_predicted:>9.4f}"
+        step = f"{row.figure:<4}{row.k:>6.3f}{row.alpha_deg:>7.0f}{row.mu:>6.2f}{row.f_predicted:>9.4f}"
         felt = f"{row.f_read_off:>12.4f}{100.0 * row.error:>+8.2f}%{row.peak:>7.3f}"
-        lines.setdefault(key, [start]).append(felt)
-    return [head, *("".join(parts) for parts in lines.values())]
+        lines[step] = lines.get(step, step) + felt
+    return [head, *lines.values()]

@@ -1,12 +1,14 @@
-"""Pictures as files, a reading in one line, and the overview of a demonstration."""
+"""The style of all pictures, pictures as files, and the overview of a demonstration."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glyphs.atomic import check_writable, replacing
@@ -17,7 +19,32 @@ from recognition.decision.panels import edge_panel, height_panel
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
 
+# colours of Okabe and Ito: apart for every eye, and in grey
+BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+STEEL, PALE, LAND = "#3b5b7a", "#a5b5c7", "#d9d4c7"
+
+styled = rc_context(
+    {
+        "figure.dpi": 110,
+        "figure.constrained_layout.use": True,
+        "figure.titlesize": 11,
+        "font.size": 8,
+        "axes.titlesize": 10,
+        "axes.titlelocation": "left",
+        "axes.labelsize": 9,
+        "axes.axisbelow": True,
+        "grid.color": "0.9",
+        "legend.frameon": False,
+    }
+)
+"""Decorator of functions that draw: the one style."""
+
 _SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def note(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:
+    """Write text beside a place of the data, `offset` points right of it and above it."""
+    axes.annotate(text, at, xytext=offset, textcoords="offset points", **style)
 
 
 def check_picture(path: Path) -> None:
@@ -32,41 +59,40 @@ def check_picture(path: Path) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write the figure; the file appears whole or not at all.
+    """Write the figure; the file appears whole or not at all. The same figure makes the same file.
 
     Raises:
         FileError: it cannot be written.
     """
     check_picture(path)
-    with replacing(path) as temporary:
+    # without a salt the names inside an SVG are random
+    with rc_context({"svg.hashsalt": path.stem}), replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
 @dataclass(frozen=True, eq=False)
 class SheetPart:
-    """One part of the overview: its name, what was stamped on it and how it was read."""
+    """One part of the overview: its name, the text stamped on it and its reading."""
 
     name: str
     truth: str
     reading: Reading
 
 
+@styled
 def overview_figure(parts: Sequence[SheetPart]) -> Figure:
-    """A sheet of parts: relief with what was stamped, edge map with what was read."""
-    figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)), dpi=110, layout="constrained")
-    axes = figure.subplots(len(parts), 2, squeeze=False)
-    for (left, right), part in zip(axes, parts, strict=True):
+    """Draw a sheet of parts: relief with the text stamped, edge map with the text read."""
+    figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)))
+    for (left, right), part in zip(figure.subplots(len(parts), 2, squeeze=False), parts, strict=True):
         reading, trace = part.reading, part.reading.trace
         if trace.height_map is not None:
             height_panel(left, height_map=trace.height_map, reading=reading, colour_bar=False)
-        left.set_title(f"{part.name}: “{part.truth}” stamped", fontsize=9, loc="left")
+        left.set_title(f"{part.name}: “{part.truth}” stamped")
         if trace.edge_map is not None:
             edge_panel(right, edges=trace.edge_map, layer=0, reading=reading, colour_bar=False)
         verdict = "right" if same_text(reading.text, part.truth) else "WRONG"
+        confidence = f"{reading.confidence:.3f}{reading.font and f', {reading.font}'}"
         right.set_title(
-            f"by touch: “{reading.text}”, {verdict}, {reading.decision.value}, confidence {reading.confidence:.3f}"
-            f"{reading.font and f', {reading.font}'}",
-            fontsize=9,
-            loc="left",
+            f"by touch: “{reading.text}”, {verdict}, {reading.decision.value}, confidence {confidence}"
         )
     return figure

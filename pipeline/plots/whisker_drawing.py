@@ -1,4 +1,4 @@
-"""The whisker as a workshop wants it: side view and section to scale, with dimensions, as DXF or SVG.
+"""A workshop drawing of the whisker: side view and section to scale, with dimensions, as DXF or SVG.
 
         |<----------- l1 c ----------->|
                                ,-'---- o clamp   --- ---
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
@@ -61,7 +61,7 @@ def save_drawing(whisker: WhiskerFile, path: Path) -> None:
 
 
 def whisker_drawing(whisker: WhiskerFile) -> Drawing:
-    """The drawing, in millimetres, land at y = 0, the force-free tip at x = 0.
+    """Draw in millimetres, land at y = 0, the force-free tip at x = 0.
 
     The clamp stands where the stage holds it on the land: the free tip would run the preload below it.
     """
@@ -69,7 +69,7 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     from ezdxf.filemanagement import new
 
     shape, touch = whisker.whisker, whisker.touch
-    l1, l2, l3 = _lengths(shape)
+    l1, l2, l3 = shape.l1_mm, shape.l2_mm, shape.lowered_mm
     run, rise = l1 * math.cos(shape.beta_rad), l1 * math.sin(shape.beta_rad)
     size = 0.04 * l1  # of text: the arm of an L is as short as a tenth of l1
     drawing = new("R2010", setup=["linetypes", "styles"], units=units.MM)
@@ -86,57 +86,55 @@ def whisker_drawing(whisker: WhiskerFile) -> Drawing:
     tip = (0.0, -touch.preload_mm)
     elbow = (0.0, tip[1] + l2)
     clamp, sensor = (run, elbow[1] + rise), (run, elbow[1] + rise - l3)
-    _side_view(space, tip, elbow, clamp, sensor, thickness=_thickness(shape), size=size)
-    far, below = run + 7.0 * size, min(tip[1], 0.0)
+    _side_view(space, shape, tip, elbow, clamp, sensor, size=size)
     space.add_linear_dim((0.0, clamp[1] + 4.0 * size), elbow, clamp, dimstyle="mm").render()
-    if l2 > 0.0:
-        _upright(space, -3.0 * size, tip, elbow, "l2", size=size, above=True)
     if rise > 0.0:
+        level = (run, elbow[1])
         space.add_aligned_dim(elbow, clamp, distance=1.8 * size, text="l1 <>", dimstyle="mm").render()
         space.add_angular_dim_3p(
-            (0.75 * run, elbow[1]), center=elbow, p1=(run, elbow[1]), p2=clamp, text="β <>", dimstyle="mm"
+            (0.75 * run, elbow[1]), center=elbow, p1=level, p2=clamp, text="β <>", dimstyle="mm"
         ).render()
-        space.add_line(
-            elbow, (0.85 * run, elbow[1]), dxfattribs={"linetype": "DASHDOT", "ltscale": 0.2 * size}
-        )
-    if l3 != 0.0:
-        _upright(space, far, sensor, clamp, "l3", size=size, above=True)
-    _upright(space, far + 4.0 * size, (run, 0.0), clamp, "base", size=size, above=False)
-    _upright(space, -7.0 * size, tip, (0.0, 0.0), "preload", size=size, above=False)
+        dashes = {"linetype": "DASHDOT", "ltscale": 0.2 * size}
+        space.add_line(elbow, (0.85 * run, elbow[1]), dxfattribs=dashes)
+    far, below = run + 7.0 * size, min(tip[1], 0.0)
+    for name, x, low, high in (
+        ("l2", -3.0 * size, tip, elbow),
+        ("l3", far, sensor, clamp),
+        ("base", far + 4.0 * size, (run, 0.0), clamp),
+        ("preload", -7.0 * size, tip, (0.0, 0.0)),
+    ):
+        if low[1] == high[1]:
+            continue
+        # words level above or below it: the least of these heights is shorter than its words
+        words = (x, high[1] + 1.2 * size) if name.startswith("l") else (x, low[1] - 1.8 * size)
+        space.add_linear_dim(
+            (x, 0.0), low, high, angle=90.0, text=f"{name} <>", location=words, text_rotation=0.0, dimstyle="mm",
+            override={"dimtmove": 2},
+        ).render()  # fmt: skip
     notes = _section_view(space, shape, (0.0, below - 9.0 * size), size=size)
-    said = (
-        f"{shape.material.name}, E {shape.material.e_mpa / 1000.0:.0f} GPa",
-        f"tip radius {touch.tip_radius_mm:.3f} mm, preload {touch.preload_mm:.3f} mm below the land",
-        f"characters {whisker.character_height_mm:g} mm, up to {whisker.speed_mm_s:.0f} mm/s, traced to the right",
-        f"dimensions in mm, of the whisker's centre line; section {_SECTION_SCALE:g}:1",
-    )
-    for k, line in enumerate(said):
+    for k, line in enumerate(
+        (
+            f"{shape.material.name}, E {shape.material.e_mpa / 1000.0:.0f} GPa",
+            f"tip radius {touch.tip_radius_mm:.3f} mm, preload {touch.preload_mm:.3f} mm below the land",
+            f"characters {whisker.character_height_mm:g} mm, up to {whisker.speed_mm_s:.0f} mm/s, traced to the right",
+            f"dimensions in mm, of the whisker's centre line; section {_SECTION_SCALE:g}:1",
+        )
+    ):
         _text(space, line, (notes, below - (6.0 + 1.8 * k) * size), size)
     return drawing
 
 
-def _lengths(shape: LShaped) -> tuple[float, float, float]:
-    return shape.l1_mm, shape.l2_mm, shape.lowered_mm
-
-
-def _thickness(shape: LShaped) -> float:
-    section = shape.section
-    if isinstance(section, Rectangle):
-        return section.thickness_mm
-    return section.diameter_mm if isinstance(section, Round) else 0.0
-
-
 def _side_view(
-    space: Modelspace, tip: Point, elbow: Point, clamp: Point, sensor: Point, *, thickness: float, size: float
+    space: Modelspace, shape: LShaped, tip: Point, elbow: Point, clamp: Point, sensor: Point, *, size: float
 ) -> None:
     line = [tip, elbow, clamp] if elbow != tip else [tip, clamp]
-    space.add_lwpolyline(line, dxfattribs={"const_width": thickness})
+    thickness_mm = 2.0 * shape.segments()[0].section_at(0.0).c_vertical_mm
+    space.add_lwpolyline(line, dxfattribs={"const_width": thickness_mm})
     end = clamp[0] + 3.0 * size
     space.add_line((-2.0 * size, 0.0), (end, 0.0), dxfattribs={"linetype": "CONTINUOUS"})
     _text(space, "land", (clamp[0] + 0.5 * size, -1.4 * size), size)
-    corners = [
-        (clamp[0], clamp[1] - size), (end, clamp[1] - size), (end, clamp[1] + size), (clamp[0], clamp[1] + size)
-    ]  # fmt: skip
+    low, top = clamp[1] - size, clamp[1] + size
+    corners = [(clamp[0], low), (end, low), (end, top), (clamp[0], top)]
     space.add_lwpolyline(corners, close=True)
     hatch = space.add_hatch()
     hatch.set_pattern_fill("ANSI31", scale=0.08 * size)
@@ -147,39 +145,24 @@ def _side_view(
 
 
 def _section_view(space: Modelspace, shape: LShaped, at: Point, *, size: float) -> float:
-    """Enlarged, to the right of a point, with the dimensions of the whisker; where the next thing may stand."""
-    section, true_size = shape.section, {"dimlfac": 1.0 / _SECTION_SCALE}
+    """Draw the section enlarged, to the right of a point, with its dimensions; x where the next thing may stand."""
+    section = shape.section
+    dimensions: dict[str, Any] = {"dimstyle": "mm", "override": {"dimlfac": 1.0 / _SECTION_SCALE}}
     if isinstance(section, Rectangle):
-        wide, high = _SECTION_SCALE * section.width_mm, _SECTION_SCALE * section.thickness_mm
-        left, right, low, top = at[0], at[0] + wide, at[1] - 0.5 * high, at[1] + 0.5 * high
-        space.add_lwpolyline([(left, low), (right, low), (right, top), (left, top)], close=True)
-        space.add_linear_dim(
-            (0.0, top + 2.0 * size), (left, top), (right, top), dimstyle="mm", override=true_size
-        ).render()
-        space.add_linear_dim(
-            (left - 2.0 * size, 0.0), (left, low), (left, top), angle=90.0, dimstyle="mm", override=true_size
-        ).render()
+        right, half = at[0] + _SECTION_SCALE * section.width_mm, 0.5 * _SECTION_SCALE * section.thickness_mm
+        corners = [(at[0], at[1] - half), (right, at[1] - half), (right, at[1] + half), (at[0], at[1] + half)]
+        space.add_lwpolyline(corners, close=True)
+        above, left = (0.0, at[1] + half + 2.0 * size), (at[0] - 2.0 * size, 0.0)
+        space.add_linear_dim(above, corners[3], corners[2], **dimensions).render()
+        space.add_linear_dim(left, corners[0], corners[3], angle=90.0, **dimensions).render()
         return right + 3.0 * size
     if isinstance(section, Round):
         wide = _SECTION_SCALE * section.diameter_mm
         space.add_circle((at[0] + 0.5 * wide, at[1]), 0.5 * wide)
-        space.add_linear_dim(
-            (0.0, at[1] + 0.5 * wide + 2.0 * size), at, (at[0] + wide, at[1]),
-            text="⌀ <>", dimstyle="mm", override=true_size,
-        ).render()  # fmt: skip
+        above = (0.0, at[1] + 0.5 * wide + 2.0 * size)
+        space.add_linear_dim(above, at, (at[0] + wide, at[1]), text="⌀ <>", **dimensions).render()
         return at[0] + wide + 3.0 * size
     return at[0]
-
-
-def _upright(
-    space: Modelspace, x: float, low: Point, high: Point, name: str, *, size: float, above: bool
-) -> None:
-    """A height, its words level above or below it: the least of them is shorter than they are."""
-    words = (x, high[1] + 1.2 * size) if above else (x, low[1] - 1.8 * size)
-    space.add_linear_dim(
-        (x, 0.0), low, high, angle=90.0, text=f"{name} <>", location=words, text_rotation=0.0, dimstyle="mm",
-        override={"dimtmove": 2},
-    ).render()  # fmt: skip
 
 
 def _text(space: Modelspace, text: str, at: Point, size: float) -> None:
@@ -187,7 +170,7 @@ def _text(space: Modelspace, text: str, at: Point, size: float) -> None:
 
 
 def _svg(drawing: Drawing) -> str:
-    """Dark lines on white, one millimetre of the whisker a millimetre and a half of the page."""
+    """Draw dark lines on white, one millimetre of the whisker a millimetre and a half of the page."""
     from ezdxf.addons.drawing import layout
     from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
     from ezdxf.addons.drawing.frontend import Frontend

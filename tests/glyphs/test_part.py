@@ -86,7 +86,7 @@ def test_a_package_lists_its_vocabulary(package: object) -> None:
     [
         (("glyphs", "whisker_array"), {"numpy", "scipy", "numba", "cv2"}),
         (
-            ("glyphs.part", "glyphs.stamping.database", "pipeline.plots.font_sheet"),
+            ("glyphs.part", "glyphs.stamping.database"),
             {"numba", "h5py", "fontTools", "HersheyFonts", "matplotlib", "scipy"},
         ),
     ],
