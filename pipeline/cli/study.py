@@ -131,8 +131,8 @@ def _measure(
 ) -> list[Measured]:
     from pipeline.benchmark.study.repeats import measure
     from pipeline.runs.progress import Progress
+    from pipeline.workers.executors import WorkerLostError
     from pipeline.workers.options import ExecutorOptions
-    from pipeline.workers.pool import WorkerLostError
 
     if journal.names:
         print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")

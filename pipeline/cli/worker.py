@@ -23,9 +23,9 @@ def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = N
     memory_gb
         Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
     """
-    from pipeline.workers.allocator import MALLOC
     from pipeline.workers.cluster import require_distributed
     from pipeline.workers.executors import cores
+    from pipeline.workers.process import MALLOC
 
     if jobs is not None and jobs < 1:
         raise CommandError(f"worker: jobs is {jobs}", hint="it must be at least 1", status=USAGE)

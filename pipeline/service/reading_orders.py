@@ -24,7 +24,8 @@ from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_o
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.service.web.uploads import Upload
-from pipeline.workers.pool import BusyError, WorkerLostError
+from pipeline.workers.executors import WorkerLostError
+from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings

@@ -1,49 +1,62 @@
-"""Who does the work: this process, processes of this machine, or a Dask cluster (`pipeline.workers.cluster`).
+"""Calls of a function for many tasks: in this process, in processes of this machine, or on a Dask cluster.
 
-    tasks (as they are asked for) --> executor --> outcomes (as they are done)
+    tasks (taken as they are needed) --> Executor.calls --> outcomes (as they are done)
 
-* Every task has one outcome: its result, its exception, or what became of its worker.
+* Every task has one outcome: its result, its exception, or WorkerLostError.
 * Only the few tasks at work are taken, so there may be any number of them.
-* A lost worker costs no other task; a task that loses its worker again and again is given up, and the others go on.
+* A task that loses its worker is tried once more, by itself; where it loses that one too it is given up. Others go on.
 """
 
 from __future__ import annotations
 
-import contextlib
+import os
 import queue
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
-from pipeline.common.settings import SettingsError
-from pipeline.workers.allocator import kept_memory
+from glyphs.errors import MarksError
 from pipeline.workers.interrupts import raise_interrupt
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
 
 O = TypeVar("O")  # noqa: E741 - an order
 T = TypeVar("T")
 R = TypeVar("R")
 
-PART_TIMEOUT_S = 900.0
-_AHEAD = 2
-"""Tasks that are handed over for each worker: one at work, one waiting."""
-_AGAIN = 1
-"""Times that a task is tried again whose worker was lost."""
+
+class WorkerLostError(MarksError):
+    """The worker of a task ended before the task did.
+
+    Attributes:
+        reason: cause, in words.
+        timed_out: whether the task took longer than it may; another try will hardly do better.
+        crashed: whether a fault of what it ran ended the worker, and not a kill from outside.
+        unstarted: whether no worker has begun the task, since none can start.
+        tried: whether the task was tried again already; another try is of use only where others were lost with it.
+    """
+
+    def __init__(
+        self,
+        reason: str,
+        timed_out: bool = False,
+        crashed: bool = False,
+        unstarted: bool = False,
+        tried: bool = False,
+    ) -> None:
+        super().__init__(reason)
+        self.reason, self.timed_out, self.crashed = reason, timed_out, crashed
+        self.unstarted, self.tried = unstarted, tried
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[T, R]):
-    """What became of a task.
+    """Result of a task, or why there is none.
 
     Attributes:
         task: as it was given.
         result: what the function returned; None with an error.
-        error: what the function raised, or what became of its worker.
+        error: what the function raised, or WorkerLostError.
     """
 
     task: T
@@ -51,113 +64,91 @@ class Outcome(Generic[T, R]):
     error: Exception | None = None
 
 
-class Executor(Protocol):
-    """Calls a function for many tasks."""
+class Executor:
+    """Calls a function for many tasks; this process works unless a pool or a cluster does instead.
 
-    @property
-    def workers(self) -> int:
-        """Tasks that are at work at once, about."""
-
-    def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """What the function makes of (order, task), as it is done, in any order."""
-
-
-class InlineExecutor:
-    """This process."""
+    Attributes:
+        workers: tasks that are at work at once, about.
+    """
 
     workers = 1
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """See `Executor`; in the order of the tasks."""
-        for task in tasks:
-            try:
-                outcome = Outcome(task, function(order, task))
-            except Exception as error:
-                outcome = Outcome(task, error=error)
-            raise_interrupt()
-            yield outcome
-
-
-class PoolExecutor:
-    """Processes of this machine, each on one core and within its share of the memory."""
-
-    def __init__(self, jobs: int, *, timeout_s: float = PART_TIMEOUT_S, modules: Sequence[str] = ()) -> None:
-        """Make ready; the processes start with the block.
-
-        Args:
-            jobs: processes.
-            timeout_s: after which a task is given up and its process replaced.
-            modules: that the processes import before their first task.
+        """Yield the outcome of function(order, task) of every task, as it is done, in any order.
 
         Raises:
-            SettingsError: no process, no time.
+            ClusterError: the cluster is lost.
         """
-        if jobs < 1 or not timeout_s > 0.0:
-            raise SettingsError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
-        self.workers = jobs
-        self._timeout_s, self._modules = timeout_s, modules
-        self._stack = contextlib.ExitStack()
+        waiting, shared = iter(tasks), self._shared(order)
+        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        held: dict[Any, T] = {}
+        lost: list[Outcome[T, R]] = []
+        alone = False
 
-    def __enter__(self) -> PoolExecutor:
-        from pipeline.workers.pool import WorkPool
-        from pipeline.workers.process import load
+        def hand_over(given: Iterable[T]) -> None:
+            for task in given:
+                future = self._begin(function, shared, task)
+                held[future] = task
+                future.add_done_callback(done.put)
 
-        self._stack.enter_context(kept_memory())
-        self._pool = WorkPool(
-            self.workers,
-            queue=_AHEAD * self.workers,
-            timeout_s=self._timeout_s,
-            memory_mb=_share_mb(self.workers),
-            warm_up=partial(load, self._modules),
-        )
-        self._stack.callback(self._pool.close, 0.0)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stack.close()
-
-    @property
-    def pids(self) -> tuple[int, ...]:
-        """Of the processes that live."""
-        return self._pool.pids
-
-    def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """See `Executor`."""
-        from pipeline.workers.pool import WorkerLostError
-
-        done: queue.SimpleQueue[Future[R]] = queue.SimpleQueue()
-        held: dict[Future[R], tuple[T, int]] = {}
-        waiting = iter(tasks)
-
-        def hand_over(task: T, tries: int) -> None:
-            future: Future[Any] = self._pool.submit(function, order, task)
-            held[future] = (task, tries)
-            future.add_done_callback(done.put)
-
-        for task in islice(waiting, _AHEAD * self.workers):
-            hand_over(task, 0)
-        while held:
-            future = done.get()
-            raise_interrupt()
-            task, tries = held.pop(future)
-            error = future.exception()
-            if isinstance(error, WorkerLostError) and not error.timed_out and tries < _AGAIN:
-                hand_over(task, tries + 1)
-                continue
-            for following in islice(waiting, 1):
-                hand_over(following, 0)
-            if error is None:
-                yield Outcome(task, future.result())
-            elif isinstance(error, Exception):
-                yield Outcome(task, error=error)
+        hand_over(islice(waiting, self._ahead()))
+        while held or lost:
+            if held:
+                future = self._next(done)
+                raise_interrupt()
+                outcome: Outcome[T, R] = self._outcome(future, held.pop(future))
+                error = outcome.error
+                if (
+                    not alone
+                    and isinstance(error, WorkerLostError)
+                    and not (error.timed_out or error.unstarted)
+                ):
+                    lost.append(outcome)
+                    continue
             else:
-                raise error
+                outcome = lost.pop()
+                error = outcome.error
+                # one that was blamed by itself, by who tries again, has killed each of its workers
+                if alone or lost or not (isinstance(error, WorkerLostError) and error.tried):
+                    alone = True
+                    hand_over([outcome.task])
+                    continue
+            if not held and not lost:
+                alone = False
+            if not (alone or lost):
+                hand_over(islice(waiting, max(0, self._ahead() - len(held))))
+            yield outcome
+
+    def _ahead(self) -> int:
+        """Tasks that are handed over at a time, at work or waiting."""
+        return 1
+
+    def _shared(self, order: Any) -> Any:
+        return order
+
+    def _begin(self, function: Callable[..., Any], order: Any, task: Any) -> Any:
+        """Hand a task over; the future has `add_done_callback`."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(order, task))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def _next(self, done: queue.SimpleQueue[Any]) -> Any:
+        return done.get()
+
+    def _outcome(self, future: Any, task: Any) -> Outcome[Any, Any]:
+        error = future.exception()
+        return Outcome(task, future.result()) if error is None else Outcome(task, error=error)
+
+
+class InlineExecutor(Executor):
+    """This process."""
 
 
 def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
-    """What the function makes of every task, in the order of the tasks.
+    """Yield function(task) of every task, in the order of the tasks.
 
     Raises:
         Exception: what the function raised, or WorkerLostError.
@@ -180,20 +171,5 @@ def _numbered(function: Callable[[T], R], task: tuple[int, T]) -> tuple[int, R]:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
-    import os
-
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _share_mb(workers: int) -> int:
-    """A worker's share of the machine's memory, in MB; 0, no limit, where that is not known."""
-    import os
-
-    try:
-        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):
-        return 0
-    return max(1024, int(0.9 * total / (1 << 20) / workers))
+    """Count the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

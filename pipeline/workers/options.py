@@ -1,15 +1,17 @@
-"""Which executor: as a command line asks for it, for so many tasks."""
+"""Choice of an executor, as a command line asks for it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 from glyphs.errors import MarksError
-from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
+from pipeline.workers.executors import Executor, WorkerLostError, cores
+from pipeline.workers.pool import PART_TIMEOUT_S, WorkPool
+from pipeline.workers.process import load
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,13 +32,14 @@ class ExecutorOptions:
     cluster: str | None = None
     part_timeout_s: float = PART_TIMEOUT_S
 
-    @contextmanager
-    def opened(self, parts: int, modules: Sequence[str] = ()) -> Iterator[Executor]:
-        """The executor for so many parts.
+    def opened(
+        self, parts: int | None = None, modules: Sequence[str] = ()
+    ) -> AbstractContextManager[Executor]:
+        """Open the executor.
 
         Args:
-            parts: how many.
-            modules: that processes of this machine import before their first part.
+            parts: how many there are; None where that is not known yet.
+            modules: that processes of this machine import before their first part; one starts at once for them.
 
         Raises:
             ClusterError: no cluster, or none that can be used.
@@ -45,35 +48,31 @@ class ExecutorOptions:
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
 
-            with ClusterExecutor(self.cluster) as cluster:
-                yield cluster
-            return
-        if parts == 0:
-            yield InlineExecutor()
-            return
-        jobs = min(cores() if self.jobs is None else self.jobs, max(1, parts))
-        with PoolExecutor(jobs, timeout_s=self.part_timeout_s, modules=modules) as pool:
-            yield pool
+            return ClusterExecutor(self.cluster)
+        jobs = cores() if self.jobs is None else self.jobs
+        return WorkPool(
+            jobs if parts is None else min(jobs, max(1, parts)),
+            timeout_s=self.part_timeout_s,
+            warm_up=partial(load, modules),
+            started=1 if modules else 0,
+        )
 
 
 def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
-    """What a function returns that opens somebody's files: called in a process that may crash over them.
+    """Call a function that opens somebody's files in a process, which may crash over them.
 
     Raises:
         MarksError: it has crashed.
         Exception: whatever the function raises.
     """
-    from pipeline.workers.pool import WorkerLostError
-
-    with ExecutorOptions(jobs=1).opened(1) as executor:
+    with ExecutorOptions(jobs=1).opened() as executor:
         (outcome,) = executor.calls(_called, partial(function, *args, **options), [None])
     if isinstance(outcome.error, WorkerLostError):
         what = f"a file has crashed the library that opens it ({outcome.error})"
         raise MarksError(what, hint="it is damaged; leave it out") from outcome.error
     if outcome.error is not None:
         raise outcome.error
-    result: R = outcome.result  # type: ignore[assignment]
-    return result
+    return cast(R, outcome.result)
 
 
 def _called(function: Callable[[], Any], _: None) -> Any:

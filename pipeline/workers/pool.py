@@ -16,22 +16,28 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
+import logging
+import os
 import queue
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass, field
 from typing import Any
 
-from glyphs.errors import MarksError
-from pipeline.workers.process import Answer
-from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
+from glyphs.errors import MarksError, describe_fault
+from pipeline.common.settings import SettingsError
+from pipeline.workers.executors import Executor, WorkerLostError
+from pipeline.workers.process import LOOK_S, Answer, Worker
 
-__all__ = ["BusyError", "WorkPool", "WorkerLostError"]
-
+_log = logging.getLogger(__name__)
+PART_TIMEOUT_S = 900.0
+_AHEAD = 2
+"""Tasks that are handed over for each worker: one at work, one waiting."""
 _STOPPING = "the workers are stopping"
-_NOT_READY = "no worker is ready"
+_PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
+_WARM_UP_S = 180.0
 _STARTS_TRIED = 3
 """Starts in a row that fail before jobs are no longer kept waiting."""
 _USUAL_S = 1.0
@@ -51,8 +57,32 @@ class BusyError(MarksError):
         self.retry_after_s = retry_after_s
 
 
-class WorkPool:
-    """Runs functions in worker processes.
+@dataclass(frozen=True)
+class _Job:
+    """A call that someone waits for."""
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    timeout_s: float
+    future: Future[Any] = field(default_factory=Future)
+    queued_s: float = field(default_factory=time.monotonic)
+
+
+@dataclass(eq=False)
+class _Slot:
+    """A worker, whichever process it is at the time: failed starts in a row, and why the last one did."""
+
+    number: int
+    worker: Worker | None = None
+    warm: bool = False
+    restarts: int = 0
+    failed: int = 0
+    trouble: str = ""
+    thread: threading.Thread = field(default_factory=threading.Thread)
+
+
+class WorkPool(Executor):
+    """Runs functions in worker processes of this machine.
 
     The functions are of modules that a worker can import; arguments, results and exceptions can be pickled.
     """
@@ -61,40 +91,49 @@ class WorkPool:
         self,
         workers: int,
         *,
-        queue: int,
-        timeout_s: float,
-        memory_mb: int = 0,
+        queue: int | None = None,
+        timeout_s: float = PART_TIMEOUT_S,
+        memory_mb: int | None = None,
         warm_up: Callable[[], object] | None = None,
+        started: int | None = None,
     ) -> None:
         """Start the workers; they warm up by themselves, see `ready`.
 
         Args:
             workers: processes.
-            queue: jobs that may wait beyond those that run.
-            timeout_s: a job may take.
-            memory_mb: of a worker; 0: no limit.
+            queue: jobs that may wait beyond those that run (default: enough to keep the workers busy).
+            timeout_s: longest time of a job; its process is then replaced.
+            memory_mb: of a worker; 0: no limit (default: its share of the machine's).
             warm_up: called by every worker before its first job; it can be pickled.
+            started: processes that start now, the others when there are jobs for them (default: all).
 
         Raises:
-            ValueError: numbers that cannot be.
+            SettingsError: numbers that cannot be.
         """
+        queue = _AHEAD * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
-            raise ValueError(
-                f"{workers} workers, {queue} waiting, {timeout_s} s: give at least 1, 0 and above 0"
+            raise SettingsError(
+                f"{workers} jobs, {queue} waiting, {timeout_s} s a part: give at least 1, 0 and above 0"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
-        self._order = SlotOrder(memory_mb, warm_up)
-        self._tasks: Tasks = _no_tasks()
+        self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb
+        self._warm_up = warm_up or _nothing
+        self._waiting = _no_jobs()
         self._lock = threading.Lock()
+        self._closing, self._stopped = threading.Event(), threading.Event()
         self._jobs = 0
         self._mean_s = _USUAL_S
-        self._slots: list[Slot] = []
-        for k in range(workers):
-            self._slots.append(Slot(k, self._order, self._tasks, self._settle, self._give_up_waiting))
-        for slot in self._slots:
-            slot.thread.start()
+        self._slots: list[_Slot] = []
+        for _ in range(workers if started is None else started):
+            self._add_slot()
         # before multiprocessing's own, which waits for workers that do not end by themselves
         atexit.register(self.close, 0.0)
+
+    def __enter__(self) -> WorkPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close(0.0)
 
     def submit(self, function: Callable[..., Any], *args: Any, timeout_s: float | None = None) -> Future[Any]:
         """Have a worker call the function.
@@ -111,21 +150,23 @@ class WorkPool:
             BusyError: as many jobs wait as may.
             WorkerLostError: the pool is closed.
         """
-        future: Future[Any] = Future()
-        future.set_running_or_notify_cancel()
+        job = _Job(function, args, timeout_s or self.timeout_s)
+        job.future.set_running_or_notify_cancel()
         with self._lock:
-            if self._order.closing.is_set():
+            if self._closing.is_set():
                 raise WorkerLostError(_STOPPING)
             busy_s = self.retry_after_s()
             if busy_s is not None:
                 raise BusyError(busy_s)
             self._jobs += 1
-        self._tasks.put(Task(function, args, future, timeout_s or self.timeout_s))
+            if len(self._slots) < min(self._jobs, self.workers):
+                self._add_slot()
+        self._waiting.put(job)
         self._give_up_waiting()
-        return future
+        return job.future
 
     def retry_after_s(self) -> float | None:
-        """When a place may be free, about; None while there is one."""
+        """Estimate when a place may be free; None while there is one."""
         if self._jobs < self.workers + self.queue:
             return None
         after_s = self._mean_s * (self._jobs - self.workers + 1) / self.workers
@@ -134,7 +175,7 @@ class WorkPool:
     @property
     def waiting(self) -> int:
         """Jobs that no worker has begun."""
-        return max(0, self._tasks.qsize())
+        return max(0, self._waiting.qsize())
 
     @property
     def running(self) -> int:
@@ -148,12 +189,17 @@ class WorkPool:
 
     @property
     def pids(self) -> tuple[int, ...]:
-        """Of the worker processes that live."""
-        return tuple(pid for slot in self._slots if (pid := slot.pid) is not None)
+        """Process ids of the workers that live."""
+        workers = [slot.worker for slot in self._slots]
+        return tuple(w.process.pid for w in workers if w is not None and w.is_alive and w.process.pid)
 
     def ready(self) -> bool:
         """Whether any worker is warm; one that is being replaced does not make the service unready."""
-        return not self._order.closing.is_set() and any(slot.warm for slot in self._slots)
+        return not self._closing.is_set() and any(slot.warm for slot in self._slots)
+
+    def all_ready(self) -> bool:
+        """Whether every worker is warm."""
+        return all(slot.warm for slot in self._slots)
 
     @property
     def trouble(self) -> str:
@@ -165,58 +211,159 @@ class WorkPool:
             return f"no worker is ready; the last one did not start: {slot.trouble}"
         return f"no worker can start: {slot.trouble}"
 
-    def all_ready(self) -> bool:
-        """Whether every worker is warm."""
-        return all(slot.warm for slot in self._slots)
-
     def close(self, grace_s: float) -> None:
         """Take no more jobs, let those that there are end, and end the workers; what is not done by then is lost."""
         with self._lock:
-            if self._order.closing.is_set():
+            if self._closing.is_set():
                 return
-            self._order.closing.set()
+            self._closing.set()
         atexit.unregister(self.close)
         until = time.monotonic() + max(0.0, grace_s)
         for _ in self._slots:
-            self._tasks.put(None)
+            self._waiting.put(None)
         for slot in self._slots:
             slot.thread.join(max(0.0, until - time.monotonic()))
-        self._order.stopped.set()
+        self._stopped.set()
         for slot in self._slots:
-            slot.kill()
+            if (worker := slot.worker) is not None:
+                worker.kill()
         for slot in self._slots:
             slot.thread.join()
-        with contextlib.suppress(queue.Empty):
-            while True:
-                task = self._tasks.get_nowait()
-                if task is not None:
-                    self._settle(task, WorkerLostError(_STOPPING))
+        while not self._waiting.empty():
+            if (job := self._waiting.get_nowait()) is not None:
+                self._settle(job, WorkerLostError(_STOPPING))
+
+    def _ahead(self) -> int:
+        return _AHEAD * self.workers
+
+    def _begin(self, function: Callable[..., Any], order: Any, task: Any) -> Future[Any]:
+        return self.submit(function, order, task)
+
+    def _add_slot(self) -> None:
+        slot = _Slot(len(self._slots))
+        slot.thread = threading.Thread(target=self._feed, args=(slot,), daemon=True)
+        self._slots.append(slot)
+        slot.thread.start()
+
+    def _feed(self, slot: _Slot) -> None:
+        """Keep a worker, and give it one job after the other, to the end of the pool."""
+        pause_s = _PAUSE_S
+        while not self._stopped.is_set():
+            if not slot.warm:
+                if self._closing.is_set() and not self._jobs_wait():
+                    break
+                if not self._start(slot):
+                    # a worker that cannot even start would otherwise keep a core busy with failing
+                    self._closing.wait(pause_s)
+                    pause_s = min(2.0 * pause_s, _MOST_PAUSE_S)
+                    continue
+                pause_s = _PAUSE_S
+            assert slot.worker is not None
+            try:
+                job = self._waiting.get(timeout=LOOK_S)
+            except queue.Empty:
+                if not slot.worker.is_alive:
+                    self._lose(slot)
+                continue
+            if job is None:
+                break
+            began_s = time.monotonic()
+            late = f"the part took longer than {job.timeout_s:g} s and was stopped"
+            outcome: Answer | Exception
+            try:
+                outcome = slot.worker.ask(job.function, job.args, job.timeout_s, late)
+            except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
+                outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
+            if isinstance(outcome, WorkerLostError):
+                _log.warning("%s", outcome.reason)
+                self._lose(slot)
+            self._settle(job, outcome, time.monotonic() - began_s)
+        if slot.worker is not None:
+            slot.worker.end(0.2)
+
+    def _start(self, slot: _Slot) -> bool:
+        """Start a worker and wait until it is warm; whether it is."""
+        answer: Answer | Exception
+        try:
+            slot.worker = Worker(slot.number, self.memory_mb)
+            late = f"it was not ready after {_WARM_UP_S:.0f} s"
+            answer = slot.worker.ask(self._warm_up, (), _WARM_UP_S, late, self._not_wanted)
+        except Exception as error:
+            answer = error
+        slot.warm = isinstance(answer, Answer)
+        if isinstance(answer, Exception):
+            why = _cause(answer)
+            if slot.worker is not None and self.memory_mb:
+                why += f"; it may use {self.memory_mb} MB of memory"
+            if why != slot.trouble and not (self._stopped.is_set() or self._closing.is_set()):
+                _log.warning("a worker cannot start and is tried again: %s", why)
+            self._lose(slot)
+            slot.failed, slot.trouble = slot.failed + 1, why
+            self._give_up_waiting()
+        else:
+            slot.failed, slot.trouble = 0, ""
+        return slot.warm
+
+    def _lose(self, slot: _Slot) -> None:
+        slot.warm, worker, slot.worker = False, slot.worker, None
+        slot.restarts += 1
+        if worker is not None:
+            worker.end()
+
+    def _not_wanted(self) -> bool:
+        """Whether a worker that starts is of no use any more; jobs that wait for it too long are given up."""
+        self._give_up_waiting()
+        return self._stopped.is_set() or (self._closing.is_set() and not self._jobs_wait())
+
+    def _jobs_wait(self) -> bool:
+        with self._waiting.mutex:
+            return any(job is not None for job in self._waiting.queue)
 
     def _give_up_waiting(self) -> None:
         """Settle the jobs that wait for a worker while none can start."""
         while not any(slot.warm for slot in self._slots):
-            failed = max(slot.failed for slot in self._slots)
-            with self._tasks.mutex:
-                waiting = self._tasks.queue
-                task = waiting[0] if waiting else None
-                if task is None or failed == 0:
+            failed = max((slot.failed for slot in self._slots), default=0)
+            with self._waiting.mutex:
+                waiting = self._waiting.queue
+                job = waiting[0] if waiting else None
+                if job is None or failed == 0:
                     return
-                if failed < _STARTS_TRIED and time.monotonic() - task.queued < task.timeout_s:
+                if failed < _STARTS_TRIED and time.monotonic() - job.queued_s < job.timeout_s:
                     return
                 waiting.popleft()
-            self._settle(task, WorkerLostError(self.trouble or _NOT_READY, unstarted=True))
+            self._settle(job, WorkerLostError(self.trouble or "no worker is ready", unstarted=True))
 
-    def _settle(self, task: Task, outcome: Any) -> None:
+    def _settle(self, job: _Job, outcome: Answer | Exception, took_s: float = 0.0) -> None:
         with self._lock:
             self._jobs -= 1
             if isinstance(outcome, Answer):
-                self._mean_s += _SMOOTHING * (time.monotonic() - task.begun - self._mean_s)
+                self._mean_s += _SMOOTHING * (took_s - self._mean_s)
         if isinstance(outcome, Answer):
-            task.future.set_result(outcome.value)
+            job.future.set_result(outcome.value)
         else:
-            task.future.set_exception(outcome)
+            job.future.set_exception(outcome)
 
 
-def _no_tasks() -> Tasks:
+def _nothing() -> None:
+    """Warm up where there is nothing to be warmed up."""
+
+
+def _no_jobs() -> queue.Queue[_Job | None]:
     # `queue` is what the pool calls the number of jobs that may wait
     return queue.Queue()
+
+
+def _cause(error: Exception) -> str:
+    """Why a worker cannot start, without paths of this machine."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{type(error).__name__}: {error.strerror}"
+    return error.what if isinstance(error, MarksError) else describe_fault(error)
+
+
+def _share_mb(workers: int) -> int:
+    """A worker's share of the machine's memory, in MB; 0, no limit, where that is not known."""
+    try:
+        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return 0
+    return max(1024, int(0.9 * total / (1 << 20) / max(1, workers)))

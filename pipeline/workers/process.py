@@ -1,4 +1,4 @@
-"""A worker process: keeps to its memory and its core, and calls what it is sent until its parent is gone."""
+"""A worker process: it keeps to its memory and its core, and calls what it is sent until its parent is gone."""
 
 from __future__ import annotations
 
@@ -11,19 +11,26 @@ import pickle
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from glyphs.compiling import end_part, show_compiling
+from pipeline.workers.executors import WorkerLostError
 
+MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
+"""Maps of tens of megabytes come and go; without this each is given back to the system and cleared anew."""
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
     *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
+LOOK_S = 0.25
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
+_FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
+"""Exit codes of workers that somebody has killed: a person, or a system short of memory."""
 
 
 @dataclass(frozen=True)
@@ -33,37 +40,89 @@ class Answer:
     value: Any
 
 
-def serve_jobs(
-    pipe: Connection, life: Connection, memory_mb: int, warm_up: Callable[[], object] | None
-) -> None:
-    """Call the functions that come through the pipe, and send back `Answer` or the exception.
+class Worker:
+    """A worker process, as its parent sees it."""
 
-    Args:
-        pipe: (function, arguments) in, answers out; the first answer says that the worker is warm, or is the exception
-            that kept it from it.
-        life: nothing ever comes through it; it closes when the parent ends.
-        memory_mb: to keep to; 0: no limit.
-        warm_up: called first.
-    """
-    _end_with_parent(life)
-    # the parent gets the signal; it then ends its workers
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    for name in _THREADS:
-        os.environ[name] = "1"  # before the libraries are loaded
-    _bound_memory(memory_mb)
-    first = multiprocessing.current_process().name.endswith("-0")  # the others compile the same
-    with show_compiling(_say) if first else contextlib.nullcontext():
-        if warm_up is not None:
-            try:
-                warm_up()
-            except Exception as error:
-                pipe.send(_sendable(error))
-                raise
-            end_part()
-        pipe.send(Answer(None))
-        _serve(pipe)
+    def __init__(self, number: int, memory_mb: int) -> None:
+        """Start the process.
+
+        Args:
+            number: the worker of number 0 shows what is compiled; the others compile the same.
+            memory_mb: limit of its memory; 0: none.
+
+        Raises:
+            OSError: it cannot be started.
+        """
+        for name, value in MALLOC.items():  # read as a process starts
+            os.environ.setdefault(name, value)
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        arguments = (theirs, memory_mb, number == 0)
+        self.process = context.Process(target=_serve, args=arguments, daemon=True)
+        try:
+            self.process.start()
+        except BaseException:
+            self._pipe.close()
+            raise
+        finally:
+            theirs.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process has not ended."""
+        return self.process.exitcode is None
+
+    def ask(
+        self,
+        function: Callable[..., Any],
+        args: tuple[Any, ...],
+        timeout_s: float,
+        too_late: str,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> Answer | Exception:
+        """Have the process call a function: its answer, its exception, or WorkerLostError.
+
+        Args:
+            function: of a module that the process can import.
+            args: its arguments.
+            timeout_s: longest time.
+            too_late: cause that is given after that time.
+            stopped: asked now and then; what it answers with True is waited for no longer.
+        """
+        try:
+            self._pipe.send((function, args))
+        except OSError:
+            pass  # it has died, as is found below
+        except Exception as error:  # arguments that cannot be pickled
+            return error
+        until = time.monotonic() + timeout_s
+        while not stopped():
+            left_s = until - time.monotonic()
+            if wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s))):
+                with contextlib.suppress(Exception):  # a message cut short by a kill may be anything
+                    if self._pipe.poll():
+                        answer: Answer | Exception = self._pipe.recv()
+                        return answer
+                self.process.join(1.0)
+                code = self.process.exitcode
+                reason = f"the worker has ended (exit code {code})"
+                return WorkerLostError(reason, crashed=code not in _FROM_OUTSIDE)
+            if left_s <= 0.0:
+                return WorkerLostError(too_late, timed_out=True)
+        return WorkerLostError("the workers are stopping")
+
+    def kill(self) -> None:
+        """End the process now."""
+        with contextlib.suppress(OSError, ValueError):
+            self.process.kill()
+
+    def end(self, grace_s: float = 0.0) -> None:
+        """End the process, which ends by itself once nobody asks it any more."""
+        self._pipe.close()
+        if self.is_alive:
+            self.process.join(grace_s)
+        self.kill()
+        self.process.join()
 
 
 def load(modules: Sequence[str]) -> None:
@@ -73,27 +132,49 @@ def load(modules: Sequence[str]) -> None:
             importlib.import_module(name)
 
 
+def _serve(pipe: Connection, memory_mb: int, shows: bool) -> None:
+    """Call the functions that come through the pipe, and send back `Answer` or the exception."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if sys.platform == "linux":
+        # native code that holds the interpreter would keep the thread from seeing it
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    # the parent gets the signal; it then ends its workers
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    os.environ.update(dict.fromkeys(_THREADS, "1"))  # before the libraries are loaded
+    if memory_mb > 0:
+        with contextlib.suppress(ImportError):  # not on Windows
+            import resource
+
+            # what is written to, that is: libraries reserve far more addresses than they use
+            resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
+    with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
+        while True:
+            try:
+                function, args = pipe.recv()
+            except (EOFError, OSError):
+                return
+            except Exception as error:  # a function that cannot be found here
+                pipe.send(_sendable(error))
+                continue
+            pipe.send(_answer(function, args))
+            end_part()
+
+
 def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def _serve(pipe: Connection) -> None:
-    while True:
-        try:
-            function, args = pipe.recv()
-        except (EOFError, OSError):
-            return
-        except Exception as error:  # a function that cannot be found here
-            pipe.send(_sendable(error))
-            continue
-        try:
-            pipe.send(_called(function, args))
-            end_part()
-        except OSError:
-            return
+def _end_with_parent() -> None:
+    """End this process when its parent does, even by `kill -9`."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(0)
 
 
-def _called(function: Any, args: tuple[Any, ...]) -> Any:
+def _answer(function: Callable[..., Any], args: tuple[Any, ...]) -> Answer | Exception:
     try:
         answer = Answer(function(*args))
         pickle.dumps(answer)
@@ -104,35 +185,7 @@ def _called(function: Any, args: tuple[Any, ...]) -> Any:
 
 def _sendable(error: Exception) -> Exception:
     """The exception, or its words where it cannot be pickled there and back."""
-    try:
+    with contextlib.suppress(Exception):
         if type(pickle.loads(pickle.dumps(error))) is type(error):
             return error
-    except Exception:
-        pass
     return RuntimeError(f"{type(error).__name__}: {error}")
-
-
-def _end_with_parent(life: Connection) -> None:
-    """End this process when its parent does, even by `kill -9`."""
-
-    def watch() -> None:
-        try:
-            life.recv_bytes()
-        except (EOFError, OSError):
-            os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()
-    if sys.platform == "linux":
-        # native code that holds the interpreter would keep the thread from seeing it
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def _bound_memory(limit_mb: int) -> None:
-    if limit_mb <= 0:
-        return
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    # what is written to, that is: libraries reserve far more addresses than they use
-    resource.setrlimit(resource.RLIMIT_DATA, (limit_mb * _MB, limit_mb * _MB))

@@ -30,7 +30,8 @@ from glyphs.errors import FileError
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.editions import design_named
 from pipeline.benchmark.exam.specimens import Item, Specimen
-from pipeline.workers.executors import PoolExecutor, ordered_map
+from pipeline.workers.executors import ordered_map
+from pipeline.workers.pool import WorkPool
 
 DIGITS: Final = 12
 """Of the hash, in the file: a part that differs by chance is missed once in 2^48."""
@@ -180,7 +181,7 @@ def main(
     numbers = [k for k, item in enumerate(items) if (k % every == 0 if write else item.part in known)]
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
-    with PoolExecutor(jobs) as pool:
+    with WorkPool(jobs) as pool:
         found = list(ordered_map(pool, made, [Task(edition, k, keep, against) for k in numbers]))
     if write:
         heading = f"# {edition}: part and digest, every {every} of {len(items)} parts\n# {arithmetic()}\n"

@@ -40,7 +40,8 @@ from pipeline.benchmark.exam.editions import design_named
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.readers.engines import RapidOcr
 from pipeline.benchmark.readers.pictures import heights_picture
-from pipeline.workers.executors import PoolExecutor, ordered_map
+from pipeline.workers.executors import ordered_map
+from pipeline.workers.pool import WorkPool
 from recognition.experts.ctc import place_belief
 
 EDITION: Final = "marks-exam-1"
@@ -114,7 +115,7 @@ def _loss(reader: RapidOcr, picture: NDArray[np.uint8], text: str) -> tuple[floa
 
 def measured(tasks: list[Task], *, jobs: int) -> Curves:
     """(parts, amounts, 2) of each soil."""
-    with PoolExecutor(jobs) as pool:
+    with WorkPool(jobs) as pool:
         found = list(ordered_map(pool, losses_of, tasks))
     return {soil: np.stack([each[soil] for each in found]) for soil in found[0]}
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from pipeline.workers.allocator import kept_memory
 from tests.benchmarks.test_speed import ask, one_core
 
 pytestmark = pytest.mark.benchmark
@@ -38,7 +37,7 @@ SLOWER = {
 def test_making_and_feeling_a_part_on_one_core(benchmark: BenchmarkFixture, soil: str) -> None:
     """Stamped, soiled, photographed, and scanned by contact in four directions."""
     answers: list[dict[str, float]] = []
-    with kept_memory(), one_core(f"exam_{soil}") as process:
+    with one_core(f"exam_{soil}") as process:
 
         def make() -> None:
             words = (word.partition("=") for word in ask(process).split())

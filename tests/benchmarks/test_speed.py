@@ -23,7 +23,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.task import RunOrder, read_listed
-from pipeline.workers.executors import PoolExecutor
+from pipeline.workers.pool import WorkPool
 from tests.benchmarks.one_core import TEXT
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
@@ -262,9 +262,9 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     listed = [PartFiles(f"{p.stem} {k}", height_map=str(p)) for k in range(4) for p in tmp_path.glob("*.npz")]
     quickest: dict[int, float] = {}
     for jobs in (1, 2):
-        with PoolExecutor(jobs) as executor:
+        with WorkPool(jobs) as executor:
 
-            def run(executor: PoolExecutor = executor) -> float:
+            def run(executor: WorkPool = executor) -> float:
                 started = time.perf_counter()
                 outcomes = list(executor.calls(read_listed, order, listed))
                 assert all(o.result is not None and o.result.record.text for o in outcomes)

@@ -38,8 +38,8 @@ from pipeline.formats.order_file import read_order
 from pipeline.formats.photos import read_photo
 from pipeline.formats.touch_file import read_height_map, read_scan
 from pipeline.formats.truth import load_truth
-from pipeline.workers.executors import PoolExecutor
-from pipeline.workers.slot import WorkerLostError
+from pipeline.workers.executors import WorkerLostError
+from pipeline.workers.pool import WorkPool
 from tests.support.bad_files import chunk, jpeg, npz, png, scan, small_map, x3p
 
 SLOW_S = 20.0
@@ -215,7 +215,7 @@ def opened(_: None, mutant: Mutant) -> str:
 def campaign(kinds: Sequence[str], number: int, seed: int, jobs: int, keep: Path) -> dict[str, Counter[str]]:
     """How many of each kind were read, refused, and what else; whatever is a fault is printed, and kept in a folder."""
     tallies: dict[str, Counter[str]] = {kind: Counter() for kind in kinds}
-    with tempfile.TemporaryDirectory() as name, PoolExecutor(jobs, timeout_s=SLOW_S) as pool:
+    with tempfile.TemporaryDirectory() as name, WorkPool(jobs, timeout_s=SLOW_S) as pool:
         for outcome in pool.calls(opened, None, mutants(kinds, number, seed, Path(name))):
             mutant, came = outcome.task, outcome.result or _lost(outcome.error)
             tallies[mutant.kind][came.split(":")[0]] += 1

@@ -46,8 +46,8 @@ def export(
         from pipeline.benchmark.export.exported_part import ExportOrder
         from pipeline.runs.progress import Progress
         from pipeline.workers.cluster import ClusterError
+        from pipeline.workers.executors import WorkerLostError
         from pipeline.workers.options import ExecutorOptions
-        from pipeline.workers.pool import WorkerLostError
 
         order = ExportOrder(DesignedParts(design_named(design), parts), felt=felt)
         if check:

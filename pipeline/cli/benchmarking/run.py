@@ -300,8 +300,8 @@ def _run(
     from pipeline.benchmark.trials.run import run_benchmark
     from pipeline.runs.progress import Progress
     from pipeline.workers.cluster import ClusterError
+    from pipeline.workers.executors import WorkerLostError
     from pipeline.workers.options import ExecutorOptions
-    from pipeline.workers.pool import WorkerLostError
 
     items = benchmark.parts.items()
     print(foresight(items, crossed_of(benchmark.description())), file=sys.stderr)

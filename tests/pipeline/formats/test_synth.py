@@ -25,7 +25,8 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts
 from pipeline.formats.touch_file import read_height_map
 from pipeline.formats.truth import load_truth
-from pipeline.workers.executors import PoolExecutor, ordered_map
+from pipeline.workers.executors import ordered_map
+from pipeline.workers.pool import WorkPool
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
@@ -166,7 +167,7 @@ def test_workers_write_the_same(tmp_path: Path) -> None:
     spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.5))
     named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
-    with PoolExecutor(2) as executor:
+    with WorkPool(2) as executor:
         each = partial(ordered_map, executor)
         two = write_parts(spec, tmp_path / "two", parts=2, each=each, on_part=named.append)
     assert one == two

@@ -25,7 +25,7 @@ from pipeline.service.web.idempotency import IdempotentRequests
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey
-from pipeline.workers.slot import WorkerLostError
+from pipeline.workers.executors import WorkerLostError
 from tests.support.line_fakes import until_now
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
 from tests.support.store_samples import PLAN

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.workers.cluster import ClusterError, ClusterExecutor, WorkersDiedError
-from pipeline.workers.executors import Outcome
+from pipeline.workers.cluster import ClusterError, ClusterExecutor
+from pipeline.workers.executors import Outcome, WorkerLostError
 from tests.support.cluster_process import ClusterProcess, cluster_process
 from tests.support.executor_calls import dies_of_seven, doubled, noted, noted_by_two, odd_fails
 
@@ -84,10 +84,10 @@ def test_who_is_blamed_beside_the_one_that_kills_is_tried_by_itself(
     told = ClusterExecutor._outcome
     seen: Counter[int] = Counter()
 
-    def blamed(self: ClusterExecutor, future: Any, task: int) -> Outcome[int, int] | None:
+    def blamed(self: ClusterExecutor, future: Any, task: int) -> Outcome[int, int]:
         seen[task] += 1
         if task == 7 or (task in innocent and seen[task] == 1):
-            return Outcome(task, error=WorkersDiedError("workers have died of it"))
+            return Outcome(task, error=WorkerLostError("workers have died of it", tried=True))
         return told(self, future, task)
 
     monkeypatch.setattr(ClusterExecutor, "_outcome", blamed)

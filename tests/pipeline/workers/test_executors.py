@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.settings import SettingsError
-from pipeline.workers.executors import Executor, InlineExecutor, PoolExecutor, ordered_map
+from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 from pipeline.workers.options import ExecutorOptions
+from pipeline.workers.pool import WorkPool
 from tests.support.executor_calls import (
     crash_at,
     dies_of_seven,
@@ -25,13 +26,13 @@ COUNT = 20
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[PoolExecutor]:
-    with PoolExecutor(2) as executor:
+def pool() -> Iterator[WorkPool]:
+    with WorkPool(2) as executor:
         yield executor
 
 
 @pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_every_task_has_one_outcome(kind: str, pool: PoolExecutor) -> None:
+def test_every_task_has_one_outcome(kind: str, pool: WorkPool) -> None:
     executor: Executor = InlineExecutor() if kind == "inline" else pool
     outcomes = list(executor.calls(doubled, 100, range(COUNT)))
     assert sorted(o.task for o in outcomes) == list(range(COUNT))
@@ -40,7 +41,7 @@ def test_every_task_has_one_outcome(kind: str, pool: PoolExecutor) -> None:
 
 
 @pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_an_exception_is_its_tasks_own(kind: str, pool: PoolExecutor) -> None:
+def test_an_exception_is_its_tasks_own(kind: str, pool: WorkPool) -> None:
     executor: Executor = InlineExecutor() if kind == "inline" else pool
     for outcome in executor.calls(odd_fails, "told", range(COUNT)):
         if outcome.task % 2:
@@ -51,14 +52,14 @@ def test_an_exception_is_its_tasks_own(kind: str, pool: PoolExecutor) -> None:
 
 
 @pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_a_map_keeps_the_order_of_its_tasks(kind: str, pool: PoolExecutor) -> None:
+def test_a_map_keeps_the_order_of_its_tasks(kind: str, pool: WorkPool) -> None:
     executor: Executor = InlineExecutor() if kind == "inline" else pool
     assert list(ordered_map(executor, late_first, range(COUNT))) == [-k for k in range(COUNT)]
     with pytest.raises(ValueError, match="told: 3 is odd"):
         list(ordered_map(executor, partial(odd_fails, "told"), [2, 3, 4]))
 
 
-def test_tasks_are_taken_as_they_are_needed(pool: PoolExecutor) -> None:
+def test_tasks_are_taken_as_they_are_needed(pool: WorkPool) -> None:
     """Of a million parts only those at work are held."""
     taken = 0
 
@@ -76,7 +77,7 @@ def test_tasks_are_taken_as_they_are_needed(pool: PoolExecutor) -> None:
 
 
 def test_a_task_that_kills_its_workers_costs_itself_alone(tmp_path: Path) -> None:
-    with PoolExecutor(2) as executor:
+    with WorkPool(2) as executor:
         outcomes = {o.task: o for o in executor.calls(dies_of_seven, str(tmp_path), range(COUNT))}
     assert sorted(outcomes) == list(range(COUNT))
     assert [task for task, o in outcomes.items() if o.error is not None] == [7]
@@ -86,31 +87,27 @@ def test_a_task_that_kills_its_workers_costs_itself_alone(tmp_path: Path) -> Non
 
 
 def test_a_task_whose_worker_is_killed_from_outside_is_done_by_another(tmp_path: Path) -> None:
-    with PoolExecutor(2) as executor:
+    with WorkPool(2) as executor:
         outcomes = list(executor.calls(dies_once, str(tmp_path), range(COUNT)))
     assert sorted(o.result for o in outcomes if o.result is not None) == list(range(COUNT))
 
 
 def test_a_task_that_never_ends_is_given_up() -> None:
-    with PoolExecutor(2, timeout_s=1.0) as executor:
+    with WorkPool(2, timeout_s=1.0) as executor:
         outcomes = {o.task: o for o in executor.calls(slow_seven, "", range(COUNT))}
     assert [task for task, o in outcomes.items() if o.error is not None] == [7]
     assert "1" in str(outcomes[7].error)
 
 
-@pytest.mark.parametrize(("jobs", "timeout_s"), [(0, 1.0), (-1, 1.0), (1, 0.0), (1, float("nan"))])
-def test_executors_that_cannot_be(jobs: int, timeout_s: float) -> None:
-    with pytest.raises(SettingsError, match="give at least 1"):
-        PoolExecutor(jobs, timeout_s=timeout_s)
-
-
 @pytest.mark.parametrize(
-    ("jobs", "parts", "workers"), [(None, 1, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
+    ("jobs", "parts", "workers"), [(None, 1, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1), (3, None, 3)]
 )
-def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
+def test_no_more_workers_than_parts_and_none_before_there_is_work(
+    jobs: int | None, parts: int | None, workers: int
+) -> None:
     with ExecutorOptions(jobs).opened(parts) as executor:
-        assert executor.workers == workers
-        assert isinstance(executor, InlineExecutor) == (parts == 0)
+        assert isinstance(executor, WorkPool)
+        assert (executor.workers, executor.pids) == (workers, ())
 
 
 def test_one_part_that_crashes_its_worker_is_one_outcome() -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.warm_up import warm_up
-from pipeline.workers.pool import BusyError, WorkerLostError, WorkPool
+from pipeline.workers.executors import WorkerLostError
+from pipeline.workers.pool import BusyError, WorkPool
 from tests.support import pool_calls as calls
 
 LONG_S = 120.0
@@ -249,7 +250,10 @@ def test_warm_worker_has_read_a_part() -> None:
         pool.close(0.0)
 
 
-@pytest.mark.parametrize(("workers", "queue", "timeout_s"), [(0, 1, 1.0), (1, -1, 1.0), (1, 1, 0.0)])
-def test_numbers_that_cannot_be_are_refused(workers: int, queue: int, timeout_s: float) -> None:
-    with pytest.raises(ValueError, match="give at least"):
+@pytest.mark.parametrize(
+    ("workers", "queue", "timeout_s"),
+    [(0, 1, 1.0), (-1, None, 1.0), (1, -1, 1.0), (1, 1, 0.0), (1, None, float("nan"))],
+)
+def test_numbers_that_cannot_be_are_refused(workers: int, queue: int | None, timeout_s: float) -> None:
+    with pytest.raises(SettingsError, match="give at least 1"):
         WorkPool(workers, queue=queue, timeout_s=timeout_s)

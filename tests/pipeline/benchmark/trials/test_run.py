@@ -22,7 +22,7 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import key_of
-from pipeline.workers.executors import PoolExecutor
+from pipeline.workers.pool import WorkPool
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.reader import Reader
@@ -171,7 +171,7 @@ def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:
 def test_two_workers_say_what_one_says_and_the_scan_takes_its_time(tmp_path: Path) -> None:
     benchmark = Benchmark(designed_parts(severities=(0.0, 0.3), formats=("99",), seed=2), ("tactile",), FAST)
     alone = run_benchmark(benchmark, tmp_path / "one")
-    with PoolExecutor(2) as executor:
+    with WorkPool(2) as executor:
         shared = run_benchmark(benchmark, tmp_path / "two", executor=executor)
     assert told(alone) == told(shared)
     assert not any(t.error for t in alone)
