@@ -1,4 +1,4 @@
-"""A controller of a stage that takes G-code: what every firmware has in common.
+"""A controller of a stage that takes G-code: the core; each firmware's dialect is data (`grbl`, `marlin`).
 
 * Nothing moves before homing but up.
 * The tips are lowered, dragged and lifted by lines that travel in one write: a host that dies in between has already
@@ -10,9 +10,12 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 from pipeline.bench.moves import Moves
 from pipeline.bench.ramp import Ramp
@@ -20,28 +23,71 @@ from pipeline.bench.serial_port import SerialPort
 from pipeline.bench.settings import StageSettings
 from whisker_array.scan.stage_error import StageError
 
-TURN_DEG_S = 60.0
-PLACE_TOLERANCE_MM = 0.05
+# silence before a controller is asked for its state
 LOOK_S = 0.25
-"""Of silence, before a controller is asked how it does."""
-_MM_MIN = 60.0
+_TURN_DEG_S = 60.0
+_PLACE_TOLERANCE_MM = 0.05
 _HOME_HINT = "see that nothing stands in the way, then: tactile-marks bench home BENCH.toml"
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """G-code and answers of a firmware.
+
+    Attributes:
+        name: for messages.
+        absolute: prefix of a move in machine coordinates.
+        settle: lines that are answered when all moves have ended.
+        touching, not_touching: lines that set and clear the spare output, at rest.
+        dwell: line that waits, of seconds `s`.
+        home: lines that find the ends of all axes, each sent when the last is done.
+        lifts_to_home: the firmware lifts z before it homes the other axes.
+        place: answer with machine x, y, z in its groups.
+        bad: answers that end a run, and their message with the answer's groups; the first that matches counts.
+    """
+
+    name: str
+    absolute: str
+    settle: tuple[str, ...]
+    touching: tuple[str, ...]
+    not_touching: tuple[str, ...]
+    dwell: str
+    home: tuple[str, ...]
+    lifts_to_home: bool
+    place: re.Pattern[str]
+    bad: tuple[tuple[str, str], ...]
+
+
+class Sender(Protocol):
+    """Lines on their way to a firmware."""
+
+    @property
+    def done(self) -> bool:
+        """Whether every line is acknowledged."""
+
+    @property
+    def wait_s(self) -> float:
+        """Longest wait for the next answer."""
+
+    def due(self, *, silent: bool) -> bytes:
+        """Take the bytes to be written now; `silent`: the last wait brought no answer."""
+
+    def acknowledges(self, answer: str) -> bool:
+        """Take an answer in; False where it acknowledges nothing.
+
+        Raises:
+            ValueError: a line is asked for again that cannot be sent.
+        """
 
 
 class Controller(ABC):
     """A stage's controller.
 
     Attributes:
-        lost: where it stands is not known; only homing helps.
+        lost: its place is not known; only homing helps.
     """
 
-    absolute = ""
-    """Before a move in machine coordinates."""
-    settle: tuple[str, ...] = ()
-    """Answered when all moves have ended."""
-    touching: tuple[str, ...] = ()
-    """Sets the spare output, at rest."""
-    not_touching: tuple[str, ...] = ()
+    dialect: ClassVar[Dialect]
 
     def __init__(self, settings: StageSettings) -> None:
         """Open the port; nothing is asked yet.
@@ -51,44 +97,26 @@ class Controller(ABC):
         """
         self.settings, self.lost = settings, True
         self.port = SerialPort(settings.port, baud=settings.baud, what="stage's controller")
+        self._place: tuple[float, float, float] | None = None
 
     @abstractmethod
     def connect(self) -> str:
-        """Bring controller and host to terms, with whatever it was at before ended.
-
-        Returns:
-            What it says it is.
+        """Wait until the controller's moves have ended, and return its greeting.
 
         Raises:
             StageError: it does not answer as this firmware does.
         """
 
     @abstractmethod
-    def home(self) -> None:
-        """Lift, and find the ends of all axes.
-
-        Raises:
-            StageError: it cannot.
-        """
+    def sender(self, lines: Sequence[str]) -> Sender:
+        """Put lines on their way."""
 
     @abstractmethod
-    def place_mm(self) -> tuple[float, float, float]:
-        """Machine x, y, z at rest.
+    def ask_place(self) -> None:
+        """Ask for the place, and take the answer in.
 
         Raises:
-            StageError: it does not say.
-        """
-
-    @abstractmethod
-    def run(self, lines: Sequence[str], *, seconds: float) -> None:
-        """Have lines taken; a line that waits for the end of moves is answered then.
-
-        Args:
-            lines: without their ends; they travel together as far as the firmware has room.
-            seconds: that their moves take.
-
-        Raises:
-            StageError: an error, an alarm, a reset, a silence, or moves that take too long.
+            StageError: as `run`.
         """
 
     @abstractmethod
@@ -99,9 +127,81 @@ class Controller(ABC):
             StageError: it could not be lifted.
         """
 
-    @abstractmethod
-    def dwell(self, seconds: float) -> str:
-        """The line that waits."""
+    def home(self) -> None:
+        """Lift, and find the ends of all axes.
+
+        Raises:
+            StageError: it cannot.
+        """
+        if self.lost:
+            self.connect()
+        if not self.dialect.lifts_to_home:
+            self.lift()
+        self.lost = True
+        for line in self.dialect.home:
+            self.exchange([line], seconds=0.5 * self.settings.home_s, silent_s=self.settings.home_s)
+        self.lost = False
+
+    def place_mm(self) -> tuple[float, float, float]:
+        """Machine x, y, z at rest.
+
+        Raises:
+            StageError: it does not say.
+        """
+        self._place = None
+        self.ask_place()
+        if self._place is None:
+            raise self.failed("the stage does not say where it stands")
+        return self._place
+
+    def run(self, lines: Sequence[str], *, seconds: float) -> None:
+        """Send lines, and wait until all are acknowledged; a line that waits for the end of moves is answered then.
+
+        Args:
+            lines: without their ends; they travel together as far as the firmware has room.
+            seconds: that their moves take.
+
+        Raises:
+            StageError: an error, an alarm, a reset, a silence, or moves that take too long.
+        """
+        self.port.quiet(for_s=0.0)
+        self.exchange(lines, seconds=seconds, silent_s=self.settings.answer_s)
+
+    def exchange(self, lines: Sequence[str], *, seconds: float, silent_s: float) -> None:
+        """`run`, with a longest silence and without dropping late answers first."""
+        sender, silent = self.sender(lines), False
+        heard = time.monotonic()
+        until = heard + 2.0 * seconds + self.settings.answer_s
+        while not sender.done:
+            if due := sender.due(silent=silent):
+                self.port.write(due)
+            answer, now = self.port.line(wait_s=sender.wait_s), time.monotonic()
+            if now > until:
+                raise self.failed("the stage's moves have not ended in time")
+            silent = answer is None
+            if answer is None:
+                if now - heard > silent_s:
+                    raise self.failed(f"the stage's controller has said nothing for {now - heard:.0f} s")
+                continue
+            heard = now
+            try:
+                if not sender.acknowledges(answer):
+                    self.take_in(answer)
+            except ValueError as error:
+                raise self.failed(f"the stage's controller {error}") from error
+
+    def take_in(self, answer: str) -> None:
+        """Take in an answer that is no acknowledgement.
+
+        Raises:
+            StageError: it ends the run.
+        """
+        for pattern, message in self.dialect.bad:
+            if found := re.match(pattern, answer):
+                raise self.failed(message.format(found[0], *found.groups()))
+        if found := self.dialect.place.match(answer):
+            x, y, z = found.groups()[-3:]
+            self._place = (float(x), float(y), float(z))
 
     def travel(self, moves: Moves) -> None:
         """Lift, turn, and stand lifted where a pass begins.
@@ -110,14 +210,14 @@ class Controller(ABC):
             StageError: as `run`.
         """
         s = self.settings
-        self._ready()
-        lines = [self.move(Z=moves.lift_z_mm, speed=s.rapid_mm_s)]
+        self._check_place_known()
+        lines = [self._move(s.rapid_mm_s, Z=moves.lift_z_mm)]
         if s.turn_axis:
-            lines.append(self.move(speed=TURN_DEG_S, **{s.turn_axis: moves.turn_deg}))
-        x, y = moves.begin_mm
-        lines.append(self.move(X=x, Y=y, speed=s.rapid_mm_s))
+            lines.append(self._move(_TURN_DEG_S, **{s.turn_axis: moves.turn_deg}))
+        lines.append(self._move(s.rapid_mm_s, X=moves.begin_mm[0], Y=moves.begin_mm[1]))
         width = math.hypot(*(high - low for low, high in s.travel_mm))
-        self.run([*lines, *self.settle], seconds=2.0 * width / s.rapid_mm_s + 360.0 / TURN_DEG_S)
+        seconds = 2.0 * width / s.rapid_mm_s + 360.0 / _TURN_DEG_S
+        self.run([*lines, *self.dialect.settle], seconds=seconds)
 
     def touch(self, moves: Moves) -> None:
         """From where a pass begins: wait for the air samples, lower, drag, lift.
@@ -125,69 +225,61 @@ class Controller(ABC):
         Raises:
             StageError: as `run`, or it does not stand where it should afterwards.
         """
-        s = self.settings
-        self._ready()
+        s, dialect = self.settings, self.dialect
+        self._check_place_known()
         if moves.air_s > 0.0:
-            self.run([*self.touching, self.dwell(moves.air_s), *self.not_touching], seconds=moves.air_s)
-        x, y = moves.end_mm
+            dwell = dialect.dwell.format(s=moves.air_s, ms=1000.0 * moves.air_s)
+            self.run([*dialect.touching, dwell, *dialect.not_touching], seconds=moves.air_s)
+        end = (*moves.end_mm, moves.lift_z_mm)
+        lines = [
+            self._move(s.lower_mm_s, Z=moves.touch_z_mm),
+            *dialect.touching,
+            self._move(moves.speed_mm_s, X=end[0], Y=end[1]),
+            *dialect.not_touching,
+            self._move(s.rapid_mm_s, Z=moves.lift_z_mm),
+            *dialect.settle,
+        ]
         drop = Ramp(moves.lift_z_mm - moves.touch_z_mm, s.lower_mm_s, s.acceleration_mm_s2)
-        self.run(
-            [
-                self.move(Z=moves.touch_z_mm, speed=s.lower_mm_s),
-                *self.touching,
-                self.move(X=x, Y=y, speed=moves.speed_mm_s),
-                *self.not_touching,
-                self.move(Z=moves.lift_z_mm, speed=s.rapid_mm_s),
-                *self.settle,
-            ],
-            seconds=2.0 * drop.duration_s + moves.ramp.duration_s,
-        )
+        self.run(lines, seconds=2.0 * drop.duration_s + moves.ramp.duration_s)
         stands = self.place_mm()
-        if math.dist(stands, (x, y, moves.lift_z_mm)) > PLACE_TOLERANCE_MM:
-            self.lost = True
-            raise StageError(
-                f"the stage stands at {_spoken(stands)} mm and not at {_spoken((x, y, moves.lift_z_mm))} mm",
-                _HOME_HINT,
-            )
+        if math.dist(stands, end) > _PLACE_TOLERANCE_MM:
+            at, wanted = (f"({', '.join(f'{v:.2f}' for v in place)}) mm" for place in (stands, end))
+            raise self.failed(f"the stage stands at {at} and not at {wanted}")
 
     def lift(self) -> None:
-        """Lift at rest: to where the tips are carried, or up by as much where it is not known where they are.
+        """Lift at rest: to where the tips are carried, or up by as much where their place is not known.
 
         Raises:
             StageError: it cannot.
         """
         s = self.settings
-        seconds = s.lift_mm / s.rapid_mm_s + s.answer_s
         if self.lost:
-            up = f"G1Z{s.lift_mm:.3f}F{_MM_MIN * s.rapid_mm_s:.0f}"
-            self.run(["G91", up, "G90", *self.settle], seconds=seconds)
+            up = ["G91", f"G1Z{s.lift_mm:.3f}F{60.0 * s.rapid_mm_s:.0f}", "G90"]
         else:
-            self.run(
-                [self.move(Z=s.land_z_mm + s.lift_mm, speed=s.rapid_mm_s), *self.settle], seconds=seconds
-            )
+            up = [self._move(s.rapid_mm_s, Z=s.land_z_mm + s.lift_mm)]
+        self.run([*up, *self.dialect.settle], seconds=s.lift_mm / s.rapid_mm_s + s.answer_s)
 
     def close(self) -> None:
-        """Let the port go."""
+        """Close the port."""
         self.port.close()
 
-    def move(self, *, speed: float, **axes: float) -> str:
-        """A straight move in machine coordinates; speed in mm/s, or degrees a second."""
-        places = "".join(f"{letter}{value:.3f}" for letter, value in axes.items())
-        return f"{self.absolute}G1{places}F{_MM_MIN * speed:.0f}"
-
     def failed(self, what: str, hint: str = _HOME_HINT) -> StageError:
-        """What ends a run: from now on the controller is lost."""
+        """Make the error that ends a run: from now on the controller is lost."""
         self.lost = True
         return StageError(what, hint)
 
-    def waiting_until(self, seconds: float) -> float:
-        """When moves of so long should have ended at the latest."""
-        return time.monotonic() + 2.0 * seconds + self.settings.answer_s
+    def unknown(self) -> StageError:
+        """Make the error of a controller that is none of this firmware."""
+        return self.failed(
+            f"the stage's controller does not answer as {self.dialect.name} does",
+            "see firmware, port and baud of [stage]",
+        )
 
-    def _ready(self) -> None:
+    def _move(self, speed: float, **axes: float) -> str:
+        """A straight move in machine coordinates; speed in mm/s, or degrees a second."""
+        places = "".join(f"{letter}{value:.3f}" for letter, value in axes.items())
+        return f"{self.dialect.absolute}G1{places}F{60.0 * speed:.0f}"
+
+    def _check_place_known(self) -> None:
         if self.lost:
             raise StageError("the stage does not know where it stands", _HOME_HINT)
-
-
-def _spoken(place_mm: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{v:.2f}" for v in place_mm) + ")"

@@ -11,9 +11,10 @@ stop            --> ok 5123                            samples sent
 from __future__ import annotations
 
 import binascii
+import contextlib
+import queue
 import threading
 import time
-from collections import deque
 
 import numpy as np
 
@@ -29,7 +30,7 @@ _CABLE_HINT = "see cable, baud and rate_hz of [daq]"
 
 
 class LineDaq:
-    """The converter; a thread of its own takes what comes while the stage moves."""
+    """The converter; a thread of its own takes lines while the stage moves."""
 
     def __init__(self, settings: DaqSettings) -> None:
         """Open it.
@@ -39,34 +40,27 @@ class LineDaq:
         """
         self._settings = settings
         self._port = SerialPort(settings.port, baud=settings.baud, what="converter")
-        self._lines: deque[str] = deque()
-        self._trouble: StageError | None = None
-        self._come = threading.Condition()
+        self._lines: queue.SimpleQueue[str | StageError] = queue.SimpleQueue()
         self._closed = False
         self._thread = threading.Thread(target=self._pump, name="converter", daemon=True)
         self._thread.start()
         try:
             self._port.write(b"stop\n")  # a dead host's may still run
             # a board that boots when its port is opened says hello by itself, or answers late
-            hello = self._hello()
-            version, channels, bits, self._range_v = (
-                int(hello[1]),
-                int(hello[2]),
-                int(hello[3]),
-                float(hello[4]),
-            )
-            self.whiskers, self._full, self._name = channels, 2 ** (bits - 1), " ".join(hello[5:])
-            if version != _VERSION:
+            _, version, channels, bits, volts, *name = self._hello()
+            self.whiskers, self._full = int(channels), 2 ** (int(bits) - 1)
+            self._range_v, self._name = float(volts), " ".join(name)
+            if int(version) != _VERSION:
                 raise StageError(
                     f"the converter speaks version {version}, not {_VERSION}", "update its sketch"
                 )
-            rate = float(self._asked(f"rate {settings.rate_hz:g}").removeprefix("ok"))
+            rate = float(self._ask(f"rate {settings.rate_hz:g}").removeprefix("ok"))
             if abs(rate - settings.rate_hz) > _RATE_TOLERANCE * settings.rate_hz:
                 raise StageError(
                     f"the converter samples at {rate:g} Hz, not at {settings.rate_hz:g} Hz",
                     f"set rate_hz = {rate:g} in [daq]",
                 )
-        except (ValueError, IndexError) as error:
+        except ValueError as error:
             self.close()
             raise StageError("the converter does not speak the line protocol", _CABLE_HINT) from error
         except BaseException:
@@ -83,7 +77,7 @@ class LineDaq:
         Raises:
             StageError: it does not answer.
         """
-        self._asked("start")
+        self._ask("start")
 
     def stop(self) -> Record:
         """End, with every sample checked and none missing.
@@ -92,20 +86,18 @@ class LineDaq:
             StageError: it was reset, is silent, or samples are lost or spoilt.
         """
         self._port.write(b"stop\n")
-        lines, was_reset, until = [], False, time.monotonic() + self._settings.answer_s
-        while not (line := self._next(until)).startswith("ok"):
-            was_reset = was_reset or line.startswith(_HELLO)
+        lines = []
+        while not (line := self._next(self._settings.answer_s)).startswith("ok"):
             lines.append(line)
-            until = time.monotonic() + self._settings.answer_s
-        if was_reset:
+        if any(line.startswith(_HELLO) for line in lines):
             raise StageError("the converter was reset in the middle", "see to its power, then scan again")
-        good = [body for one in lines if _whole(one, body := one[:-5])]
+        good = [one[:-5].split() for one in lines if f"{crc16(one[:-5]):04X}" == one[-4:]]
         sent = int(line.split()[1])
         if len(good) != sent:
             raise StageError(
                 f"{sent - len(good)} of {sent} samples are missing: lost on the way, or left out", _CABLE_HINT
             )
-        table = np.array([one.split() for one in good], dtype=np.int64).reshape(len(good), self.whiskers + 2)
+        table = np.array(good, dtype=np.int64).reshape(len(good), self.whiskers + 2)
         if (table[:, 0] != np.arange(len(good))).any():
             raise StageError("the converter left samples out: it is too slow", "lower rate_hz of [daq]")
         counts = table[:, 2:]
@@ -117,7 +109,7 @@ class LineDaq:
         )
 
     def close(self) -> None:
-        """Let the port go."""
+        """Close the port."""
         self._closed = True
         self._thread.join(2.0)
         self._port.close()
@@ -127,61 +119,49 @@ class LineDaq:
         while time.monotonic() < until:
             self._port.write(b"id\n")
             asked = time.monotonic() + 0.5
-            try:
-                while not (line := self._next(asked)).startswith(_HELLO):
+            with contextlib.suppress(queue.Empty):
+                while not (line := self._take(asked - time.monotonic())).startswith(_HELLO):
                     pass
-            except StageError:
-                if self._trouble is not None:
-                    raise
-                continue
-            time.sleep(0.05)
-            with self._come:
-                self._lines.clear()
-            return line.split()
+                time.sleep(0.05)
+                while not self._lines.empty():  # hello again, from an earlier question
+                    self._take(0.0)
+                return line.split()
         raise StageError("the converter does not answer", _CABLE_HINT)
 
-    def _asked(self, question: str) -> str:
-        """Its answer to a question.
+    def _ask(self, question: str) -> str:
+        """Answer to a question.
 
         Raises:
             StageError: silence, or a refusal.
         """
         self._port.write(f"{question}\n".encode())
         until = time.monotonic() + self._settings.answer_s
-        while True:
-            line = self._next(until)
+        while not (line := self._next(until - time.monotonic())).startswith("ok"):
             if line.startswith("error"):
                 raise StageError(f"the converter refuses {question!r} ({line})", "see [daq] of the bench")
-            if line.startswith("ok"):
-                return line
+        return line
 
-    def _next(self, until: float) -> str:
-        with self._come:
-            while not self._lines:
-                if self._trouble is not None:
-                    raise self._trouble
-                if not self._come.wait(max(0.0, until - time.monotonic())) and not self._lines:
-                    raise StageError("the converter does not answer", _CABLE_HINT)
-            return self._lines.popleft()
+    def _next(self, wait_s: float) -> str:
+        try:
+            return self._take(wait_s)
+        except queue.Empty as error:
+            raise StageError("the converter does not answer", _CABLE_HINT) from error
+
+    def _take(self, wait_s: float) -> str:
+        line = self._lines.get(timeout=max(0.0, wait_s))
+        if isinstance(line, StageError):
+            self._lines.put(line)  # the port stays gone
+            raise line
+        return line
 
     def _pump(self) -> None:
-        while not self._closed:
-            try:
+        try:
+            while not self._closed:
                 line = self._port.line(wait_s=0.05)
-            except StageError as error:
-                with self._come:
-                    self._trouble = error
-                    self._come.notify_all()
-                return
-            if line is not None:
-                with self._come:
-                    self._lines.append(line)
-                    self._come.notify_all()
-
-
-def _whole(line: str, body: str) -> bool:
-    """Whether a sample's line has come as it was sent."""
-    return f"{crc16(body):04X}" == line[-4:]
+                if line is not None:
+                    self._lines.put(line)
+        except StageError as error:
+            self._lines.put(error)
 
 
 def crc16(text: str) -> int:

@@ -21,30 +21,36 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
-from pipeline.bench.controller import LOOK_S, Controller
+from pipeline.bench.controller import LOOK_S, Controller, Dialect, Sender
 from whisker_array.scan.stage_error import StageError
 
-_PLACE = re.compile(r"X:([-\d.]+) Y:([-\d.]+) Z:([-\d.]+)")
-_RESEND = re.compile(r"(?:Resend|rs)\D*(\d+)")
-_HARMLESS = ("Error:checksum", "Error:Line Number", "Error:No Checksum", "Error:No Line")
-_MOST_RESENDS = 24
-_SETTLED_S = 0.1
+# sets the count of lines; the line numbered 0
+_COUNT_ANEW = "M110N0"
 
 
 class Marlin(Controller):
-    """A stage under Marlin."""
+    """A stage under Marlin; its z must home upwards."""
 
-    settle = ("M400",)
-    touching = ("M400", "M106S255")
-    not_touching = ("M400", "M107")
-
+    dialect = Dialect(
+        name="Marlin",
+        absolute="",
+        settle=("M400",),
+        touching=("M400", "M106S255"),
+        not_touching=("M400", "M107"),
+        dwell="G4P{ms:.0f}",
+        home=("G21", "G90", "G28", "M400"),
+        lifts_to_home=False,
+        place=re.compile(r"X:([-\d.]+) Y:([-\d.]+) Z:([-\d.]+)"),
+        bad=(
+            ("start$", "the stage's controller was reset in the middle"),
+            (
+                "Error:(?!checksum|Line Number|No Checksum|No Line)(.*)",
+                "the stage's controller reports: {1}",
+            ),
+        ),
+    )
     _number = 0
-    _place: tuple[float, float, float] | None = None
     _name = ""
-
-    def dwell(self, seconds: float) -> str:
-        """G4 in milliseconds."""
-        return f"G4P{1000.0 * seconds:.0f}"
 
     def connect(self) -> str:
         """Wait for a board that boots, begin numbering, ask for its name.
@@ -54,45 +60,41 @@ class Marlin(Controller):
         """
         self.lost = True
         until = time.monotonic() + 2.0 * self.settings.answer_s
-        while time.monotonic() < until:
+        while (left := until - time.monotonic()) > 0.0:
             self.port.quiet(for_s=LOOK_S)
-            self._number, self._name = 0, ""
+            self._name = ""
             try:
-                self._taken(["M110N0", "M115", "M400"], until=until, silent_s=2.0 * LOOK_S)
+                self.exchange([_COUNT_ANEW, "M115", "M400"], seconds=0.5 * left, silent_s=2.0 * LOOK_S)
             except StageError:
                 continue
             if self._name:
                 return self._name
             break
-        raise self.failed(
-            "the stage's controller does not answer as Marlin does", "see firmware, port and baud of [stage]"
-        )
+        raise self.unknown()
 
-    def home(self) -> None:
-        """Up a little, then G28; z must home upwards.
+    def sender(self, lines: Sequence[str]) -> Sender:
+        """Number the lines on from the last."""
+        first = 0 if lines[0] == _COUNT_ANEW else self._number + 1
+        self._number = first + len(lines) - 1
+        return _Numbered(lines, first=first)
+
+    def ask_place(self) -> None:
+        """Send M114.
 
         Raises:
-            StageError: it cannot.
+            StageError: as `run`.
         """
-        if self.lost:
-            self.connect()
-        self.lift()
-        until = time.monotonic() + self.settings.home_s
-        self._taken(["G21", "G90", "G28", "M400"], until=until, silent_s=self.settings.home_s)
-        self.lost = False
-
-    def place_mm(self) -> tuple[float, float, float]:
-        """What M114 says."""
-        self._place = None
         self.run(["M400", "M114"], seconds=0.0)
-        if self._place is None:
-            raise self.failed("the stage does not say where it stands")
-        return self._place
 
-    def run(self, lines: Sequence[str], *, seconds: float) -> None:
-        """All lines in one write, and those again that it wants again."""
-        self.port.quiet(for_s=0.0)
-        self._taken(lines, until=self.waiting_until(seconds), silent_s=self.settings.answer_s)
+    def take_in(self, answer: str) -> None:
+        """Take in its name, too.
+
+        Raises:
+            StageError: it ends the run.
+        """
+        super().take_in(answer)
+        if answer.startswith("FIRMWARE_NAME:"):
+            self._name = answer.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]
 
     def stop(self) -> None:
         """Quick stop, lift; where it is deaf to that, M112, which leaves the tips where they are.
@@ -112,60 +114,40 @@ class Marlin(Controller):
                 "switch it off, lift the comb by hand, and home it",
             ) from None
 
-    def _taken(self, lines: Sequence[str], *, until: float, silent_s: float) -> None:
-        first = self._number + 1
-        numbered = [self._numbered(line, first + k) for k, line in enumerate(lines)]
-        self._number = first + len(lines) - 1
-        if lines and lines[0] == "M110N0":  # numbering begins with it
-            numbered = [
-                _checked("N0 M110N0"),
-                *(self._numbered(line, k) for k, line in enumerate(lines[1:], start=1)),
-            ]
-            first, self._number = 0, len(lines) - 1
-        sent = len(numbered)
-        self.port.write(b"".join(numbered))
-        done, resends, to_ignore, heard = 0, 0, 0, time.monotonic()
-        while done < len(numbered):
-            line, now = self.port.line(wait_s=_SETTLED_S if resends else LOOK_S), time.monotonic()
-            if now > until:
-                raise self.failed("the stage's moves have not ended in time")
-            if line is None:
-                if now - heard > silent_s:
-                    raise self.failed(f"the stage's controller has said nothing for {now - heard:.0f} s")
-                # after a resend one at a time, once those behind the spoilt line have been refused as well
-                if done == sent:
-                    self.port.write(numbered[sent])
-                    sent += 1
-                continue
-            heard = now
-            if line.startswith("ok"):
-                done, to_ignore = (done, to_ignore - 1) if to_ignore else (done + 1, 0)
-            elif found := _RESEND.match(line):
-                resends, to_ignore = resends + 1, to_ignore + 1
-                sent = int(found[1]) - first
-                if resends > _MOST_RESENDS or not done <= sent <= len(numbered):
-                    raise self.failed(f"the stage's controller wants line {found[1]} again")
-            else:
-                self._heard(line)
 
-    def _heard(self, line: str) -> None:
-        """Take in what is no acknowledgement.
+class _Numbered:
+    """Lines with number and checksum; after a resend they go one at a time."""
 
-        Raises:
-            StageError: it is bad news.
-        """
-        if line == "start":
-            raise self.failed("the stage's controller was reset in the middle")
-        if line.startswith("Error:") and not line.startswith(_HARMLESS):
-            raise self.failed(f"the stage's controller reports: {line.removeprefix('Error:')}")
-        if found := _PLACE.match(line):
-            self._place = (float(found[1]), float(found[2]), float(found[3]))
-        if line.startswith("FIRMWARE_NAME:"):
-            self._name = line.removeprefix("FIRMWARE_NAME:").partition(" SOURCE")[0]
+    def __init__(self, lines: Sequence[str], *, first: int, most_resends: int = 24) -> None:
+        bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
+        self._lines = [f"{body}*{reduce(xor, body.encode())}\n".encode() for body in bodies]
+        self._first, self._resends_left = first, most_resends
+        self._sent = self._acknowledged = self._ignored = 0
+        self.wait_s = LOOK_S
 
-    def _numbered(self, line: str, number: int) -> bytes:
-        return _checked(f"N{number} {line}")
+    @property
+    def done(self) -> bool:
+        return self._acknowledged == len(self._lines)
 
+    def due(self, *, silent: bool) -> bytes:
+        begin = self._sent
+        if begin == 0 and self.wait_s == LOOK_S:  # nothing was asked for again
+            self._sent = len(self._lines)
+        elif silent and self._acknowledged == begin:
+            # those behind the spoilt line have been refused as well by now
+            self._sent += 1
+        return b"".join(self._lines[begin : self._sent])
 
-def _checked(line: str) -> bytes:
-    return f"{line}*{reduce(xor, line.encode())}\n".encode()
+    def acknowledges(self, answer: str) -> bool:
+        if answer.startswith("ok"):
+            # each refused line has an `ok` of its own
+            self._acknowledged += not self._ignored
+            self._ignored -= bool(self._ignored)
+        elif found := re.match(r"(?:Resend|rs)\D*(\d+)", answer):
+            self._sent, self.wait_s = int(found[1]) - self._first, 0.1
+            self._ignored, self._resends_left = self._ignored + 1, self._resends_left - 1
+            if self._resends_left < 0 or not self._acknowledged <= self._sent <= len(self._lines):
+                raise ValueError(f"wants line {found[1]} again")
+        else:
+            return False
+        return True

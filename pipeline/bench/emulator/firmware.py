@@ -14,12 +14,13 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.bench.emulator.world import AXES, SLICE_S, Place, Volts, World, ramp_to
+from pipeline.bench.settings import StageSettings
 
 WORD = re.compile(r"([A-Z])([-+]?[\d.]+)")
 _PLANNER = 15
@@ -97,9 +98,12 @@ class Firmware(ABC):
         taken: lines taken in so far.
     """
 
-    def __init__(self, world: World, *, acceleration_mm_s2: float) -> None:
-        self.world, self.terminal = world, Terminal()
-        self._acceleration = acceleration_mm_s2
+    dwell_unit_s = 1.0
+    """Unit of G4."""
+
+    def __init__(self, world: World, stage: StageSettings) -> None:
+        self.world, self.terminal, self.stage = world, Terminal(), stage
+        self._acceleration = stage.acceleration_mm_s2
         self.planner: deque[Block] = deque()
         self._moving: tuple[Block, float, float, Volts, Place] | None = None
         self.received = b""
@@ -162,14 +166,41 @@ class Firmware(ABC):
         """No room for a move more."""
         return len(self.planner) >= _PLANNER
 
-    def target(self, words: dict[str, float]) -> Place:
-        """Where a move's words lead, after all that is planned."""
-        at = dict(self.world.place_mm)
-        for block in ([self._moving[0]] if self._moving else []) + list(self.planner):
-            at |= block.to
-        if "F" in words:
-            self.feed_mm_s = words["F"] / 60.0
-        return {k: words[k] + (at[k] if self.relative else 0.0) for k in AXES if k in words}
+    def ok(self) -> None:
+        """Acknowledge a line."""
+        self.terminal.say("ok")
+
+    def home(self) -> None:
+        """Plan the way to the ends of all axes, z first; acknowledged at its end."""
+        (x, _), (y, _), (_, z) = self.stage.travel_mm
+        self.planner.append(Block({"Z": z}, 25.0))
+        self.planner.append(Block({"X": x, "Y": y, "A": 0.0}, 25.0, done=self.ok))
+
+    def obey(self, codes: Collection[str], values: dict[str, float]) -> None:
+        """Do what both dialects share: modes, the spare output, waits, moves; and acknowledge."""
+        if "G90" in codes or "G91" in codes:
+            self.relative = "G91" in codes
+        if output := {"M8", "M9", "M106", "M107"}.intersection(codes):
+            self.world.touching = bool(output & {"M8", "M106"})
+        if "G4" in codes:
+            self.planner.append(Block({}, dwell_s=self.dwell_unit_s * values["P"], done=self.ok))
+            return
+        if "G0" in codes or "G1" in codes:
+            at = dict(self.world.place_mm)
+            for block in ([self._moving[0]] if self._moving else []) + list(self.planner):
+                at |= block.to
+            self.feed_mm_s = values.get("F", 60.0 * self.feed_mm_s) / 60.0
+            to = {k: values[k] + (at[k] if self.relative else 0.0) for k in AXES if k in values}
+            spans = dict(zip("XYZ", self.stage.travel_mm, strict=True))
+            within = {k: min(max(v, spans[k][0]), spans[k][1]) if k in spans else v for k, v in to.items()}
+            if any(abs(within[k] - v) > 1e-6 for k, v in to.items()) and self.refuses_beyond():
+                return
+            self.planner.append(Block(within, self.feed_mm_s))
+        self.ok()
+
+    def refuses_beyond(self) -> bool:
+        """Whether a move beyond the travel is refused; else it ends there, and nothing is said of it."""
+        return False
 
     def _work(self) -> None:
         while not self._ended.is_set():

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.bench.emulator.firmware import WORD, Block, Firmware
-from pipeline.bench.emulator.world import AXES, World
-from pipeline.bench.settings import StageSettings
+from pipeline.bench.emulator.firmware import WORD, Firmware
+from pipeline.bench.emulator.world import AXES
 
 _RECEIVES = 128
 _AT_ONCE = b"?!~\x18"
@@ -17,9 +16,7 @@ class EmulatedGrbl(Firmware):
         state: as it reports.
     """
 
-    def __init__(self, world: World, stage: StageSettings) -> None:
-        super().__init__(world, acceleration_mm_s2=stage.acceleration_mm_s2)
-        self._stage, self.state = stage, "Alarm"
+    state = "Alarm"
 
     def boot(self) -> None:
         """Locked until it is homed."""
@@ -72,7 +69,7 @@ class EmulatedGrbl(Firmware):
         if line.startswith("$"):
             self._dollar(line)
         elif not line:
-            self.terminal.say("ok")
+            self.ok()
         elif self.state == "Alarm":
             self.terminal.say("error:9")
         else:
@@ -80,44 +77,30 @@ class EmulatedGrbl(Firmware):
         return True
 
     def _dollar(self, line: str) -> None:
-        if line == "$X":
-            self.state = "Idle"
-            self.terminal.say("[MSG:Caution: Unlocked]")
-            self.terminal.say("ok")
-        elif line == "$H":
-            self.state = "Idle"
-            (x, _), (y, _), (_, z) = self._stage.travel_mm
-            self.planner.append(Block({"Z": z}, 25.0))  # z first, as it is built
-            homed = lambda: self.terminal.say("ok")  # noqa: E731  (a name for what happens at the end)
-            self.planner.append(Block({"X": x, "Y": y, "A": 0.0}, 25.0, done=homed))
-        else:
+        if line not in ("$X", "$H"):
             self.terminal.say("error:3")
+            return
+        self.state = "Idle"
+        if line == "$H":
+            self.home()
+        else:
+            self.terminal.say("[MSG:Caution: Unlocked]")
+            self.ok()
 
     def _block(self, line: str) -> None:
         words = WORD.findall(line)
         codes = {f"{k}{float(v):g}" for k, v in words if k in "GM"}
-        values = {k: float(v) for k, v in words if k not in "GM"}
         if not words or "".join(k + v for k, v in words) != line:
             self.terminal.say("error:1")
-            return
-        if unknown := codes - {"G0", "G1", "G4", "G21", "G53", "G90", "G91", "G94", "M8", "M9"}:
-            self.terminal.say(f"error:20  {unknown.pop()}".split("  ")[0])
-            return
-        if codes & {"G90", "G91"}:
-            self.relative = "G91" in codes
-        if codes & {"M8", "M9"}:
-            self.world.touching = "M8" in codes
-        if "G4" in codes:
-            self.planner.append(Block({}, dwell_s=values["P"], done=lambda: self.terminal.say("ok")))
-            return
-        if codes & {"G0", "G1"}:
-            to = self.target(values)
-            spans = dict(zip("XYZ", self._stage.travel_mm, strict=True))
-            if any(not low - 1e-6 <= to.get(k, low) <= high + 1e-6 for k, (low, high) in spans.items()):
-                self.forget()
-                self.state = "Alarm"
-                self.terminal.say("ALARM:2")
-                self.terminal.say("[MSG:Reset to continue]")
-                return
-            self.planner.append(Block(to, self.feed_mm_s))
-        self.terminal.say("ok")
+        elif codes - {"G0", "G1", "G4", "G21", "G53", "G90", "G91", "G94", "M8", "M9"}:
+            self.terminal.say("error:20")
+        else:
+            self.obey(codes, {k: float(v) for k, v in words if k not in "GM"})
+
+    def refuses_beyond(self) -> bool:
+        """Soft limits."""
+        self.forget()
+        self.state = "Alarm"
+        self.terminal.say("ALARM:2")
+        self.terminal.say("[MSG:Reset to continue]")
+        return True

@@ -7,11 +7,12 @@ import time
 from functools import reduce
 from operator import xor
 
-from pipeline.bench.emulator.firmware import WORD, Block, Firmware
+from pipeline.bench.emulator.firmware import WORD, Firmware
 from pipeline.bench.emulator.world import World
 from pipeline.bench.settings import StageSettings
 
 _BUSY_S = 2.0
+_SHARED = ("G0", "G1", "G4", "G21", "G90", "G91", "M106", "M107", "M110", "M400")
 _NUMBERED = re.compile(r"N(\d+) ?(.*)\*(\d+)$")
 _NAME = "FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin PROTOCOL_VERSION:1.0"
 
@@ -24,9 +25,11 @@ class EmulatedMarlin(Firmware):
         halted: after M112.
     """
 
+    dwell_unit_s = 1e-3
+
     def __init__(self, world: World, stage: StageSettings) -> None:
-        super().__init__(world, acceleration_mm_s2=stage.acceleration_mm_s2)
-        self._stage, self._last, self.spoil, self.halted = stage, 0, 0, False
+        super().__init__(world, stage)
+        self._last, self.spoil, self.halted = 0, 0, False
         self._busy_at = time.monotonic()
 
     def boot(self) -> None:
@@ -88,29 +91,14 @@ class EmulatedMarlin(Firmware):
     def _do(self, line: str) -> None:
         words = WORD.findall(line)
         code, values = "".join(words[0]) if words else "", {k: float(v) for k, v in words[1:]}
-        if code in ("G90", "G91"):
-            self.relative = code == "G91"
-        elif code in ("M106", "M107"):
-            self.world.touching = code == "M106"
-        elif code == "M115":
+        if code == "G28":
+            self.home()
+            return
+        at = self.world.place_mm
+        if code == "M115":
             self.terminal.say(_NAME)
         elif code == "M114":
-            at = self.world.place_mm
             self.terminal.say(f"X:{at['X']:.2f} Y:{at['Y']:.2f} Z:{at['Z']:.2f} E:0.00 Count X:0 Y:0 Z:0")
-        elif code == "G4":
-            self.planner.append(Block({}, dwell_s=values["P"] / 1000.0, done=lambda: self.terminal.say("ok")))
-            return
-        elif code == "G28":
-            (x, _), (y, _), (_, z) = self._stage.travel_mm
-            self.planner.append(Block({"Z": z}, 25.0))
-            self.planner.append(Block({"X": x, "Y": y, "A": 0.0}, 25.0, done=lambda: self.terminal.say("ok")))
-            return
-        elif code in ("G0", "G1"):
-            spans = dict(zip("XYZ", self._stage.travel_mm, strict=True))
-            to = self.target(values)
-            # software end stops: it goes no further, and says nothing of it
-            to = {k: min(max(v, spans[k][0]), spans[k][1]) if k in spans else v for k, v in to.items()}
-            self.planner.append(Block(to, self.feed_mm_s))
-        elif code not in ("G21", "M110", "M400"):
+        elif code not in _SHARED:
             self.terminal.say(f'echo:Unknown command: "{line}"')
-        self.terminal.say("ok")
+        self.obey((code,), values)

@@ -1,0 +1,47 @@
+"""Draw the pictures of the documentation with the program as it stands: `python docs/draw.py`, some minutes.
+
+Screenshots of the service and pictures of measurements are made as their pages say.
+"""
+
+import contextlib
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from pipeline.cli.main import main
+
+PAGES = Path(__file__).parent / "pages"
+DESIGN = "design --alpha 30:60 --mu 0.1:0.5 --depth-mm 0.2 --height-mm 5"
+COMMANDS = (
+    "figures --out .",
+    f"{DESIGN} --picture design.png --drawing whisker-drawing.svg",
+    "design --array --height-mm 5 --accuracy 0.98 --dirt 0.3 --picture array.png",
+    "bench scan bench.toml --region 3 8 21 16 --dry-run moves.png",
+    "demo --out .",
+    "demo --animation active-touch.gif",
+)
+"""Each writes its pictures into the working folder."""
+
+
+def draw(folder: Path) -> None:
+    """Run the commands in a folder, and copy the pictures that the pages have."""
+    page = (PAGES / "guides" / "bench.md").read_text(encoding="utf-8")
+    bench = re.search(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert bench is not None
+    (folder / "bench.toml").write_text(bench[1], encoding="utf-8")
+    with contextlib.chdir(folder):
+        for command in COMMANDS:
+            print(f"tactile-marks {command}", flush=True)
+            if status := main(command.split()):
+                raise SystemExit(status)
+    for picture in sorted(folder.glob("*.*")):
+        kept = PAGES / "figures" / picture.name
+        if kept.exists():
+            shutil.copyfile(picture, kept)
+            print(f"drew {kept}")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as temporary:
+        draw(Path(temporary))
