@@ -1,6 +1,7 @@
 """Draw the pictures of the documentation with the program as it stands: `python docs/draw.py`, some minutes.
 
-Screenshots of the service and pictures of measurements are made as their pages say.
+The figure of the page on results is drawn from its table. Screenshots of the service (`review.jpg`, `shadow.jpg`,
+`teach.jpg`) are made by hand from `demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
 """
 
 import contextlib
@@ -8,6 +9,8 @@ import re
 import shutil
 import tempfile
 from pathlib import Path
+
+from results_figure import draw_results
 
 from pipeline.cli.main import main
 
@@ -26,7 +29,7 @@ COMMANDS = (
 
 def draw(folder: Path) -> None:
     """Run the commands in a folder, and copy the pictures that the pages have."""
-    page = (PAGES / "guides" / "bench.md").read_text(encoding="utf-8")
+    page = (PAGES / "how-to" / "bench.md").read_text(encoding="utf-8")
     bench = re.search(r"```toml\n(.*?)```", page, re.DOTALL)
     assert bench is not None
     (folder / "bench.toml").write_text(bench[1], encoding="utf-8")
@@ -43,5 +46,6 @@ def draw(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    draw_results()
     with tempfile.TemporaryDirectory() as temporary:
         draw(Path(temporary))
