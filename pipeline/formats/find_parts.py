@@ -13,7 +13,8 @@ import glob
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from pipeline.formats.kinds import (
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
 from pipeline.formats.names import has_magic, local_name, split_name
 from pipeline.formats.number_table import is_number_table
-from pipeline.formats.part_files import PartFiles, PartList, key_and_kind, named_apart, set_of
+from pipeline.formats.part_files import PartFiles, key_and_kind, named_apart, set_of
 
 _MOST_NAME = 80
 _MOST_NAMES = 20
@@ -51,38 +52,32 @@ class NothingFoundError(MarksError):
         )
 
 
+@dataclass(frozen=True)
 class PassedOver:
-    """Files of folders that no part is made of: counts by suffix, and the first names."""
+    """Files of folders that belong to no part."""
 
-    def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
-        self.names: list[str] = []
+    files: list[str] = field(default_factory=list)
 
-    def add(self, file: str) -> None:
-        """Count a file."""
-        name = split_name(file)[1]
-        self.counts[os.path.splitext(name)[1].lower()[:20] or "no suffix"] += 1
-        if len(self.names) < _MOST_NAMES:
-            self.names.append(name)
+    @property
+    def counts(self) -> Counter[str]:
+        """Number of files by suffix."""
+        suffixes = (os.path.splitext(split_name(file)[1])[1] for file in self.files)
+        return Counter(suffix.lower()[:20] or "no suffix" for suffix in suffixes)
 
     def describe(self) -> str:
         """One line for a person; empty where nothing was passed over."""
-        total = self.counts.total()
-        if not total:
+        if not (total := len(self.files)):
             return ""
         kinds = ", ".join(f"{n} {suffix}" for suffix, n in sorted(self.counts.items()))
-        more = f" and {total - len(self.names):,} more" if total > len(self.names) else ""
+        names = ", ".join(split_name(file)[1] for file in self.files[:_MOST_NAMES])
+        more = f" and {total - _MOST_NAMES:,} more" if total > _MOST_NAMES else ""
         hints = [hint for suffixes, hint in _HINTS if not self.counts.keys().isdisjoint(suffixes)]
         files = "1 file" if total == 1 else f"{total:,} files"
-        return visible("; ".join([f"passed over {files} ({kinds}): {', '.join(self.names)}{more}", *hints]))
+        return visible("; ".join([f"passed over {files} ({kinds}): {names}{more}", *hints]))
 
 
-class Listing(PartList):
-    """Parts, and the files of their folders that are none.
-
-    Attributes:
-        passed_over: files that no part is made of.
-    """
+class Listing(list[PartFiles]):
+    """Parts, and the files of their folders that belong to none of them."""
 
     def __init__(self, parts: Iterable[PartFiles], passed_over: PassedOver) -> None:
         super().__init__(parts)
@@ -173,7 +168,8 @@ class FoundFiles:
             photos: photographs in folders are parts of their own, too, beside height maps and scans.
             height_images: .png and .tif are height maps, and no photographs.
         """
-        self._photos, self._height_images = photos, height_images
+        self._photos = photos
+        self._key_and_kind = partial(key_and_kind, height_images=height_images)
         self.passed_over = PassedOver()
         self._parts: dict[tuple[str, ...], PartFiles] = {}
         self._meant: set[tuple[str, ...]] = set()
@@ -219,7 +215,7 @@ class FoundFiles:
             if kind:
                 self._parts[key] = _with(self._parts.get(key) or PartFiles(_stem_name(key[1])), kind, file)
             else:
-                self.passed_over.add(file)
+                self.passed_over.files.append(file)
 
     def add_told(self, parts: Iterable[PartFiles]) -> None:
         """Parts that a manifest tells of."""
@@ -233,17 +229,13 @@ class FoundFiles:
         parts: dict[tuple[str, ...], PartFiles] = {}
         for key, part in self._parts.items():
             if not (part.felt or part.problem or key in self._meant):
-                for file in part.files:
-                    self.passed_over.add(file)
+                self.passed_over.files.extend(part.files)
                 continue
             same = (part.name, *(part.files or (str(part.problem),)))
             # of one part told twice the one that says more
             if same not in parts or (_says_more(part) and not _says_more(parts[same])):
                 parts[same] = part
         return list(parts.values())
-
-    def _key_and_kind(self, file: str) -> tuple[tuple[str, str] | None, str]:
-        return key_and_kind(file, height_images=self._height_images)
 
     def _photos_of(self, path: str) -> list[str]:
         """Photographs of the same stem beside a height map or a scan; folders are listed once."""

@@ -28,7 +28,7 @@ from glyphs.surface.maps import TraceDirection
 from pipeline.errors import DataError, naming, reading
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
-from pipeline.formats.units import DAY_S, TimeUnit
+from pipeline.formats.units import MM, SECONDS
 from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
@@ -110,10 +110,10 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
 
 
 def _rate_hz(table: TraceTable, told: TracesFile) -> float:
-    columns, unit = told.columns, told.time_unit
+    columns = told.columns
     if columns.time is not None and table.n_rows > 1:
         number = table.columns[columns.number] if columns.number is not None else np.zeros(table.n_rows)
-        scale = 1.0 if columns.time in table.stamped else unit.seconds
+        scale = 1.0 if columns.time in table.stamped else SECONDS[told.time_unit]
         return rate_hz(table, table.columns[columns.time] * scale, number)
     rate = told.sampling_rate_hz or table.rate_hz
     if not rate:
@@ -122,8 +122,8 @@ def _rate_hz(table: TraceTable, told: TracesFile) -> float:
 
 
 def _passes(path: Path, table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
-    columns, places = told.columns, told.position_unit.mm
-    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * places
+    columns = told.columns
+    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[told.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment]) * UNIT_N_MM.get(
         told.moment_unit, 1.0
     )
@@ -285,7 +285,7 @@ def rate_hz(table: TraceTable, time_s: Floats, number: Floats) -> float:
     if lost.size:
         raise DataError(f"has no time {table.at(int(lost[0]))}", "fill it in, or take that row out")
     steps = np.diff(time_s)
-    steps = np.where(np.abs(steps + DAY_S) < 0.5 * DAY_S, steps + DAY_S, steps)
+    steps = np.where(np.abs(steps + SECONDS["d"]) < 0.5 * SECONDS["d"], steps + SECONDS["d"], steps)
     back = np.flatnonzero((steps < 0.0) & (np.diff(number) == 0.0))
     if back.size:
         raise DataError(
@@ -299,7 +299,7 @@ def rate_hz(table: TraceTable, time_s: Floats, number: Floats) -> float:
     return run.size / float(run.sum())
 
 
-def check_speed(*, step_mm: float, rate_hz: float, unit: TimeUnit) -> None:
+def check_speed(*, step_mm: float, rate_hz: float, unit: str) -> None:
     """Refuse times by which the stage crawls or flies.
 
     Raises:
@@ -308,9 +308,9 @@ def check_speed(*, step_mm: float, rate_hz: float, unit: TimeUnit) -> None:
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
         return
-    likely = [u for u in TimeUnit if least <= speed * unit.seconds / u.seconds <= most and u is not unit]
-    asked = f'say time_unit = "{likely[0].value}" if that is their unit' if likely else "correct time_unit"
+    likely = [u for u, s in SECONDS.items() if least <= speed * SECONDS[unit] / s <= most and u != unit]
+    asked = f'say time_unit = "{likely[0]}" if that is their unit' if likely else "correct time_unit"
     raise DataError(
-        f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {unit.value}",
+        f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {unit}",
         f"{asked}, or give sampling_rate_hz in place of columns.time",
     )

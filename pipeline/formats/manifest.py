@@ -15,16 +15,15 @@ import difflib
 import os
 import re
 import sys
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from glyphs.errors import FileError, require_file
-from pipeline.errors import DataError, is_url, naming
+from glyphs.errors import MarksError
+from pipeline.errors import DataError, is_url, reading
 from pipeline.formats.names import beside, local_name, split_name
-from pipeline.formats.part_files import PartFiles, PartList, key_and_kind, named_apart
+from pipeline.formats.part_files import PartFiles, key_and_kind, named_apart
 from pipeline.formats.remote import copied
 from pipeline.formats.table_file import (
     PART_HEADINGS,
@@ -61,8 +60,8 @@ def names_no_files(name: str) -> bool:
         return False
     try:
         head = next(iter(table_lines(path)), None)
-    except FileError:
-        return False  # told when it is read
+    except MarksError:
+        return False  # reported when it is read
     return head is not None and (
         column_of(head.cells, PART_HEADINGS) is not None
         and column_of(head.cells, TEXT_HEADINGS) is not None
@@ -86,46 +85,29 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
     """
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
     as_parquet = split_name(source)[1].lower().endswith(".parquet")
-    # of a million lines the parts are packed and their keys are hashes: a table may not fill the memory
-    parts, keys, numbers = PartList(), array("q"), array("q")
-    with _on_this_machine(source) as path, naming(source):
-        records, line = (
-            (_parquet_records(path), "row") if as_parquet else (_csv_records(source, path), "line")
-        )
+    parts: list[PartFiles] = []
+    seen: dict[tuple[str | None, str], int] = {}
+    with _opened(source, kind="Parquet" if as_parquet else "") as path:
+        records, line = (_parquet_records(path), "row") if as_parquet else (_csv_records(path), "line")
         for number, cells in records:
             part = _part_of(source, f"{line} {number}", cells)
             folder, last = split_name(part.files[0])
-            keys.append(hash(part.name if cells.get("part") else (folder, os.path.splitext(last)[0])))
-            numbers.append(number)
+            key = (None, part.name) if cells.get("part") else (folder, os.path.splitext(last)[0])
+            if (first := seen.setdefault(key, number)) != number:
+                again = f"{line} {number} names {part.name} a second time, after {line} {first}"
+                raise DataError(again, "give every part one line")
             parts.append(part)
         if not parts:
             raise DataError("holds no part", "give a line for each part")
-        if (pair := _first_repeated(parts, keys)) is not None:
-            first, second = pair
-            again = f"{line} {numbers[second]} names {parts[second].name} a second time"
-            raise DataError(f"{again}, after {line} {numbers[first]}", "give every part one line")
-        return named_apart(parts)
-
-
-def _first_repeated(parts: Sequence[PartFiles], keys: array[int]) -> tuple[int, int] | None:
-    """The first two lines that name one part."""
-    import numpy as np
-
-    hashes = np.frombuffer(keys, dtype=np.int64)
-    order = np.argsort(hashes, kind="stable")
-    same = np.flatnonzero(hashes[order[1:]] == hashes[order[:-1]])
-    pairs = sorted((int(order[k + 1]), int(order[k])) for k in same)
-    return next(((a, b) for b, a in pairs if parts[a].name == parts[b].name), None)
+    return named_apart(parts)
 
 
 @contextlib.contextmanager
-def _on_this_machine(source: str) -> Iterator[Path]:
-    if is_url(source):
-        with copied(source, most_bytes=_MAX_BYTES) as path:
-            yield path
-    else:
-        require_file(Path(source), most_bytes=_MAX_BYTES)
-        yield Path(source)
+def _opened(source: str, *, kind: str) -> Iterator[Path]:
+    """The table on this machine; its errors name the source."""
+    copy = copied(source, most_bytes=_MAX_BYTES) if is_url(source) else contextlib.nullcontext(Path(source))
+    with copy as path, reading(path, most_bytes=_MAX_BYTES, kind=kind):
+        yield path
 
 
 def _part_of(source: str, where: str, cells: Mapping[str, str]) -> PartFiles:
@@ -194,9 +176,9 @@ def _columns(header: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _csv_records(source: str, path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+def _csv_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """The number of each line of a CSV, and its known cells."""
-    lines = table_lines(path, source=source)
+    lines = table_lines(path)
     head = next(lines, TableLine(1, ()))
     columns = _columns_of_files(head.cells)
     width = len(head.cells)
@@ -226,38 +208,19 @@ def _parquet_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """The number of each row of a Parquet file, and its known cells; a batch of rows is in memory at a time."""
     from pyarrow import parquet
 
-    with contextlib.ExitStack() as stack:
-        with _damage_in_words():
-            file = stack.enter_context(parquet.ParquetFile(path))
-            schema = file.schema_arrow
+    with parquet.ParquetFile(path) as file:
+        schema, number = file.schema_arrow, 0
         columns = _columns(schema.names)
         for name, at in columns.items():
             if not _is_text(schema.field(at).type, name):
                 raise DataError(f"has the column {name} of type {schema.field(at).type}", "save it as text")
         names = [schema.names[at] for at in columns.values()]
-        batches = file.iter_batches(batch_size=_BATCH_ROWS, columns=names)
-        number = 0
-        while True:
-            with _damage_in_words():
-                batch = next(batches, None)
-                values = [] if batch is None else [batch.column(name).to_pylist() for name in names]
-            if batch is None:
-                return
-            for row in zip(*values, strict=True):
+        for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=names):
+            for row in zip(*(batch.column(name).to_pylist() for name in names), strict=True):
                 number += 1
                 cells = ["" if value is None else str(value).strip() for value in row]
                 if any(cells):
                     yield number, dict(zip(columns, cells, strict=True))
-
-
-@contextlib.contextmanager
-def _damage_in_words() -> Iterator[None]:
-    """Turn whatever the parser trips over into a DataError."""
-    try:
-        yield
-    except Exception as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise DataError(f"is damaged or not a Parquet file ({reason})", "copy it or make it again") from error
 
 
 def _is_text(kind: Any, name: str) -> bool:

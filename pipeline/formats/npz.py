@@ -10,11 +10,9 @@ refused without taking the memory.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import zipfile
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -39,7 +37,7 @@ DEFAULT_HARDNESS_MPA = 10.0
 
 
 class _SoilMember(NamedTuple):
-    """What stands for a member where it is missing, and what it may hold."""
+    """The value of a member that is missing, and what it may hold."""
 
     missing: float
     least: float
@@ -55,86 +53,76 @@ _SOIL = {
         0.0, 0.0, MAX_HEIGHT_MM, "give the thickness of soft dirt in mm, 0 where there is none"
     ),
     "hardness_mpa": _SoilMember(
-        DEFAULT_HARDNESS_MPA,
-        1e-4,
-        1e6,
+        *(DEFAULT_HARDNESS_MPA, 1e-4, 1e6),
         "give the pressure in MPa at which the dirt yields, grease 0.1, grime 10",
     ),
 }
 
 
-@dataclass(frozen=True)
-class _Header:
-    """The header of one array."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[np.generic]
-
-    @classmethod
-    def of(cls, stream: IO[bytes], name: str, *, kinds: str = "fiu") -> _Header:
-        version = np.lib.format.read_magic(stream)
-        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        if version not in readers:
-            raise DataError(f"{name} is stored in npy version {version}", "save it with numpy.savez")
-        shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
-        if dtype.hasobject or dtype.kind not in kinds:
-            hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
-            raise DataError(f"{name} is of type {dtype}", hint)
-        return cls(shape, dtype)
-
-    @property
-    def size(self) -> int:
-        return math.prod(self.shape)
-
-    def check_heights(self, most: int) -> None:
-        if len(self.shape) != 2 or min(self.shape) < 2:
-            raise DataError(f"its heights have shape {self.shape}", "give rows x columns, at least 2 x 2")
-        check_size(self.shape[0], self.shape[1], most)
+def _header(
+    stream: IO[bytes], name: str, *, kinds: str = "fiu"
+) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+    """Shape and type of an array, from its header."""
+    version = np.lib.format.read_magic(stream)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise DataError(f"{name} is stored in npy version {version}", "save it with numpy.savez")
+    shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
+    if dtype.hasobject or dtype.kind not in kinds:
+        hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
+        raise DataError(f"{name} is of type {dtype}", hint)
+    return shape, dtype
 
 
-class _Archive:
-    """The members of an open `.npz`."""
+def _check_heights(shape: tuple[int, ...], most: int) -> None:
+    if len(shape) != 2 or min(shape) < 2:
+        raise DataError(f"its heights have shape {shape}", "give rows x columns, at least 2 x 2")
+    check_size(*shape, most)
 
-    def __init__(self, archive: zipfile.ZipFile) -> None:
-        self._archive = archive
-        self.names = {name.removesuffix(".npy") for name in archive.namelist()}
-        if (n := len(archive.namelist())) > _MOST_MEMBERS:
+
+class _Archive(zipfile.ZipFile):
+    """An open `.npz`."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.members = {name.removesuffix(".npy") for name in self.namelist()}
+        if (n := len(self.namelist())) > _MOST_MEMBERS:
             raise DataError(f"holds {n:,} members", "save z_mm and pitch_mm alone")
 
-    def header(self, name: str, *, kinds: str = "fiu") -> _Header:
-        """The header of a member that the archive holds as much of as it declares."""
-        with self._archive.open(f"{name}.npy") as stream:
-            header = _Header.of(stream, name, kinds=kinds)
-        held = self._archive.getinfo(f"{name}.npy").file_size
-        if header.size <= MAX_PIXELS and held < header.size * header.dtype.itemsize:
+    def shape(self, name: str) -> tuple[int, ...]:
+        """The shape of a member of numbers that the archive holds as much of as it declares."""
+        with self.open(f"{name}.npy") as stream:
+            shape, dtype = _header(stream, name)
+        size, held = math.prod(shape), self.getinfo(f"{name}.npy").file_size
+        if size <= MAX_PIXELS and held < size * dtype.itemsize:
             raise DataError(f"{name} is shorter than it declares", "copy or save it again")
-        return header
+        return shape
 
     def load(self, name: str) -> NDArray[np.float64]:
-        with self._archive.open(f"{name}.npy") as stream:
+        with self.open(f"{name}.npy") as stream:
             return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
     def rows(self) -> str | None:
         """Which row is first, as the file states it."""
-        if "rows" not in self.names:
+        if "rows" not in self.members:
             return None
-        header = self.header("rows", kinds="U")
-        if header.size == 1 and header.dtype.itemsize <= _HEADER_BYTES:
-            stated = str(self.load("rows").item())
-            if stated in _ROWS:
-                return stated
-        raise DataError("states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out")
+        with self.open("rows.npy") as stream:
+            shape, dtype = _header(stream, "rows", kinds="U")
+        one = math.prod(shape) == 1 and dtype.itemsize <= _HEADER_BYTES
+        if not one or (stated := str(self.load("rows").item())) not in _ROWS:
+            raise DataError(
+                "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out"
+            )
+        return stated
 
     def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """A member that tells of the dirt, on a grid of this shape; what stands for it where it is missing."""
+        """A member that describes the dirt, on a grid of this shape."""
         rule = _SOIL[name]
-        if name not in self.names:
+        if name not in self.members:
             return np.broadcast_to(np.float32(rule.missing), shape)
-        header = self.header(name)
-        if header.shape != shape and header.size != 1:
-            raise DataError(
-                f"{name} has shape {header.shape}, z_mm {shape}", "give both on one grid, or one number"
-            )
+        held = self.shape(name)
+        if held != shape and math.prod(held) != 1:
+            raise DataError(f"{name} has shape {held}, z_mm {shape}", "give both on one grid, or one number")
         values = self.load(name)
         if not np.isfinite(values).all():
             raise DataError(f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint)
@@ -145,32 +133,24 @@ class _Archive:
         return np.broadcast_to((values if values.size > 1 else values.reshape(())).astype(np.float32), shape)
 
 
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[_Archive]:
-    with zipfile.ZipFile(path) as archive:
-        yield _Archive(archive)
-
-
 def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of an `.npz` file.
 
     Raises:
-        DataError: anything that keeps the file from being one.
+        DataError: the file cannot be used.
     """
-    with _opened(path) as archive:
+    with _Archive(path) as archive:
         for name in ("z_mm", "pitch_mm"):
-            if name not in archive.names:
-                held = ", ".join(sorted(archive.names)) or "nothing"
+            if name not in archive.members:
+                held = ", ".join(sorted(archive.members)) or "nothing"
                 raise DataError(f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it")
-        archive.header("z_mm").check_heights(most)
-        distance = archive.header("pitch_mm")
-        if distance.size != 1:
-            raise DataError(f"pitch_mm has shape {distance.shape}", "give one number, mm")
+        _check_heights(archive.shape("z_mm"), most)
+        if math.prod(shape := archive.shape("pitch_mm")) != 1:
+            raise DataError(f"pitch_mm has shape {shape}", "give one number, mm")
         pitch, rows = float(archive.load("pitch_mm").reshape(())), archive.rows()
         return RawMap(
             archive.load("z_mm"),
-            pitch,
-            pitch,
+            *(pitch, pitch),
             bottom_first=rows == "bottom-first",
             rows_stated=rows is not None,
         )
@@ -180,15 +160,15 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of an `.npy` file: a matrix, or rows x, y, z.
 
     Raises:
-        DataError: anything that keeps the file from being one.
+        DataError: the file cannot be used.
     """
     with path.open("rb") as stream:
-        header = _Header.of(stream, path.name)
-        points = len(header.shape) == 2 and header.shape[1] == 3
+        shape, _ = _header(stream, path.name)
+        points = len(shape) == 2 and shape[1] == 3
         if points:
-            check_size(header.shape[0], 3, 3 * most)
+            check_size(shape[0], 3, 3 * most)
         else:
-            header.check_heights(most)
+            _check_heights(shape, most)
         stream.seek(0)
         values = np.lib.format.read_array(stream, allow_pickle=False)
     if not points:
@@ -199,12 +179,12 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
-    """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None if the file tells nothing of it.
+    """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None where the file does not say.
 
     A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
 
     Args:
-        path: the file; one of another suffix tells nothing.
+        path: the file; None is returned for one of another suffix.
         settings: order of rows that is given.
 
     Raises:
@@ -212,15 +192,15 @@ def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
     """
     if path.suffix.lower() != ".npz":
         return None
-    with reading(path, kind=".npz", most_bytes=MOST_BYTES["height_map"]), _opened(path) as archive:
-        held = [name for name in _SOIL if name in archive.names]
+    with reading(path, kind=".npz", most_bytes=MOST_BYTES["height_map"]), _Archive(path) as archive:
+        held = [name for name in _SOIL if name in archive.members]
         if not held:
             return None
-        if "z_mm" not in archive.names:
+        if "z_mm" not in archive.members:
             raise DataError(f"has {held[0]} and no z_mm", "save the height map with it")
-        heights = archive.header("z_mm")
-        heights.check_heights(MAX_PIXELS)
-        friction, soft, hardness = (archive.soil(name, heights.shape) for name in _SOIL)
+        shape = archive.shape("z_mm")
+        _check_heights(shape, MAX_PIXELS)
+        friction, soft, hardness = (archive.soil(name, shape) for name in _SOIL)
         found = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
         rows = (settings.rows if settings is not None else None) or archive.rows()
         return found.mirrored if rows == "bottom-first" else found

@@ -1,15 +1,14 @@
-"""One part of a run before any of its files is opened: words only, to be listed by the million and sent around."""
+"""A part by the names of its files, before any of them is opened: small, for lists of a million."""
 
 from __future__ import annotations
 
 import os
-import pickle
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
@@ -111,42 +110,6 @@ def settings_of(settings: ReadSettings, part: PartFiles) -> ReadSettings:
     return settings.model_copy(update=own) if own else settings
 
 
-class PartList(Sequence[PartFiles]):
-    """Parts in their order, each packed into some 200 bytes until it is asked for; `append` adds one."""
-
-    def __init__(self, parts: Iterable[PartFiles] = ()) -> None:
-        self._packed: list[bytes] = []
-        for part in parts:
-            self.append(part)
-
-    def append(self, part: PartFiles) -> None:
-        """Add a part at the end."""
-        self._packed.append(
-            pickle.dumps(tuple(getattr(part, name) for name in PartFiles.__slots__), protocol=5)
-        )
-
-    def __len__(self) -> int:
-        return len(self._packed)
-
-    @overload
-    def __getitem__(self, at: int) -> PartFiles: ...
-
-    @overload
-    def __getitem__(self, at: slice) -> Sequence[PartFiles]: ...
-
-    def __getitem__(self, at: int | slice) -> PartFiles | Sequence[PartFiles]:
-        if isinstance(at, slice):
-            return [PartFiles(*pickle.loads(packed)) for packed in self._packed[at]]
-        return PartFiles(*pickle.loads(self._packed[at]))
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sequence):
-            return NotImplemented
-        return len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
-
-    __hash__ = None  # type: ignore[assignment]
-
-
 def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
     """Folder and stem of a path or URL (None: hidden), and which attribute of a part its suffix means ("": none)."""
     folder, last = split_name(file)
@@ -174,13 +137,13 @@ def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     if len(set(names)) == len(names):
         return parts
     depth, deeper = 0, True
-    while deeper and (clash := _not_unique(names)):
-        depth, deeper = depth + 1, False
-        for i in clash:
-            part = parts[i]
-            above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
-            deeper |= len(above) >= depth
-            names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
+    while deeper:
+        depth, deeper, counts = depth + 1, False, Counter(names)
+        for i, part in enumerate(parts):
+            if counts[names[i]] > 1:
+                above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
+                deeper |= len(above) >= depth
+                names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
     taken = set(names)
     seen: set[str] = set()
     for i, name in enumerate(names):
@@ -189,9 +152,4 @@ def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
             number += 1
             names[i] = f"{name} ({number})"
         seen.add(names[i])
-    return PartList(replace(p, name=name) for p, name in zip(parts, names, strict=True))
-
-
-def _not_unique(names: Sequence[str]) -> list[int]:
-    counts = Counter(names)
-    return [] if len(counts) == len(names) else [i for i, name in enumerate(names) if counts[name] > 1]
+    return [replace(p, name=name) for p, name in zip(parts, names, strict=True)]

@@ -19,9 +19,9 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
+# of a PCD file: its longest head, and kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
-"""Of a PCD file: its longest head, and kinds of numbers as numpy spells them."""
 MOST_SCATTERED = 2_000_000
 """Points off a grid, which are triangulated."""
 MOST_DRAWN = 300_000_000
@@ -190,32 +190,25 @@ def _draw(z, places, faces):  # type: ignore[no-untyped-def]
         area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
         if abs(area) < 1e-12:  # a wall
             continue
-        for v in range(
-            max(0, math.ceil(min(a[1], b[1], c[1]) - 1e-6)),
-            min(z.shape[0] - 1, math.floor(max(a[1], b[1], c[1]) + 1e-6)) + 1,
-        ):
-            # the columns of this row on which none of the three weights is negative
-            left, right = max(0.0, min(a[0], b[0], c[0])), min(z.shape[1] - 1.0, max(a[0], b[0], c[0]))
-            second_step, third_step = (c[1] - a[1]) / area, (a[1] - b[1]) / area
-            second_at_0 = (-a[0] * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
-            third_at_0 = ((b[0] - a[0]) * (v - a[1]) + a[0] * (b[1] - a[1])) / area
-            for at_0, step in (
-                (second_at_0, second_step),
-                (third_at_0, third_step),
-                (1.0 - second_at_0 - third_at_0, -second_step - third_step),
-            ):
-                if step > 1e-12:
-                    left = max(left, (-1e-6 - at_0) / step)
-                elif step < -1e-12:
-                    right = min(right, (-1e-6 - at_0) / step)
-            if left > right + 1.0:
+        # the plane, and the heights that a triangle of almost no area may not leave
+        across = ((b[2] - a[2]) * (c[1] - a[1]) - (c[2] - a[2]) * (b[1] - a[1])) / area
+        down = ((c[2] - a[2]) * (b[0] - a[0]) - (b[2] - a[2]) * (c[0] - a[0])) / area
+        low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
+        first, last = math.ceil(min(a[1], b[1], c[1]) - 1e-6), math.floor(max(a[1], b[1], c[1]) + 1e-6)
+        for v in range(max(0, first), min(z.shape[0] - 1, last) + 1):
+            left, right = np.inf, -np.inf
+            for p, q in ((a, b), (b, c), (c, a)):
+                if abs(q[1] - p[1]) < 1e-9:
+                    at = p[0], q[0]
+                else:
+                    share = (v - p[1]) / (q[1] - p[1])
+                    x = p[0] + min(max(share, 0.0), 1.0) * (q[0] - p[0])
+                    at = x, x
+                if min(p[1], q[1]) - 1e-6 <= v <= max(p[1], q[1]) + 1e-6:
+                    left, right = min(left, at[0], at[1]), max(right, at[0], at[1])
+            if left > right:
                 continue
-            # rounding may have moved an end by a little: each sample is weighed below
-            for u in range(max(0, math.floor(left)), min(z.shape[1] - 1, math.ceil(right)) + 1):
-                second = ((u - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
-                third = ((b[0] - a[0]) * (v - a[1]) - (u - a[0]) * (b[1] - a[1])) / area
-                if min(second, third, 1.0 - second - third) < -1e-6:
-                    continue
-                height = a[2] + second * (b[2] - a[2]) + third * (c[2] - a[2])
+            for u in range(max(0, math.ceil(left - 1e-6)), min(z.shape[1] - 1, math.floor(right + 1e-6)) + 1):
+                height = min(max(a[2] + across * (u - a[0]) + down * (v - a[1]), low), high)
                 if not z[v, u] >= height:
                     z[v, u] = height

@@ -89,7 +89,6 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """
     if part.felt and not photos:
         part = replace(part, photo="", more_photos=())
-    names: dict[str, str] = {}
     with contextlib.ExitStack() as copies:
 
         def here(file: str | Path, kind: str) -> str:
@@ -98,9 +97,7 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
                 return str(spelled_on_disk(name)) if name else ""
             if part.problem is not None or (kind == "photo" and part.photo_problem is not None):
                 return name  # never opened
-            path = str(copies.enter_context(copied(name, most_bytes=MOST_BYTES[kind])))
-            names[path] = without_secrets(name)
-            return path
+            return str(copies.enter_context(copied(name, most_bytes=MOST_BYTES[kind])))
 
         part = replace(part, height_map=here(part.height_map, "height_map"), scan=here(part.scan, "scan"))
         try:
@@ -110,13 +107,14 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
             if not part.felt:
                 raise
             part = replace(part, photo_problem=fault)
-        with shown_as(names):
-            yield part
+        yield part
 
 
 @contextlib.contextmanager
 def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
     """A copy of one file in a folder of its own, under its own name as far as that is harmless.
+
+    Errors of the block name the URL.
 
     Raises:
         FileError: as `fetched`.
@@ -137,7 +135,8 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         with _faults_told(url):
             files.get_file(path, str(target), callback=guard)
             guard.absolute_update(target.stat().st_size)
-        yield target
+        with shown_as({str(target): without_secrets(url)}):
+            yield target
 
 
 def _guard(url: str, most_bytes: int) -> Any:

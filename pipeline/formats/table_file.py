@@ -14,9 +14,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
+from typing import TextIO
 
 from pipeline.common.texts import original
-from pipeline.errors import problem_of
+from pipeline.errors import DataError
 
 PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
 """Columns that name a part, the first one found counts."""
@@ -50,7 +51,6 @@ class TableLine:
 def table_lines(
     path: Path,
     *,
-    source: str = "",
     comments: bool = False,
     delimiter: str = "",
     skip_lines: int = 0,
@@ -60,26 +60,24 @@ def table_lines(
 
     Args:
         path: the file.
-        source: what messages call it; the path by default.
         comments: pass over lines that begin with #.
         delimiter: between cells; found unless given.
         skip_lines: passed over at the start, where the delimiter is given.
         errors: how bytes that are no text are taken, such as `CP1252`.
 
     Raises:
-        FileError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
+        DataError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
     """
-    source, number = source or str(path), skip_lines
+    number = skip_lines
     with path.open("rb") as start:
         head = start.read(_SAMPLE_BYTES)
     if head.startswith(b"PK\x03\x04"):
-        raise problem_of(source, "is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
+        raise DataError("is a workbook and not a CSV table", "save its sheet as CSV UTF-8")
     try:
         with path.open(encoding=encoding_of(head), errors=errors, newline="") as stream:
-            lines, skipped = _bounded(stream.readline, source), skip_lines
-            if delimiter:
-                lines = islice(lines, skip_lines, None)
-            else:
+            lines: Iterator[str] = islice(_bounded(stream), skip_lines, None)
+            skipped = skip_lines
+            if not delimiter:
                 lines, delimiter, skipped = _delimited(lines, comments=comments)
             # strict: otherwise one quote too many swallows the lines after it
             blanks = re.compile(rf'(?<!")" +(?={re.escape(delimiter)}|\s*$)')
@@ -91,10 +89,10 @@ def table_lines(
                 if any(cells) and not (comments and cells[0].startswith("#")):
                     yield TableLine(number, cells)
     except UnicodeError as error:
-        raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
+        raise DataError("is not UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
         what = f"is not a CSV table after line {number} ({error})"
-        raise problem_of(source, what, "check its quotes, save it as CSV (UTF-8)") from error
+        raise DataError(what, "check its quotes, save it as CSV (UTF-8)") from error
 
 
 def heading(cell: str) -> str:
@@ -147,16 +145,15 @@ def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error(CP1252, _as_cp1252)
 
 
-def _bounded(readline: object, source: str) -> Iterator[str]:
+def _bounded(stream: TextIO) -> Iterator[str]:
     """The lines of a stream.
 
     Raises:
-        FileError: a line that no table has.
+        DataError: a line that no table has.
     """
-    assert callable(readline)
-    while line := str(readline(_MOST_LINE)):
+    while line := stream.readline(_MOST_LINE):
         if len(line) == _MOST_LINE:
-            raise problem_of(source, "has a line of over 10 million characters", "give a table")
+            raise DataError("has a line of over 10 million characters", "give a table")
         yield line
 
 
@@ -166,18 +163,14 @@ def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], 
     The delimiter is the one that a "sep=" line names, or the one that gives most of the first lines as many cells as
     the first of them has.
     """
-    skipped, sample = 0, list[str]()
-    for line in lines:
-        blank = not any(text.strip() for text in sample)
-        named = _SEPARATOR_LINE.fullmatch(line) if blank else None
-        if named is not None:
-            return lines, named[1], skipped + len(sample) + 1
-        sample.append(line)
-        if len(sample) >= _SAMPLE_LINES:
-            break
-    telling = [line for line in sample if line.strip() and not (comments and line.lstrip().startswith("#"))]
-    delimiter = max(_DELIMITERS, key=lambda mark: _evenness(telling, mark))
-    return chain(sample, lines), delimiter, skipped
+    sample = list(islice(lines, _SAMPLE_LINES))
+    first = next((k for k, line in enumerate(sample) if line.strip()), len(sample))
+    if first < len(sample) and (named := _SEPARATOR_LINE.fullmatch(sample[first])):
+        return chain(sample[first + 1 :], lines), named[1], first + 1
+    typical = [
+        line for line in sample[first:] if line.strip() and not (comments and line.lstrip().startswith("#"))
+    ]
+    return chain(sample, lines), max(_DELIMITERS, key=lambda mark: _evenness(typical, mark)), 0
 
 
 def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:

@@ -19,7 +19,6 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from pipeline.common.parsed import Finite, Positive, Strict, read_toml
-from pipeline.formats.units import TimeUnit, Unit
 
 _FORMAT_VERSION = 1
 Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
@@ -94,8 +93,8 @@ class TracesFile(Strict, strict=True):
     whisker: str
     columns: Columns
     moment_unit: Literal["N*mm", "mN*m", "N*m", "V"] = "N*mm"
-    position_unit: Unit = Field(default=Unit.MM, strict=False)
-    time_unit: TimeUnit = Field(default=TimeUnit.SECOND, strict=False)
+    position_unit: Literal["um", "mm", "m", "in", "nm"] = "mm"
+    time_unit: Literal["s", "ms", "us", "ns", "d"] = "s"
     sampling_rate_hz: Positive | None = None
     lead_mm: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
     across_mm: tuple[Finite, ...] = Field(default=(), strict=False)

@@ -8,7 +8,6 @@ before the file's and is not asked about again.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
@@ -39,55 +38,15 @@ MOST_PITCH_MM = 1.0
 
 _SUBSAMPLE = 40_000
 
-DAY_S = 86_400.0
 MM = {
-    "nm": 1e-6,
-    "um": 1e-3,
-    "µm": 1e-3,
-    "μm": 1e-3,
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1e3,
-    "in": 25.4,
-    "inch": 25.4,
+    **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
+    **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4},
 }
 """Millimetres in one of a unit of length, as files write it."""
-
-
-class Unit(StrEnum):
-    """Unit of length."""
-
-    UM = "um"
-    MM = "mm"
-    M = "m"
-    INCH = "in"
-    NM = "nm"
-
-    @property
-    def mm(self) -> float:
-        """Millimetres in one."""
-        return MM[self.value]
-
-    @property
-    def plural(self) -> str:
-        """In words."""
-        words = {"nm": "nanometres", "um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches"}
-        return words[self.value]
-
-
-class TimeUnit(StrEnum):
-    """Unit of a time column."""
-
-    SECOND = "s"
-    MILLISECOND = "ms"
-    MICROSECOND = "us"
-    NANOSECOND = "ns"
-    DAY = "d"
-
-    @property
-    def seconds(self) -> float:
-        """One of it."""
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": DAY_S}[self.value]
+UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}
+"""Units of length that can be given, in words."""
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
+"""Seconds in one of a unit of time."""
 
 
 def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
@@ -105,33 +64,33 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     shape = _Shape.of(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
 
-    def factors(unit: Unit) -> dict[str, tuple[float, float]]:
+    def factors(unit: str) -> dict[str, tuple[float, float]]:
         """What may have the unit, and the factors that it then gives."""
+        mm = MM[unit]
         if settings.pitch_mm is not None:
-            return {"heights": (unit.mm, 1.0)}
-        numbers = {"numbers": (unit.mm, unit.mm)}
-        return (
-            numbers if raw.one_unit else numbers | {"heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
+            return {"heights": (mm, 1.0)}
+        return {"numbers": (mm, mm)} | (
+            {} if raw.one_unit else {"heights": (mm, xy_mm), "distances": (z_mm, mm)}
         )
 
     if settings.unit is not None:
-        tries = list(factors(Unit(settings.unit)).values())
+        tries = list(factors(settings.unit).values())
         fitting = [one for one in tries if not shape.absurdity(*one)]
         return min(fitting, key=lambda one: shape.unusual(one[0]), default=tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
     asked = [
-        (unit is Unit.INCH, shape.unusual(z), what, unit)
-        for unit in Unit
+        (unit == "in", shape.unusual(z), what, unit)
+        for unit in UNITS
         # no format states its numbers wrongly by as much as a nanometre
-        if unit is not Unit.NM or raw.z_mm is None
+        if unit != "nm" or raw.z_mm is None
         for what, (z, xy) in factors(unit).items()
         if not shape.absurdity(z, xy)
     ]
     if asked:
         *_, what, unit = min(asked, key=lambda one: one[:2])
-        raise DataError(absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
+        raise DataError(absurd, f"are the {what} {UNITS[unit]}? then give --unit {unit}")
     if not shape.odd_size(xy_mm):
         return z_mm, xy_mm  # flat, noisy or askew
     raise DataError(

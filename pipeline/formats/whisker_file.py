@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter
@@ -37,7 +37,6 @@ FORMAT_VERSION = 1
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
 Length = Annotated[float, Field(gt=0.0, le=10_000.0, allow_inf_nan=False)]
-_MATERIALS = {"music wire": MUSIC_WIRE}
 _RASTER = ("character_height_mm", "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
 
 
@@ -65,20 +64,17 @@ class WhiskerFile:
 
 
 class _Ribbon(Strict):
-    kind: Literal["ribbon"] = "ribbon"
+    kind: Literal["ribbon"]
     thickness_mm: Length
     width_mm: Length
 
-    def made(self) -> Rectangle:
-        return Rectangle(self.thickness_mm, self.width_mm)
 
-
-class _Wire(Strict):
-    kind: Literal["round"] = "round"
+class _Round(Strict):
+    kind: Literal["round"]
     diameter_mm: Length
 
-    def made(self) -> Round:
-        return Round(self.diameter_mm)
+
+_SECTIONS = {"ribbon": Rectangle, "round": Round}
 
 
 class _Material(Strict):
@@ -94,12 +90,6 @@ class _Identified(Strict):
     sd: tuple[Annotated[float, Field(ge=0.0, allow_inf_nan=False)], ...]
     correlation: tuple[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], ...]
 
-    @classmethod
-    def of(cls, known: Knowledge) -> _Identified:
-        sd = np.where(known.sd > 0.0, known.sd, 1.0)
-        correlation = np.clip(known.covariance / np.outer(sd, sd), -1.0, 1.0).round(6)
-        return cls(names=known.names, sd=tuple(known.sd), correlation=tuple(map(tuple, correlation.tolist())))
-
     def knowledge(self) -> Knowledge:
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
@@ -110,7 +100,7 @@ class _Identified(Strict):
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 
 
-class _Use(Strict):
+class _Written(Strict):
     beta_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
     preload_mm: Length
     tip_radius_mm: float = Field(ge=0.0, le=1000.0, allow_inf_nan=False)
@@ -120,66 +110,59 @@ class _Use(Strict):
     sample_pitch_mm: Length | None = None
     speed_mm_s: Length | None = None
     material: Literal["music wire"] | _Material = "music wire"
-    section: _Ribbon | _Wire = Field(discriminator="kind")
+    section: _Ribbon | _Round = Field(discriminator="kind")
     identified: _Identified | None = None
 
-    def _shape(self) -> tuple[float, Rectangle | Round, Material]:
-        """Angle, section and material."""
-        given = self.material
-        material = Material(**given.model_dump()) if isinstance(given, _Material) else _MATERIALS[given]
-        return math.radians(self.beta_deg), self.section.made(), material
 
-    def whisker(self) -> LShaped:
-        """The whisker of this kind."""
-        raise NotImplementedError
-
-    def build(self) -> WhiskerFile:
-        """Whisker, touch and raster, with defaults scaled to the character height."""
-        whisker, height = self.whisker(), self.character_height_mm
-        touch = Touch(
-            whisker.tip_model(), self.preload_mm, self.tip_radius_mm, self.friction, whisker.describe()
-        )
-        row = touch.tip.compliance_mm_per_n[1]
-        if not row[1] - touch.friction * row[0] > 0.0:
-            raise DataError("describes a whisker that jams on the land", "take another setting angle")
-        lines = self.line_pitch_mm or height / LINES_PER_HEIGHT
-        return WhiskerFile(
-            whisker=whisker,
-            touch=touch,
-            character_height_mm=height,
-            line_pitch_mm=lines,
-            sample_pitch_mm=self.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
-            speed_mm_s=self.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
-            known=self.identified.knowledge() if self.identified is not None else None,
-        )
-
-
-class _L(_Use):
-    kind: Literal["L"] = "L"
+class _L(_Written):
+    kind: Literal["L"]
     l1_mm: Length
     l2_mm: float = Field(ge=0.0, le=10_000.0, allow_inf_nan=False)
     l3_mm: Annotated[float, Field(ge=-10_000.0, le=10_000.0, allow_inf_nan=False)] | None = None
 
-    def whisker(self) -> LShaped:
-        """The L; l3 = l2 unless given."""
-        return LShaped(self.l1_mm, self.l2_mm, self.l3_mm, *self._shape())
 
-
-class _Straight(_Use):
-    kind: Literal["straight"] = "straight"
+class _Straight(_Written):
+    kind: Literal["straight"]
     l_mm: Length
-
-    def whisker(self) -> LShaped:
-        """The straight one."""
-        return straight_whisker(self.l_mm, *self._shape())
 
 
 _OneKind = Annotated[_L | _Straight, Field(discriminator="kind")]
-# a missing kind is told with those that there are
-_ANY: TypeAdapter[_Use] = TypeAdapter(
+# the message on a missing kind names those that there are
+_ANY: TypeAdapter[_L | _Straight] = TypeAdapter(
     Annotated[_OneKind, BeforeValidator(lambda given: {"kind": "", **given})]
 )
 _HIDDEN = ("L", "straight", "ribbon", "round", "_Material")
+
+
+def _built(given: _L | _Straight) -> WhiskerFile:
+    """Whisker, touch and raster, with defaults scaled to the character height."""
+    section = _SECTIONS[given.section.kind](**given.section.model_dump(exclude={"kind"}))
+    material = (
+        Material(**given.material.model_dump()) if isinstance(given.material, _Material) else MUSIC_WIRE
+    )
+    shape = math.radians(given.beta_deg), section, material
+    whisker = (
+        straight_whisker(given.l_mm, *shape)
+        if isinstance(given, _Straight)
+        else LShaped(given.l1_mm, given.l2_mm, given.l3_mm, *shape)
+    )
+    touch = Touch(
+        whisker.tip_model(), given.preload_mm, given.tip_radius_mm, given.friction, whisker.describe()
+    )
+    row = touch.tip.compliance_mm_per_n[1]
+    if not row[1] - touch.friction * row[0] > 0.0:
+        raise DataError("describes a whisker that jams on the land", "take another setting angle")
+    height = given.character_height_mm
+    lines = given.line_pitch_mm or height / LINES_PER_HEIGHT
+    return WhiskerFile(
+        whisker=whisker,
+        touch=touch,
+        character_height_mm=height,
+        line_pitch_mm=lines,
+        sample_pitch_mm=given.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
+        speed_mm_s=given.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
+        known=given.identified.knowledge() if given.identified is not None else None,
+    )
 
 
 def read_whisker_file(path: Path) -> WhiskerFile:
@@ -192,7 +175,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
     try:
         with naming(path):
-            return written.build()
+            return _built(written)
     except WhiskerError as error:
         raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
 
@@ -222,25 +205,25 @@ def check_whisker_file(path: Path) -> None:
     check_writable(path)
 
 
-def _written(content: WhiskerFile) -> _Use:
-    w, touch = content.whisker, content.touch
-    section: _Ribbon | _Wire
-    if isinstance(w.section, Rectangle):
-        section = _Ribbon(thickness_mm=w.section.thickness_mm, width_mm=w.section.width_mm)
-    elif isinstance(w.section, Round):
-        section = _Wire(diameter_mm=w.section.diameter_mm)
-    else:
+def _written(content: WhiskerFile) -> _L | _Straight:
+    w, known = content.whisker, content.known
+    kinds = [kind for kind, section in _SECTIONS.items() if isinstance(w.section, section)]
+    if not kinds:
         raise DataError(f"cannot hold {w.section}", f"write {_WRITABLE}")
-    known = _MATERIALS.get(w.material.name) == w.material
-    constants = {name: getattr(w.material, name) for name in _Material.model_fields}
-    use: dict[str, Any] = {
-        "beta_deg": math.degrees(w.beta_rad),
-        "section": section,
-        "material": w.material.name if known else _Material(**constants),
-        "identified": None if content.known is None else _Identified.of(content.known),
-        **{name: getattr(touch, name) for name in ("preload_mm", "tip_radius_mm", "friction")},
-        **{name: getattr(content, name) for name in _RASTER},
-    }
-    if w.is_straight:
-        return _Straight(l_mm=w.l1_mm, **use)
-    return _L(l1_mm=w.l1_mm, l2_mm=w.l2_mm, l3_mm=w.lowered_mm, **use)
+    lengths = {"kind": "L", "l1_mm": w.l1_mm, "l2_mm": w.l2_mm, "l3_mm": w.lowered_mm}
+    identified = None
+    if known is not None:
+        sd = np.where(known.sd > 0.0, known.sd, 1.0)
+        correlation = np.clip(known.covariance / np.outer(sd, sd), -1.0, 1.0).round(6)
+        identified = {"names": known.names, "sd": tuple(known.sd), "correlation": correlation.tolist()}
+    return _ANY.validate_python(
+        {
+            **({"kind": "straight", "l_mm": w.l1_mm} if w.is_straight else lengths),
+            "beta_deg": math.degrees(w.beta_rad),
+            "section": {"kind": kinds[0], **vars(w.section)},
+            "material": w.material.name if w.material == MUSIC_WIRE else vars(w.material),
+            "identified": identified,
+            **{name: getattr(content.touch, name) for name in ("preload_mm", "tip_radius_mm", "friction")},
+            **{name: getattr(content, name) for name in _RASTER},
+        }
+    )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.part_files import PartFiles, PartList
+from pipeline.formats.part_files import PartFiles
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import Run
 from pipeline.runs.task import RunOrder
@@ -125,9 +125,9 @@ def order_for(settings: ReadSettings, options: RunOptions, *, sent: bool, verify
 
 def with_expected(parts: Sequence[PartFiles], expected: Expected) -> Sequence[PartFiles]:
     """The parts with the texts that a command line or a table expects of them."""
-    return PartList(replace(part, expected=expected.of(part.name) or part.expected) for part in parts)
+    return [replace(part, expected=expected.of(part.name) or part.expected) for part in parts]
 
 
 def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     """The parts with local files named as on any machine that shares the disk."""
-    return PartList(part.absolute() for part in parts)
+    return [part.absolute() for part in parts]

@@ -10,7 +10,7 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings
 from pipeline.formats.touch_file import read_height_map
-from pipeline.formats.units import Unit
+from pipeline.formats.units import UNITS
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 Z_MM = np.zeros((260, 820))
@@ -27,19 +27,19 @@ def write(path: Path, z: float, pitch: float) -> Path:
 @pytest.mark.parametrize(
     ("unit", "z", "pitch"),
     [
-        (Unit.UM, 1e-3, 1e-3),
-        (Unit.UM, 1e-3, 1.0),  # each of the two may be in mm all the same
-        (Unit.UM, 1.0, 1e-3),
-        (Unit.M, 1e3, 1e3),
+        ("um", 1e-3, 1e-3),
+        ("um", 1e-3, 1.0),  # each of the two may be in mm all the same
+        ("um", 1.0, 1e-3),
+        ("m", 1e3, 1e3),
     ],
 )
 def test_absurd_numbers_are_asked_about_and_converted(
-    unit: Unit, z: float, pitch: float, tmp_path: Path
+    unit: str, z: float, pitch: float, tmp_path: Path
 ) -> None:
     path = write(tmp_path / "a.npz", z, pitch)
-    with pytest.raises(FileError, match=f"are the .* {unit.plural}. then give --unit {unit}"):
+    with pytest.raises(FileError, match=f"are the .* {UNITS[unit]}. then give --unit {unit}"):
         read_height_map(path)
-    found = read_height_map(path, MapSettings(unit=unit.value))
+    found = read_height_map(path, MapSettings(unit=unit))
     np.testing.assert_allclose(found.z_mm, Z_MM, atol=1e-6)
     assert found.pitch_mm == pytest.approx(PITCH_MM)
 
