@@ -15,16 +15,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.opencv import cv2
 from recognition.experts.steps import Steps
 from recognition.lines.networks import opened
 from recognition.views.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
 """All that it tells apart; the blank comes before them."""
-STEP_COLUMNS, FEATURE_COLUMNS = 20 / 3, 10 / 3
+WIDER = 1.4
+"""By which a strip is widened before it is read: of held-out fonts 85.9 % of felt characters are read in place of 85.0,
+and more lines surely; 1.2 and 1.6 give no more."""
+STEP_COLUMNS, FEATURE_COLUMNS = 20 / 3 / WIDER, 10 / 3
 """Columns of a strip to a step, and to a step of the features."""
-LAG_COLUMNS = 0.95
-"""By which characters lie to the right of the middle of the step at which they show: the median of 281 characters of
+LAG_COLUMNS = 0.58
+"""By which characters lie to the right of the middle of the step at which they show: the median of 525 characters of
 held-out fonts, felt and measured, whose places are known."""
 _MULTIPLE = 20
 """Columns of a strip are filled up to a multiple of it."""
@@ -44,7 +48,10 @@ def features_of(strip: Layers) -> Features:
 
 
 def _believed(strip: Layers) -> NDArray[np.float32]:
-    return _run(strip, "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
+    rows, columns = strip.shape[1:]
+    size = (math.ceil(WIDER * columns), rows)
+    widened = np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
+    return _run(widened, "posteriors")[: math.ceil(columns / STEP_COLUMNS)]
 
 
 def _run(strip: Layers, output: str) -> NDArray[np.float32]:
