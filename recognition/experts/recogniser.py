@@ -25,8 +25,9 @@ CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#
 WIDER = 1.4
 """By which a strip is widened before it is read: of held-out fonts 85.9 % of felt characters are read in place of 85.0,
 and more lines surely; 1.2 and 1.6 give no more."""
-STEP_COLUMNS, FEATURE_COLUMNS = 20 / 3 / WIDER, 10 / 3
-"""Columns of a strip to a step, and to a step of the features."""
+STEP_COLUMNS = 20 / 3 / WIDER
+FEATURE_COLUMNS = STEP_COLUMNS / 2
+"""Columns of a strip, before it is widened, to a step of the posteriors, and to one of the features."""
 LAG_COLUMNS = 0.58
 """By which characters lie to the right of the middle of the step at which they show: the median of 525 characters of
 held-out fonts, felt and measured, whose places are known."""
@@ -44,14 +45,16 @@ def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
 
 def features_of(strip: Layers) -> Features:
     """(features, rows, steps) of a strip, as the network has them before its last layers."""
-    return _run(strip, "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
+    return _run(_widened(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
 
 
 def _believed(strip: Layers) -> NDArray[np.float32]:
-    rows, columns = strip.shape[1:]
-    size = (math.ceil(WIDER * columns), rows)
-    widened = np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
-    return _run(widened, "posteriors")[: math.ceil(columns / STEP_COLUMNS)]
+    return _run(_widened(strip), "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
+
+
+def _widened(strip: Layers) -> Layers:
+    size = (math.ceil(WIDER * strip.shape[2]), strip.shape[1])
+    return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 
 
 def _run(strip: Layers, output: str) -> NDArray[np.float32]:

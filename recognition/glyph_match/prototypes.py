@@ -32,11 +32,11 @@ from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 
-HALF_STEPS = 6
+HALF_STEPS = 8
 """Steps of features on either side of a character's middle: as wide as a W."""
-BESIDE_STEPS = 1.5
+BESIDE_STEPS = 2.0
 """Beside a character's ink that count as its own."""
-MOVED_STEPS, MOVE_COST = 2, 0.01
+MOVED_STEPS, MOVE_COST = 3, 0.007
 """By which a place may lie off, and the cosine that a step costs."""
 SHARPNESS = 20.0
 """Belief, as a logarithm, of a unit of cosine: the most of 18, 20, 22 and 25 at which the mean with the recogniser's
