@@ -128,13 +128,13 @@ class Reader:
             touch = self.touch.read_height_map(surface, soil=soil, part_id=part_id)
         if not isinstance(photo, Photo):
             assert touch is not None
-            return self.certified(touch)
+            return self.apply_certificate(touch)
         if isinstance(surface, HeightMap):
-            photo = centred(photo, surface)
+            photo = centre_on(photo, surface)
         vision = self.vision.read_photo(photo)
-        return self.certified(vision if touch is None else self.fuse(touch, vision))
+        return self.apply_certificate(vision if touch is None else self.fuse(touch, vision))
 
-    def certified(self, reading: Reading) -> Reading:
+    def apply_certificate(self, reading: Reading) -> Reading:
         """The reading, sent to review where the settings' certificate does not vouch for it."""
         return as_certified(reading, self.settings.certified)
 
@@ -155,7 +155,7 @@ class Reader:
             VerifyError: a text that cannot be looked for.
         """
         from recognition.decision.fuse import fused_lattice
-        from recognition.decision.verified import verified
+        from recognition.decision.verified import with_verification
 
         touch, vision = reading.touch, reading.vision
         lattices = [one.trace.open_lattice for one in (touch, vision) if one is not None]
@@ -165,10 +165,10 @@ class Reader:
             both = fused_lattice(touch, vision, openly=True)
             if both is not None:
                 lattice, contradicted = both[0], bool(both[1])
-        return verified(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)
+        return with_verification(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)
 
 
-def centred(photo: Photo, surface: HeightMap) -> Photo:
+def centre_on(photo: Photo, surface: HeightMap) -> Photo:
     """The photograph with its middle over that of the height map, where its scale is known."""
     if photo.pitch_mm is None:
         return photo

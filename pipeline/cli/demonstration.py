@@ -95,7 +95,7 @@ def run_demo(
         write_npz(folder / f"{demo.name}.npz", part.height_map)
         scan = _recorded(part, folder / f"{demo.name}.h5", number)
         say(f"{demo.name}: reading ...")
-        reading = reader.read(scan).traced(height_map=level(part.height_map))
+        reading = reader.read(scan).with_trace(height_map=level(part.height_map))
         done.append(SheetPart(demo.name, demo.text, reading))
         if on_part is not None:
             on_part(done[-1])

@@ -76,7 +76,7 @@ def _with_photo(reading: readings.Reading, part: PartFiles) -> tuple[readings.Re
     """The part with its photograph to be shown; without one that cannot be used, which nobody asked for, and why."""
     from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
-    from recognition.reader import centred
+    from recognition.reader import centre_on
 
     if reading.trace.photo is not None or not part.photo:
         return reading, []
@@ -85,4 +85,4 @@ def _with_photo(reading: readings.Reading, part: PartFiles) -> tuple[readings.Re
     except FileError as problem:
         return reading, [f"  not shown: {problem}"]
     surface = None if reading.touch is None else reading.touch.trace.height_map
-    return reading.traced(photo=photo if surface is None else centred(photo, surface)), []
+    return reading.with_trace(photo=photo if surface is None else centre_on(photo, surface)), []

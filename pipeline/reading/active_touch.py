@@ -77,7 +77,7 @@ def read_actively(
     if found is None:
         return reader.read_height_map(surface, soil=soil, part_id=part_id)
     note = note_of(found, spent_s)
-    return replace(found.reading, notes=(*found.reading.notes, note)).traced(height_map=levelled)
+    return replace(found.reading, notes=(*found.reading.notes, note)).with_trace(height_map=levelled)
 
 
 def note_of(found: ActiveReading, stage_s: float) -> str:

@@ -23,7 +23,7 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, require_file
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import differences, reader_versions
-from recognition.decision.accepted_risk import ThresholdTest, certified, share_bounds
+from recognition.decision.accepted_risk import ThresholdTest, certified_threshold, share_bounds
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.likeness import KindOfParts
 
@@ -91,7 +91,7 @@ class Certificate:
                 f"{self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}, and the risk "
                 f"{self.risk:g}"
             )
-        chosen = certified(self.tests)
+        chosen = certified_threshold(self.tests)
         if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
             raise ValueError(f"the threshold {self.threshold:g} is not the one that its tests show")
 

@@ -318,7 +318,7 @@ def _report(
         exemplars=sum(len(k) for k in used.values()),
         felt="".join(c for c in sorted(used) if used[c]),
         never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
-        trusted=learned is not None and learned.trusted,
+        trusted=learned is not None and learned.is_trusted,
         like="" if learned is None else learned.hand.font.name,
         likeness=0.0 if learned is None else learned.hand.likeness,
         agreement=agreement([e.char for e in taught], used),

@@ -164,7 +164,7 @@ def read_order(
         found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
         if order.photos and found.trace.vision is not None:
-            readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
+            readings.insert(0, parts.verified(reader.apply_certificate(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=order.name, seconds=s)

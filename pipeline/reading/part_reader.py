@@ -135,7 +135,7 @@ class PartReader:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that does not fit the format.
         """
-        return _reviewed_if_cut_short(self.reader.certified(self._read(part, expected, again, felt)))
+        return _reviewed_if_cut_short(self.reader.apply_certificate(self._read(part, expected, again, felt)))
 
     def _read(
         self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
@@ -177,14 +177,14 @@ class PartReader:
     def _seen_and_felt(self, part: PartFiles, photo: Photo) -> tuple[Reading, Reading]:
         """Touch and vision of a height map, felt about the line that the camera sees."""
         from pipeline.reading.scan_plan import seen_region
-        from recognition.reader import centred
+        from recognition.reader import centre_on
 
         seen: list[Reading] = []
 
         def where(surface: HeightMap) -> Region | None:
             vision = self._vision(part, photo, surface)
             seen.append(vision)
-            return seen_region(vision, centred(photo, surface), height_mm=self.reader.settings.height_mm)
+            return seen_region(vision, centre_on(photo, surface), height_mm=self.reader.settings.height_mm)
 
         touch = self._touch(part, None, where=where)
         return touch, seen[0]
@@ -198,10 +198,10 @@ class PartReader:
         return self.reader.verify(reading, expected) if expected else reading
 
     def _vision(self, part: PartFiles, photo: Photo, surface: HeightMap | None) -> Reading:
-        from recognition.reader import centred
+        from recognition.reader import centre_on
 
         with naming(part.photo):
-            return self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
+            return self.reader.vision.read_photo(photo if surface is None else centre_on(photo, surface))
 
     def _touch(self, part: PartFiles, again: Retake | None, *, where: Where | None = None) -> Reading:
         """A recorded scan goes before a height map."""
@@ -211,9 +211,9 @@ class PartReader:
                     check_scan(Path(part.scan), most=self.limits.max_scan_samples)
                 scan = read_scan(part.scan)
                 if scan.log is not None and again is None:
-                    from recognition.active.replay import replayed
+                    from recognition.active.replay import replay
 
-                    return replayed(self.reader.touch, scan).reading
+                    return replay(self.reader.touch, scan).reading
                 return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
         path = Path(part.height_map)
         with naming(path):
@@ -256,7 +256,7 @@ def _reviewed_if_cut_short(reading: Reading) -> Reading:
 
     n = len(scan.log.passes)
     note = f"the stage failed after {n} {'pass' if n == 1 else 'passes'}: {scan.log.problem}"
-    return reading.found(Finding(ReadingFlag.STAGE_FAILED, note))
+    return reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
 
 
 def read_surface(
@@ -298,7 +298,7 @@ def read_surface(
         return found
     from recognition.decision.score import serial_is_sure
 
-    found = reader.touch.weighed(found, rows_known=False)
+    found = reader.touch.weigh_orientation(found, rows_known=False)
     # what scans the part again has the dirt of the map as it was given
     if serial_is_sure(found) or not found.text or (feel is not None and soil is not None):
         return found
@@ -307,7 +307,7 @@ def read_surface(
     other = read(surface.mirrored, None if soil is None else soil.mirrored)
     if other.nats_read <= found.nats_read:
         return found
-    other = reader.touch.weighed(other, rows_known=False)
+    other = reader.touch.weigh_orientation(other, rows_known=False)
     return replace(other, notes=(*other.notes, MIRRORED_NOTE))
 
 

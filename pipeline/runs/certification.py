@@ -34,7 +34,7 @@ from pipeline.workers.options import ExecutorOptions
 from recognition.decision.accepted_risk import (
     THRESHOLDS,
     ThresholdTest,
-    certified,
+    certified_threshold,
     parts_missing,
     threshold_tests,
 )
@@ -204,7 +204,7 @@ def _certification(
         confidence=confidence,
         thresholds=(*(t for t in THRESHOLDS if t > least), least),
     )
-    errors, chosen = sum(bool(part.record.error) for part in parts), certified(tests)
+    errors, chosen = sum(bool(part.record.error) for part in parts), certified_threshold(tests)
     if chosen is None:
         missing = parts_missing(tests, len(parts), risk=risk, confidence=confidence)
         return Certification(None, tests, len(parts), errors, without_truth, missing)

@@ -19,7 +19,7 @@ from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
 from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
-from recognition.active.telling import Untold, doubted_untold, untold
+from recognition.active.telling import Untold, doubted_untold, untold_places
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import Decision
@@ -147,7 +147,7 @@ class _Part:
                 # nobody gives up without having read what was felt
                 if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
                     break
-                ended = self._asked()
+                ended = self._stop_reason()
                 if ended is None:
                     continue
                 chosen = ended
@@ -161,7 +161,7 @@ class _Part:
             look = self._look() if settings.until_sure or self.region == self.fitting.field_mm else None
             self.progress = self.progress.after(chosen, look)
             self.looks_since += 1
-            ended = self._asked() if settings.until_sure and self._due(look) else None
+            ended = self._stop_reason() if settings.until_sure and self._due(look) else None
             self._note(before, look, time.process_time() - start)
             if ended is not None:
                 chosen = ended
@@ -170,28 +170,28 @@ class _Part:
         if self.reading is None or self.looks_since:
             self._look()
             self.reading = self._full()
-        self.reading = self.reading.found(*bench_findings(self.faults))
+        self.reading = self.reading.with_findings(*bench_findings(self.faults))
         if not sure_at_look:
             if (
                 settings.until_sure
                 and chosen is not StopReason.STAGE_FAILED
                 and self.trust.takes(self.reading)
-                and not self._untold(self.reading)
+                and not self._untold_places(self.reading)
             ):
                 chosen = StopReason.SURE
-            self.reading = self.trust.decided(self.reading)
+            self.reading = self.trust.apply_trust(self.reading)
             if self.scan is not None and self.reading.decision is Decision.ACCEPT:
                 self.reading = doubted_untold(self.reading, self.scan)
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
             note = f"the stage failed between passes: {self.problem}"
-            self.reading = self.reading.found(Finding(ReadingFlag.STAGE_FAILED, note))
+            self.reading = self.reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
         return ActiveReading(
             self.reading,
             tuple(self.passes),
             chosen,
-            steps=self.progress.taken,
+            steps=self.progress.history,
             sure_at_look=sure_at_look,
             problem=self.problem,
             scan=self.scan,
@@ -208,8 +208,8 @@ class _Part:
         cheapest = min(steps, key=lambda step: step.stage_s)
         return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
 
-    def _untold(self, reading: Reading) -> tuple[Untold, ...]:
-        return () if self.scan is None else untold(reading, self.scan)
+    def _untold_places(self, reading: Reading) -> tuple[Untold, ...]:
+        return () if self.scan is None else untold_places(reading, self.scan)
 
     def _feel(self, step: Step) -> bool:
         """Whether every pass of a step could be felt; those that were are kept."""
@@ -236,7 +236,7 @@ class _Part:
             self.edges = None
             return None
         look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
-        if look is not None and self.may_shrink and self.watch.found and not look.others:
+        if look is not None and self.may_shrink and self.watch.is_sure and not look.others:
             self.region = around(look.read.line, self.fitting.field_mm)
         return look
 
@@ -253,14 +253,14 @@ class _Part:
             return False
         return self.progress.steady >= 1 or look.confidence >= 1.0 - AT_ONCE * (1.0 - accept)
 
-    def _asked(self) -> StopReason | None:
+    def _stop_reason(self) -> StopReason | None:
         """What a full reading says: that the serial is sure, that touch settles nothing, or None for more touch."""
         reading = self.reading = self._full()
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
         sure = self.trust.takes(reading)
-        self.missing = self._untold(reading) if sure else ()
+        self.missing = self._untold_places(reading) if sure else ()
         if sure:
             return None if self.missing else StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE
@@ -273,7 +273,7 @@ class _Part:
         reading = self.active.reader.read_edge_map(
             self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
         )
-        return reading.traced(scan=self.scan)
+        return reading.with_trace(scan=self.scan)
 
     def _note(self, before: int, look: Look | None, thought_s: float) -> None:
         """Write down what is believed after a step, with its last pass."""

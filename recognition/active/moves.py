@@ -106,7 +106,7 @@ def next_step(
     passes = [
         p
         for k in range(travels * lines, travels * upto)
-        for p in _laid(fitting, region_mm, way, between(k) + _SHIFT[way] / travels)
+        for p in _lay_travels(fitting, region_mm, way, between(k) + _SHIFT[way] / travels)
     ]
     return Step(way, upto, tuple(passes))
 
@@ -120,7 +120,9 @@ def between(k: int) -> float:
     return share
 
 
-def _needed(across: tuple[float, float], field: tuple[float, float], *, rim_mm: float) -> tuple[float, float]:
+def _stretch_to_cover(
+    across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
+) -> tuple[float, float]:
     """The stretch across the travel that lines must cover: the region less the land at its rims.
 
     A region about a line that is cut at one rim of the field has no land to spare there.
@@ -131,7 +133,7 @@ def _needed(across: tuple[float, float], field: tuple[float, float], *, rim_mm: 
     return (low, high) if high > low else (0.5 * (low + high),) * 2
 
 
-def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
+def _lay_travels(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
     """Travels that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
@@ -139,7 +141,7 @@ def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[P
     along, across = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
     within = (field[1], field[3]) if along_x else (field[0], field[2])
     origin, pitch = within[0], array.pitch_mm
-    low, high = _needed(across, within, rim_mm=RIM_HEIGHTS * height)
+    low, high = _stretch_to_cover(across, within, rim_mm=RIM_HEIGHTS * height)
     blocks = max(1, math.ceil((high - low) / (pitch * array.n_whiskers) - 1e-9))
     # the middle of this travel's own lines as near to the middle of what is needed as whole pitches allow: together
     # the travels of a step then lay every line of the blocks' width, evenly to both sides

@@ -70,7 +70,7 @@ class Progress:
         return replace(self, confidences=(*self.confidences[:-1], best))
 
     @property
-    def taken(self) -> tuple[tuple[Way, int, float], ...]:
+    def history(self) -> tuple[tuple[Way, int, float], ...]:
         """Way of every step, its lines after it, and the confidence of the look that followed."""
         return tuple(
             (way, lines, sure) for (way, lines), sure in zip(self.steps, self.confidences, strict=True)
@@ -81,7 +81,7 @@ class Progress:
         return next_step(self.fitting, region_mm, way, self.lines.get(way, 0), joins=bool(self.lines))
 
 
-def begun(progress: Progress, region_mm: Region) -> Step | StopReason:
+def first_step(progress: Progress, region_mm: Region) -> Step | StopReason:
     """The first step: along or across, whichever is cheaper for the comb."""
     steps = [step for way in (Way.ALONG, Way.CROSS) if (step := progress.step(way, region_mm)) is not None]
     return min(steps, key=lambda step: step.stage_s, default=StopReason.ALL_FELT)
@@ -134,7 +134,7 @@ class Drawn:
         """See `Policy`."""
         n = len(progress.steps)
         if n == 0:
-            return begun(progress, region_mm)
+            return first_step(progress, region_mm)
         rng = np.random.default_rng((self.seed, n))
         ways = [list(Way)[k] for k in rng.permutation(len(Way))]
         steps = [step for way in ways if (step := progress.step(way, region_mm)) is not None]
@@ -167,7 +167,7 @@ class Greedy:
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """See `Policy`."""
         if not progress.steps:
-            return begun(progress, region_mm)
+            return first_step(progress, region_mm)
         steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
         if not steps:
             return StopReason.ALL_FELT

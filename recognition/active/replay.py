@@ -45,7 +45,7 @@ def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) 
     return _with_scan(found, replace(found.scan, log=log))
 
 
-def replayed(reader: TactileReader, scan: Scan) -> ActiveReading:
+def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
     """Read a recording as it was felt: the same passes are chosen again, one after the other.
 
     A reader of other settings or of another version may choose otherwise: it is then given all passes at once.
@@ -79,4 +79,4 @@ def replayed(reader: TactileReader, scan: Scan) -> ActiveReading:
 
 
 def _with_scan(found: ActiveReading, scan: Scan) -> ActiveReading:
-    return replace(found, reading=found.reading.traced(scan=scan), scan=scan)
+    return replace(found, reading=found.reading.with_trace(scan=scan), scan=scan)

@@ -43,7 +43,7 @@ class Untold:
     ways: tuple[Way, ...]
 
 
-def untold(reading: Reading, scan: Scan) -> tuple[Untold, ...]:
+def untold_places(reading: Reading, scan: Scan) -> tuple[Untold, ...]:
     """Places with rivals over which lines of an axis are missing.
 
     Args:
@@ -62,7 +62,7 @@ def untold(reading: Reading, scan: Scan) -> tuple[Untold, ...]:
 
 def doubted_untold(reading: Reading, scan: Scan) -> Reading:
     """The reading, sent to review where it would be accepted before lines tell it from its rivals."""
-    missing = untold(reading, scan)
+    missing = untold_places(reading, scan)
     if not missing or not reading.trace.strokes:
         return reading
     lacking = {one.place: _axis(one) for one in reversed(missing)}
@@ -70,7 +70,7 @@ def doubted_untold(reading: Reading, scan: Scan) -> Reading:
         replace(place, untold=f"too few lines {lacking[k]} were felt over it") if k in lacking else place
         for k, place in enumerate(reading.trace.strokes)
     )
-    return strokes_asked(reading.traced(strokes=strokes))
+    return strokes_asked(reading.with_trace(strokes=strokes))
 
 
 def _axis(one: Untold) -> str:

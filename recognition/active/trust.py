@@ -34,9 +34,9 @@ class Trust:
         least = 1.0 - (1.0 - self._accept) / max(len(self._believed), 1)
         return serial_is_sure(reading) and reading.confidence >= least
 
-    def decided(self, reading: Reading) -> Reading:
+    def apply_trust(self, reading: Reading) -> Reading:
         """The reading, sent to review where it would be accepted and is not sure enough."""
         if reading.decision is not Decision.ACCEPT or self.takes(reading):
             return reading
         before = Finding(ReadingFlag.BELIEVED_OTHERWISE, "low confidence: another text was believed before")
-        return reading.found(before)
+        return reading.with_findings(before)

@@ -18,7 +18,7 @@ from recognition.belief.line_reader import LineReader, apart
 from recognition.belief.line_search import says_much
 from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
-from recognition.lines.moves import LONGER, MOVES, grown, moved
+from recognition.lines.moves import LONGER, MOVES, lengthen, move_line
 from recognition.lines.places import places_mm
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -90,11 +90,11 @@ class LineWatch:
         self.lines, self.line = lines, line
         self._sure, self._others = line is not None, False
         self._beside = cycle(
-            [*(partial(_moved, by=move) for move in MOVES), *(partial(_grown, by=far) for far in LONGER)]
+            [*(partial(_move, by=move) for move in MOVES), *(partial(_grow, by=far) for far in LONGER)]
         )
 
     @property
-    def found(self) -> bool:
+    def is_sure(self) -> bool:
         """Whether there is a line that says something."""
         return self._sure
 
@@ -121,9 +121,9 @@ class LineWatch:
         if not self._sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
         self.line, self._sure = seen[0].line, says_much(seen)
-        return self._said(seen[0])
+        return self._look_at(seen[0])
 
-    def _said(self, read: ReadLine) -> Look | None:
+    def _look_at(self, read: ReadLine) -> Look | None:
         choice = choose(read.belief.lattice, self.lines.grammar)
         return Look(read, choice, self._others) if choice.text else None
 
@@ -131,9 +131,9 @@ class LineWatch:
         return [next(self._beside)(line) for _ in range(BESIDE)]
 
 
-def _moved(line: TextLine, *, by: tuple[float, float, float]) -> TextLine:
-    return moved(line, *by)
+def _move(line: TextLine, *, by: tuple[float, float, float]) -> TextLine:
+    return move_line(line, *by)
 
 
-def _grown(line: TextLine, *, by: tuple[float, float]) -> TextLine:
-    return grown(line, *by)
+def _grow(line: TextLine, *, by: tuple[float, float]) -> TextLine:
+    return lengthen(line, *by)

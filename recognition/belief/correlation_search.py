@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
-from recognition.belief.line_belief import believed
+from recognition.belief.line_belief import line_belief
 from recognition.belief.line_search import OTHER_SCALE, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import ReadLine, about_region
 from recognition.experts.steps import Steps
@@ -117,7 +117,7 @@ class CorrelationSearch(LineSearch):
                 break
         return seen
 
-    def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+    def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line: a look at one has moved it where it belongs."""
         return seen[0]
 
@@ -182,7 +182,7 @@ class CorrelationSearch(LineSearch):
         def answer(height_mm: float) -> float:
             glyphs = self._glyphs(view, font, guise, height_mm, pixels=SKETCH_PIXELS).every(SKETCH_STEP)
             # along as much of the line: small characters would answer more often
-            return height_mm * max(one[0] for one in _Rows(view, glyphs, height_mm).tried())
+            return height_mm * max(one[0] for one in _Rows(view, glyphs, height_mm).row_sums())
 
         return sorted(sizes, key=answer, reverse=True)
 
@@ -192,7 +192,7 @@ class CorrelationSearch(LineSearch):
         """Lines of characters of a height, and how much each explains."""
         glyphs = self._glyphs(view, font, guise, height_mm, pixels=COARSE_PIXELS)
         seen, found = _Rows(view, glyphs, height_mm), []
-        for _, rows in sorted(seen.tried(), key=lambda one: -one[0])[:ROWS_A_SIZE]:
+        for _, rows in sorted(seen.row_sums(), key=lambda one: -one[0])[:ROWS_A_SIZE]:
             total, placed = chain_of(seen.along(rows), glyphs, font, places=self._places, gaps=self._gaps)
             if placed:
                 half = glyphs.half_cols
@@ -215,11 +215,11 @@ class CorrelationSearch(LineSearch):
     def _look(self, view: View, line: TextLine, font: Font, guise: Guise) -> ReadLine | None:
         """A line read where it is, or where its characters show that it is."""
         glyphs = self._glyphs(view, font, guise, line.height_mm, pixels=FINE_PIXELS, touch=view.touch)
-        found = self._placed(view, line, font, glyphs)
+        found = self._place(view, line, font, glyphs)
         for _ in range(MOST_MOVED):
             if len(found.placed) < 2 or np.abs(found.off_heights).max() <= OFF_HEIGHTS:
                 break
-            again = self._placed(view, found.through(), font, glyphs)
+            again = self._place(view, found.through(), font, glyphs)
             if again.total <= found.total:
                 break
             found = again
@@ -234,10 +234,10 @@ class CorrelationSearch(LineSearch):
         )
         columns = found.columns - (BEYOND_HEIGHTS - MARGIN) * HEIGHT_ROWS
         steps = steps_of(cells, glyphs.chars, columns, chars=self.chars, rare=self.rare)
-        belief = believed([steps], self.grammar)
+        belief = line_belief([steps], self.grammar)
         return None if belief is None else ReadLine(found.line, belief)
 
-    def _placed(self, view: View, line: TextLine, font: Font, glyphs: GlyphImages) -> _PlacedLine:
+    def _place(self, view: View, line: TextLine, font: Font, glyphs: GlyphImages) -> _PlacedLine:
         """The best chain of characters along a line."""
         slack = round(SLACK_HEIGHTS * FINE_PIXELS)
         rows = HEIGHT_ROWS * (1.0 + 4.0 * SLACK_HEIGHTS)
@@ -265,7 +265,7 @@ class _Rows:
         self.answers = (glyphs.half_cols[:, None, None] * np.clip(self.near, 0.0, None) ** 2).max(axis=0)
         self.columns = np.arange(image.shape[1])
 
-    def tried(self) -> list[tuple[float, NDArray[np.int64]]]:
+    def row_sums(self) -> list[tuple[float, NDArray[np.int64]]]:
         """The sum of the best answers along each row of every slope, and the row at each column."""
         high, tried = len(self.answers), []
         for slope in SLOPES:

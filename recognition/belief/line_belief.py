@@ -64,9 +64,9 @@ class LineBelief:
     def openly(self) -> tuple[Lattice, Floats]:
         """The beliefs in as many places as stand there, of any characters, and their columns."""
         first = self.looks[:1]
-        places = (first[0].chars,) * max(counted(first)[0], 1)
+        places = (first[0].chars,) * max(count_places(first)[0], 1)
         lattice, columns = _lattice(first, _posteriors(first, places)) or (self.lattice, self.columns)
-        return pooled({first[0].expert: lattice}), columns
+        return pool({first[0].expert: lattice}), columns
 
     def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
         """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room.
@@ -93,7 +93,7 @@ class LineBelief:
         return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
 
 
-def believed(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | None:
+def line_belief(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | None:
     """What the recogniser believes after its looks at a line; None where it finds nothing.
 
     Args:
@@ -102,7 +102,7 @@ def believed(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | No
     """
     likely = 1.0
     if grammar is None:
-        many, likely = counted(looks)
+        many, likely = count_places(looks)
         found = _posteriors(looks, (looks[0].chars,) * many)
     else:
         found = _best_length(looks, grammar)
@@ -112,7 +112,7 @@ def believed(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | No
     lattice, columns = read
     by_expert = MappingProxyType({looks[0].expert: lattice})
     evidence = 0.0 if grammar is None else _evidence(found)
-    return LineBelief(pooled(by_expert), columns, evidence, likely, by_expert, tuple(looks))
+    return LineBelief(pool(by_expert), columns, evidence, likely, by_expert, tuple(looks))
 
 
 Posteriors = Sequence[PlaceBelief | None]
@@ -133,7 +133,7 @@ def _best_length(looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] 
     """What the looks say of the places of the length that explains most."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > MOST_LENGTHS:
-        usual, _ = counted(looks)
+        usual, _ = count_places(looks)
         lengths = frozenset(
             {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:MOST_LENGTHS]
         )
@@ -149,7 +149,7 @@ def _with_alike(chars: str, alike: Sequence[str]) -> str:
     return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
-def counted(looks: Sequence[Steps]) -> tuple[int, float]:
+def count_places(looks: Sequence[Steps]) -> tuple[int, float]:
     """The likeliest number of characters, and its probability."""
     logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:MOST_COUNTS]]
     total = np.mean(
@@ -159,7 +159,7 @@ def counted(looks: Sequence[Steps]) -> tuple[int, float]:
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
 
-def pooled(lattices: Mapping[str, Lattice]) -> Lattice:
+def pool(lattices: Mapping[str, Lattice]) -> Lattice:
     """The geometric mean of experts' beliefs; a place that any has read is read.
 
     Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.

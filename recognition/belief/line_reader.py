@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recognition.belief.line_belief import LineBelief, believed
+from recognition.belief.line_belief import LineBelief, line_belief
 from recognition.belief.line_search import (
     BESIDE,
     HERE,
@@ -125,14 +125,14 @@ class LineReader:
         meant = self.search.meant(view, seen)
         if not meant:
             return PartLines(None)
-        best = self._right_way_up(view, self.search.settled(view, meant))
+        best = self._right_way_up(view, self.search.settle(view, meant))
         closely = len(looked) > 1
-        main = self._believed(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
+        main = self._belief_of(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
         main = main or best
         rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, asked in self.lines.items():
-            found = self._named(view, rest, asked)
+            found = self._line_named(view, rest, asked)
             if found is not None:
                 named[name] = found
                 rest = [one for one in rest if apart(one, found)]
@@ -142,18 +142,18 @@ class LineReader:
                 unclaimed.append(line)
         return PartLines(main, MappingProxyType(named), tuple(unclaimed), _candidates(view, meant))
 
-    def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
+    def _line_named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
         """The line of these that this format and region mean; None where none does."""
         fits = [
             ReadLine(one.line, belief)
             for one in rest
             if stands_in(asked.region, one.line, view)
-            and (belief := believed(one.belief.looks, asked.grammar)) is not None
+            and (belief := line_belief(one.belief.looks, asked.grammar)) is not None
         ]
         if not fits:
             return None
         best = max(fits, key=promise_of)
-        best = self._believed(view, best, asked.grammar) or best
+        best = self._belief_of(view, best, asked.grammar) or best
         return best if best.belief.evidence > ASKED_EVIDENCE else None
 
     def _right_way_up(self, view: View, best: ReadLine) -> ReadLine:
@@ -163,7 +163,7 @@ class LineReader:
             return best
         return max((best, *self.search.looks(view, [best.line.reversed])), key=promise_of)
 
-    def _believed(
+    def _belief_of(
         self,
         view: View,
         best: ReadLine,
@@ -179,15 +179,15 @@ class LineReader:
         """
         line = best.line
         looks = list(best.belief.looks)
-        belief = believed(looks, grammar)
-        if belief is None or closely or not agreed(belief):
+        belief = line_belief(looks, grammar)
+        if belief is None or closely or not is_agreed(belief):
             looks += self.search.more_looks(view, line, (BESIDE, *JITTERS))
             for number, other in enumerate(others, start=1):
                 looks += _of_view(number, self.search.more_looks(other, line, (HERE, *JITTERS)))
-            belief = believed(looks, grammar)
+            belief = line_belief(looks, grammar)
         elif twice:
             looks += self.search.more_looks(view, line, (BESIDE,))
-            belief = believed(looks, grammar)
+            belief = line_belief(looks, grammar)
         return None if belief is None else ReadLine(line, belief)
 
 
@@ -218,7 +218,7 @@ def _is_text(one: ReadLine) -> bool:
     return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
 
 
-def agreed(belief: LineBelief) -> bool:
+def is_agreed(belief: LineBelief) -> bool:
     """Whether all experts are sure of the same text."""
     texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
     least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glyphs.fonts.serials import SIGNS
-from recognition.belief.line_belief import believed
+from recognition.belief.line_belief import line_belief
 from recognition.belief.part_lines import ReadLine, Region, about_region, stands_in
 from recognition.experts import recogniser
 from recognition.experts.steps import Steps
@@ -19,7 +19,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.ink import on_ink
-from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
+from recognition.lines.moves import MOVES, anywhere, lengthen, longer, move_line, whole_view
 from recognition.lines.tiles import find_in_tiles
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
@@ -133,9 +133,9 @@ class LineSearch:
                 if one.score > TEXT_SHARE * found[0].score
                 and not overlap(one.line, seen[0].line, band_mm=band_mm)
             ]
-            return _ranked([*seen, *self.looks(view, rest)])
+            return _rank([*seen, *self.looks(view, rest)])
         others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
-        seen = _ranked([*seen, *self.looks(view, others)])
+        seen = _rank([*seen, *self.looks(view, others)])
         tries = [
             (self._whole, PLAIN),
             (self._upside_down, PLAIN),
@@ -153,7 +153,7 @@ class LineSearch:
             if candidates == self._small:
                 guesses = [one for one in looked if promise_of(one) <= SMALL_PROMISE]
                 looked = looked[: len(looked) - len(guesses)]
-            seen = _ranked([*seen, *looked])
+            seen = _rank([*seen, *looked])
         # on what was felt a guess would have a blank plate scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
 
@@ -215,8 +215,8 @@ class LineSearch:
         if not lines:
             return []
         steps = self.steps_of(view, lines)
-        beliefs = [believed([one], self.grammar) for one in steps]
-        return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+        beliefs = [line_belief([one], self.grammar) for one in steps]
+        return _rank([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
         """What the recogniser says along each line."""
@@ -230,34 +230,34 @@ class LineSearch:
         return [
             steps
             for down, size, skip in moves
-            for steps in self.steps_of(view, [moved(line, down, size)], skip_columns=skip)
+            for steps in self.steps_of(view, [move_line(line, down, size)], skip_columns=skip)
         ]
 
     def may_run(self, line: TextLine) -> bool:
         """Whether a line may run in its direction, by how parts lie; one that runs up or down always may."""
         return self.orientation is Orientation.ANY or abs(line.turned_deg) < UPSIDE_DOWN_DEG
 
-    def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+    def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line, moved and grown where that lets it say more."""
         best = seen[0]
         for one in seen[:MOST_MOVED]:
-            best = _ranked([best, self._on_ink(view, one)])[0]
+            best = _rank([best, self._on_ink(view, one)])[0]
             if says_much([best], SETTLED):
                 break
         if not says_much([best]):
             for one in seen[:MOST_MOVED]:
-                tried = [*(moved(one.line, *move) for move in MOVES), *longer(one.line)]
-                best = _ranked([best, *self.looks(view, tried)])[0]
+                tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
+                best = _rank([best, *self.looks(view, tried)])[0]
                 if says_much([best]):
                     break
         elif self.grammar is None:
             # nobody says how long it is: a word may stand beyond a gap
-            best = _ranked([best, *self.looks(view, longer(best.line))])[0]
+            best = _rank([best, *self.looks(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
             first, last = _at_ends(best)
             if not (first or last):
                 break
-            tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
+            tried = [lengthen(best.line, first * far, last * far) for far in GROWTHS]
             looked = self.looks(view, tried)
             if not looked or promise_of(looked[0]) <= promise_of(best):
                 break
@@ -290,7 +290,7 @@ def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
     return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
 
 
-def _ranked(seen: Sequence[ReadLine]) -> list[ReadLine]:
+def _rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
     return sorted(seen, key=promise_of, reverse=True)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from recognition.belief.line_belief import LineBelief, pooled
+from recognition.belief.line_belief import LineBelief, pool
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -91,12 +91,12 @@ class ReadLine:
         """Where its characters stand, axis-parallel hulls in the frame of the view."""
         return boxes_of(self.line, self.belief.columns)
 
-    def joined(self, more: Mapping[str, Lattice]) -> ReadLine:
+    def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
         """The same line with the beliefs of further experts in its places."""
         if not more:
             return self
         by_expert = MappingProxyType({**more, **self.belief.by_expert})
-        return replace(self, belief=replace(self.belief, lattice=pooled(by_expert), by_expert=by_expert))
+        return replace(self, belief=replace(self.belief, lattice=pool(by_expert), by_expert=by_expert))
 
     def open_boxes(self) -> tuple[Box, ...]:
         """The same of the open lattice."""

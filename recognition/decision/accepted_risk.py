@@ -154,7 +154,7 @@ def threshold_tests(
     return tuple(tests)
 
 
-def certified(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
+def certified_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
     """The most lenient threshold that was shown; None without any."""
     return next((test for test in reversed(tests) if test.shown is Shown.YES), None)
 

@@ -42,4 +42,4 @@ def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Readi
         why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
     else:
         return reading
-    return reading.found(Finding(ReadingFlag.NOT_CERTIFIED, why))
+    return reading.with_findings(Finding(ReadingFlag.NOT_CERTIFIED, why))

@@ -23,12 +23,12 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
         reading: decided.
         codes: of the part's photographs.
     """
-    made = replace(reading.without(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
+    made = replace(reading.without_flags(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
     said = [holds(code.text, made.text) for code in made.codes]
     if True in said:
-        made = made.without(ReadingFlag.ORIENTATION_UNKNOWN)
+        made = made.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
     if made.text and True not in said:
-        made = made.found(
+        made = made.with_findings(
             *(
                 Finding(
                     ReadingFlag.CODE_DISAGREES,

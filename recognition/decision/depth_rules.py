@@ -154,12 +154,12 @@ def depth_rule(text: str) -> DepthRule:
         if rule.name.upper() == wanted:
             return rule
     if ":" in text or "=" in text:
-        return _written(text)
+        return _parse_rule(text)
     known = ", ".join(rule.name for rule in DEPTH_RULES)
     raise DepthRuleError(f"unknown depth rule {text!r}", hint=f"known are {known}; or {_HOW}")
 
 
-def _written(text: str) -> DepthRule:
+def _parse_rule(text: str) -> DepthRule:
     name, windows, limits = "own rule", [], {"burr": math.inf, "height": 0.0}
     for k, word in enumerate(text.split()):
         key, sign, value = word.partition("=")
@@ -199,13 +199,13 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
     """The reading with what was found for every rule that its mark breaks; such a part is not accepted."""
     if not reading.characters:
         return reading
-    broken = [Finding(flag, text) for rule in rules for flag, text in _broken(reading, rule)]
+    broken = [Finding(flag, text) for rule in rules for flag, text in _violations(reading, rule)]
     if not broken:
         return reading
-    return reading.found(*broken)
+    return reading.with_findings(*broken)
 
 
-def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
+def _violations(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
     """What of a rule a mark breaks, and in words; what could not be measured was not met."""
     places = tuple(enumerate(reading.characters, start=1))
     height = reading.height_mm
@@ -239,7 +239,9 @@ def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, st
             f"burr too high for {rule.name}: {', '.join(high)} (at most {rule.most_burr_mm:g})",
         )
     wants_burr = math.isfinite(rule.most_burr_mm)
-    unknown = [f"{c.char} at place {k}" for k, c in places if _unmeasured(c, window, wants_burr=wants_burr)]
+    unknown = [
+        f"{c.char} at place {k}" for k, c in places if _is_unmeasured(c, window, wants_burr=wants_burr)
+    ]
     if unknown:
         todo = "scan it again" if reading.font else "name the font"
         yield ReadingFlag.DEPTH_UNKNOWN, f"depth not measured for {rule.name}: {', '.join(unknown)} ({todo})"
@@ -255,7 +257,7 @@ def _at(place: int, character: CharacterReading, measured_mm: float) -> str:
     return f"{character.char} at place {place} {measured_mm:.3f} mm"
 
 
-def _unmeasured(character: CharacterReading, window: DepthWindow | None, *, wants_burr: bool) -> bool:
+def _is_unmeasured(character: CharacterReading, window: DepthWindow | None, *, wants_burr: bool) -> bool:
     if character.depth is None:
         return window is not None or wants_burr
     return wants_burr and character.depth.burr_mm is None

@@ -69,7 +69,7 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
         Measure.LEAST_STROKES: min(
             (p.felt for p in reading.trace.strokes if p.felt is not None), default=None
         ),
-        Measure.COVERED: _covered(reading),
+        Measure.COVERED: _greatest_cover(reading),
         Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
         Measure.BELIEF: _belief(reading),
         Measure.EVIDENCE: reading.evidence_margin,
@@ -120,7 +120,7 @@ def _within(odds: float | None) -> float | None:
     return None if odds is None else min(max(odds, -MOST_ODDS), MOST_ODDS)
 
 
-def _covered(reading: Reading) -> float | None:
+def _greatest_cover(reading: Reading) -> float | None:
     """Greatest share of the strokes that only a rival has where nothing could be felt; None where none were asked."""
     places = reading.trace.strokes
     hidden = (r.hidden for place in places for r in place.rivals if r.more_heights >= DECIDING_HEIGHTS)

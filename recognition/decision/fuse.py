@@ -22,7 +22,7 @@ from recognition.decision.reading_of_line import (
     contracts_of_choice,
     doubts_of_lines,
 )
-from recognition.decision.score import log_odds, score_of, scored
+from recognition.decision.score import log_odds, score_of, with_score
 from recognition.decision.stroke_doubts import strokes_asked
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import Choice, choose
@@ -58,7 +58,7 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
         A reading of source "fused" in the plate frame, whose trace holds both. Accepted by the settings' thresholds,
         and never where both senses are sure of different characters.
     """
-    made = _fused(touch, vision, settings)
+    made = _fuse_lines(touch, vision, settings)
     trace = replace(
         ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo),
         strokes=made.trace.strokes, evidence=made.trace.evidence,
@@ -67,7 +67,7 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     made = replace(
         made, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
     )
-    made = scored(made)
+    made = with_score(made)
     # a photograph without a scale has a frame of its own
     codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
     return checked_by_codes(made, codes)
@@ -86,7 +86,7 @@ def _odds_of(reading: Reading, text: str) -> float | None:
     return odds if own is None or plain_text(reading) != plain else min(odds, own)
 
 
-def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+def _fuse_lines(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     own = touch.trace.lattice
     if own is None or not touch.characters:
         return _by_vision_alone(touch, vision)
@@ -136,7 +136,7 @@ def _reading(
     contradicted += contradicted_lines
     # what touch has found about characters, format and lines is found anew of both
     own = doubts_of_lines(tactile.others, settings)
-    kept = tactile.without(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
+    kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     characters = []
     boxed = replace(lattice, boxes=felt.boxes)
     for new, old in zip(characters_of(choice, boxed), tactile.characters, strict=True):
@@ -145,19 +145,19 @@ def _reading(
         characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
     made = replace(
         kept, characters=tuple(characters), others=others, seconds=_seconds(tactile, vision)
-    ).found(
+    ).with_findings(
         *_beyond_format(tactile, vision),
         *doubts_of_lines(others, settings),
         *(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted),
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
-    made = made.traced(choice=choice, strokes=())
+    made = made.with_trace(choice=choice, strokes=())
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
     made = replace(made, spaces_after=tactile.spaces_after if known is None else known)
     if tactile.trace.felt_line is not None:
         slope = score_of("fused").slope
-        made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
+        made = made.with_trace(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
     return strokes_asked(made)
 
 

@@ -25,7 +25,7 @@ _SHOWN_CANDIDATES = 4
 Extent = tuple[float, float, float, float]
 
 
-def _thinned(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _thin_out(values: NDArray[np.float32]) -> NDArray[np.float32]:
     steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in values.shape]
     return values[:: steps[0], :: steps[1]]
 
@@ -40,7 +40,7 @@ def _picture(
     bar: str,
 ) -> None:
     image = axes.imshow(
-        _thinned(values), cmap=cmap, extent=extent, vmin=limits[0], vmax=limits[1], interpolation="nearest"
+        _thin_out(values), cmap=cmap, extent=extent, vmin=limits[0], vmax=limits[1], interpolation="nearest"
     )
     axes.set_xlabel("x, mm", fontsize=7)
     axes.set_ylabel("y, mm", fontsize=7)

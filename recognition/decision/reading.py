@@ -273,7 +273,7 @@ class Reading:
             plt.close(figure)  # a notebook shows what is returned; it would show an open figure once more
         return figure
 
-    def traced(self, **fields: Any) -> Reading:
+    def with_trace(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""
         return replace(self, trace=replace(self.trace, **fields))
 
@@ -306,7 +306,7 @@ class Reading:
         known = [place.felt for place in self.trace.strokes if place.felt is not None]
         return math.fsum(known) / len(known) if known else None
 
-    def found(self, *findings: Finding) -> Reading:
+    def with_findings(self, *findings: Finding) -> Reading:
         """The same reading with these findings and their flags."""
         return replace(self, flags=self.flags | flags_of(findings), findings=(*self.findings, *findings))
 
@@ -318,7 +318,7 @@ class Reading:
         digits = next((n for n in range(3, 7) if round(self.confidence, n) < self.threshold), 6)
         return f"confidence {self.confidence:.{digits}f} is below the threshold {self.threshold:g}"
 
-    def without(self, flags: ReadingFlag) -> Reading:
+    def without_flags(self, flags: ReadingFlag) -> Reading:
         """The same reading without these flags and what was found for them."""
         kept = tuple(finding for finding in self.findings if not finding.flag & flags)
         return replace(self, flags=self.flags & ~flags, findings=kept)

@@ -82,10 +82,10 @@ def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
     if flag & ReadingFlag.LOW_CONFIDENCE:
         found = (*found, *_doubts(reading, found))
     unsaid = flag & reading.flags & ~flags_of(reading.findings)
-    return found if flag & ReadingFlag.LOW_CONFIDENCE and found else (*_merged(found), *unsaid.messages())
+    return found if flag & ReadingFlag.LOW_CONFIDENCE and found else (*_merge(found), *unsaid.messages())
 
 
-def _merged(texts: Sequence[str]) -> tuple[str, ...]:
+def _merge(texts: Sequence[str]) -> tuple[str, ...]:
     """Findings at several places with one explanation as one: "P or W at place 1, 3 or 2 at place 3: ..."."""
     heads: dict[str, list[str]] = {}
     for text in texts:

@@ -142,7 +142,7 @@ def score_of(source: str) -> Score:
     return Score(fitted["bias"], MappingProxyType(terms), tuple(map(tuple, fitted["thresholds"])))
 
 
-def scored(reading: Reading) -> Reading:
+def with_score(reading: Reading) -> Reading:
     """The reading with its score, and why it is low where it is below the threshold.
 
     Where touch has read nothing beside the camera, it is scored as a camera's.
@@ -157,13 +157,13 @@ def scored(reading: Reading) -> Reading:
         score, measures[Measure.ODDS] = score_of("vision"), measures[Measure.CAMERA]
     made = replace(reading, confidence=score.probability(measures))
     if made.threshold is None or made.confidence >= made.threshold:
-        return made.without(EXPLANATIONS)
+        return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE
     loss, name = max(score.losses(measures), default=(0.0, Measure.ODDS))
     if not made.findings and share(log_odds(made.confidence) + loss) >= made.threshold:
         usual = score.terms[name].usual
         text = f"unlike most parts: {name.value} {measures[name]:.2g}, usually {usual:.2g} (look at the part)"
-        return made.found(Finding(low, text))
+        return made.with_findings(Finding(low, text))
     return replace(made, flags=made.flags | low)
 
 

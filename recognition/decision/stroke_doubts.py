@@ -57,12 +57,12 @@ def strokes_asked(reading: Reading) -> Reading:
     Args:
         reading: with the grades of its marks, and the strokes in its trace.
     """
-    reading = reading.without(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
+    reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
     felt = reading.strokes_felt
     if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT:
         return no_text(reading)
-    found = (*_cut(reading), *_missing(reading), *_undecided(reading))
-    return reading.found(*found)
+    found = (*_places_cut(reading), *_missing(reading), *_undecided_strokes(reading))
+    return reading.with_findings(*found)
 
 
 def no_text(reading: Reading) -> Reading:
@@ -72,12 +72,12 @@ def no_text(reading: Reading) -> Reading:
     """
     openly, bare = (
         reading.trace.open_lattice,
-        reading.without(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE),
+        reading.without_flags(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE),
     )
     sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(READ_OPENLY)
     outside = [f.text for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
     return replace(
-        bare.found(*(Finding(ReadingFlag.NO_CHARACTERS, text) for text in outside)),
+        bare.with_findings(*(Finding(ReadingFlag.NO_CHARACTERS, text) for text in outside)),
         characters=(),
         confidence=0.0,
         flags=bare.flags | ReadingFlag.NO_CHARACTERS,
@@ -86,7 +86,7 @@ def no_text(reading: Reading) -> Reading:
     )
 
 
-def _cut(reading: Reading) -> Iterator[Finding]:
+def _places_cut(reading: Reading) -> Iterator[Finding]:
     """Characters that lie over the edge of what was felt."""
     places = [k for k, place in enumerate(reading.trace.strokes) if not place.whole]
     if places:
@@ -140,7 +140,7 @@ def _another_font(reading: Reading) -> bool:
     return named is not None and max(scores.values()) >= named + OTHER_FONT
 
 
-def _undecided(reading: Reading) -> Iterator[Finding]:
+def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
         rivals = [r for r in place.rivals if _stands(r)]
         if place.untold:

@@ -41,4 +41,4 @@ def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | No
             doubted.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
     if not doubted:
         return reading
-    return reading.found(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted))
+    return reading.with_findings(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted))

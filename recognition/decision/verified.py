@@ -13,7 +13,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
 
-def verified(
+def with_verification(
     reading: Reading,
     lattice: Lattice | None,
     text: str,
@@ -47,4 +47,4 @@ def verified(
     if verification.places == len(characters):
         states = {check.place: check.state for check in verification.characters if check.place is not None}
         characters = tuple(replace(c, state=states.get(k, c.state)) for k, c in enumerate(characters))
-    return replace(reading, characters=characters, flags=flags).traced(verification=verification)
+    return replace(reading, characters=characters, flags=flags).with_trace(verification=verification)

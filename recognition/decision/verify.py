@@ -142,7 +142,7 @@ def verify(
     """
     text = "".join(expected.split())
     _check(lattice, text, prior, grammar, confirm, refute)
-    pairs = _aligned(lattice, text)
+    pairs = _align(lattice, text)
     belief = np.exp(lattice.log_belief)
     nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
     column = {c: k for k, c in enumerate(lattice.chars)}
@@ -229,7 +229,7 @@ def _best_rival(
     return rival, odds / math.log(10.0)
 
 
-def _aligned(lattice: Lattice, text: str) -> list[tuple[int | None, str]]:
+def _align(lattice: Lattice, text: str) -> list[tuple[int | None, str]]:
     """Places and expected characters side by side, None and "" where one of them is left over.
 
     One to one when they are as many; else the order-keeping pairing whose beliefs multiply to most.

@@ -54,7 +54,7 @@ def ways_possible(
     return tuple(way for way, possible in ways if possible)
 
 
-def weighed(
+def weigh_orientation(
     reading: Reading,
     view: View,
     lines: LineReader,
@@ -86,7 +86,7 @@ def weighed(
             if one.confidence >= accept_confidence
         ):
             found.append(also_readable(way, words))
-    return reading.found(*found) if found else reading
+    return reading.with_findings(*found) if found else reading
 
 
 def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> float:
@@ -144,8 +144,8 @@ def _text_as_likely(text: str, line: TextLine, view: View, lines: LineReader, wa
 def _seen_other_way(
     text: str, line: TextLine, view: View, lines: LineReader, way: Way
 ) -> _SeenOtherWay | None:
-    here = _looked(lines, view, line)
-    there = _looked(lines, view.mirrored if way.mirrors else view, _shown(line, view, way))
+    here = _look(lines, view, line)
+    there = _look(lines, view.mirrored if way.mirrors else view, _line_in_view(line, view, way))
     other = "" if there is None else choose(there.belief.lattice, lines.grammar).text
     if here is None:
         return None
@@ -154,7 +154,7 @@ def _seen_other_way(
     return _SeenOtherWay(other, _log_probability(here, text) - _log_probability(there, other))
 
 
-def _looked(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
+def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
     seen = lines.search.looks(view, [line])
     return seen[0] if seen else None
 
@@ -164,7 +164,7 @@ def _log_probability(one: ReadLine, text: Collection[str]) -> float:
     return one.belief.evidence_of(Grammar(sets=tuple(text)))
 
 
-def _shown(line: TextLine, view: View, way: Way) -> TextLine:
+def _line_in_view(line: TextLine, view: View, way: Way) -> TextLine:
     """Where the line lies in the view that shows it the other way."""
     points = line.centre_mm
     if way.mirrors:

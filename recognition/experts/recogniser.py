@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from glyphs.opencv import cv2
 from recognition.experts.steps import Steps
-from recognition.lines.networks import opened
+from recognition.lines.networks import open_network
 from recognition.views.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
@@ -38,21 +38,21 @@ _CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
 Features: TypeAlias = NDArray[np.float32]
 
 
-def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
+def posteriors(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
     """(steps, 1 + CHARACTERS) logarithms of each strip's posteriors, the blank first."""
-    return [_believed(strip) for strip in strips]
+    return [_posteriors(strip) for strip in strips]
 
 
 def features_of(strip: Layers) -> Features:
     """(features, rows, steps) of a strip, as the network has them before its last layers."""
-    return _run(_widened(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
+    return _run(_widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
 
 
-def _believed(strip: Layers) -> NDArray[np.float32]:
-    return _run(_widened(strip), "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
+def _posteriors(strip: Layers) -> NDArray[np.float32]:
+    return _run(_widen(strip), "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
 
 
-def _widened(strip: Layers) -> Layers:
+def _widen(strip: Layers) -> Layers:
     size = (math.ceil(WIDER * strip.shape[2]), strip.shape[1])
     return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 
@@ -79,7 +79,7 @@ def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_colum
             of the first.
     """
     made = []
-    for log in believed([strip[:, :, skip_columns:] for strip in strips]):
+    for log in posteriors([strip[:, :, skip_columns:] for strip in strips]):
         power = np.exp(log.astype(np.float64))
         of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
         for k, char in enumerate(chars):
@@ -97,4 +97,4 @@ def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_colum
 
 @cache
 def _session() -> Any:
-    return opened(WEIGHTS)
+    return open_network(WEIGHTS)

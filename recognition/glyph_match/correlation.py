@@ -109,7 +109,7 @@ def glyph_images(templates: TemplateSet, *, pixels: int, slopes: bool) -> GlyphI
         pixels: to a character height.
         slopes: half differences of opposite directions, for what an instrument has measured.
     """
-    made: GlyphImages = templates.derived(
+    made: GlyphImages = templates.derive(
         ("correlation", pixels, slopes), lambda: _glyph_images(templates, pixels, slopes=slopes)
     )
     return made
@@ -151,11 +151,11 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     for high, wide in {(one.shape[0] // 2, one.shape[1] // 2) for one in glyphs.images}:
         window = padded[up - high : len(padded) - up + high, side - wide : padded.shape[1] - side + wide]
         alike = [k for k, one in enumerate(glyphs.images) if one.shape[1] == 2 * wide + 1]
-        found[alike] = correlated(window, [glyphs.images[k] for k in alike])
+        found[alike] = correlate(window, [glyphs.images[k] for k in alike])
     return found
 
 
-def correlated(image: Image, templates: Sequence[Image]) -> Image:
+def correlate(image: Image, templates: Sequence[Image]) -> Image:
     """(T, rows, columns) normalised correlation of templates of one size wherever they lie within an image.
 
     Layers that are zero everywhere, as of directions that were not felt, are left out of both.
@@ -277,7 +277,7 @@ def cell_correlations(
         tall, first = one.shape[0] // 2, column - low - one.shape[1] // 2
         seen = one[:, max(0, -first) : max(0, min(one.shape[1], end - low - first))]
         cell[high - tall : high + tall + 1, max(0, first) : max(0, first) + seen.shape[1]] = seen
-    return np.asarray(correlated(window, list(cells)).max(axis=(1, 2)), dtype=np.float64)
+    return np.asarray(correlate(window, list(cells)).max(axis=(1, 2)), dtype=np.float64)
 
 
 def steps_of(

@@ -93,19 +93,21 @@ def template_key(
     """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
     arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
-    depth = rounded(default_depth_mm(height_mm) / height_mm, _STEP)
+    depth = round_to_ladder(default_depth_mm(height_mm) / height_mm, _STEP)
     return TemplateKey(
         raised=raised,
         compliance=tuple(float(f"{c:.4g}") for c in compliance.ravel()),
         arm=tuple(float(f"{a:.4g}") for a in arm),
-        preload=rounded(touch.preload_mm / height_mm, _STEP),
-        tip_radius=rounded(touch.tip_radius_mm / height_mm, 2 * _STEP) if touch.tip_radius_mm else 0.0,
+        preload=round_to_ladder(touch.preload_mm / height_mm, _STEP),
+        tip_radius=round_to_ladder(touch.tip_radius_mm / height_mm, 2 * _STEP)
+        if touch.tip_radius_mm
+        else 0.0,
         friction=round(touch.friction, 2),
         die=default_die(CANONICAL_HEIGHT_MM, font=font, face=face, depth_mm=depth * CANONICAL_HEIGHT_MM),
     )
 
 
-def rounded(value: float, step: float) -> float:
+def round_to_ladder(value: float, step: float) -> float:
     """Value rounded to a geometric ladder of the given relative step."""
     ladder = math.log1p(step)
     return float(math.exp(round(math.log(value) / ladder) * ladder))
@@ -141,7 +143,7 @@ class TemplateSet:
         """Along the plate, from the middle of the first character to that of the last."""
         return line_of(self.middles_mm, self.height_mm)
 
-    def derived(self, key: object, make: Callable[[], Any]) -> Any:
+    def derive(self, key: object, make: Callable[[], Any]) -> Any:
         """What was made of the set under a key, made on first use."""
         if key not in self.work:
             self.work[key] = make()

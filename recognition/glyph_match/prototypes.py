@@ -76,7 +76,7 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
         one = templates
         return cut_out(one.font, one.chars, one.view, one.middles_mm, one.half_width, one.height_mm)
 
-    made: Prototypes = templates.derived("prototypes", make)
+    made: Prototypes = templates.derive("prototypes", make)
     return made
 
 

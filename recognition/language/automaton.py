@@ -68,7 +68,7 @@ class Automaton:
             "".join(self.chars[k] for k in np.flatnonzero((step >= 0).any(axis=0))) for step in self.steps
         )
 
-    def accepted(self, codes: Places) -> NDArray[np.bool_]:
+    def accepts(self, codes: Places) -> NDArray[np.bool_]:
         """(words, places) indices of characters -> (words,): which are strings of this automaton."""
         state = np.zeros(codes.shape[0], dtype=np.int64)
         if self.empty:
@@ -91,7 +91,7 @@ class Automaton:
         for place, step in enumerate(self.steps):
             reach = before[:, None] + np.where(step >= 0, log_belief[place], -np.inf)
             out[place] = _log_sum(reach + after[place + 1][step], axis=0)
-            before = _gathered(reach, step, after[place + 1].size)
+            before = _gather(reach, step, after[place + 1].size)
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
@@ -159,7 +159,7 @@ class WordList:
     @cached_property
     def codes(self) -> Places:
         """(words, places) int64 indices of the characters."""
-        return coded(self.words, self.chars)
+        return encode(self.words, self.chars)
 
     @property
     def empty(self) -> bool:
@@ -180,7 +180,7 @@ class WordList:
         if self.words:
             scores = self._scores(log_belief)
             for place, column in enumerate(self.codes.T):
-                out[place] = _gathered(scores, column, len(self.chars))
+                out[place] = _gather(scores, column, len(self.chars))
         return out
 
     def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
@@ -201,14 +201,14 @@ Strings = Automaton | WordList
 """Allowed strings of one length, either way."""
 
 
-def coded(words: Sequence[str], chars: tuple[str, ...]) -> Places:
+def encode(words: Sequence[str], chars: tuple[str, ...]) -> Places:
     """(words, places) int64 indices of characters; all words of one length, of these characters only."""
     number = {c: k for k, c in enumerate(chars)}
     flat = np.fromiter((number[c] for word in words for c in word), dtype=np.int64)
     return flat.reshape(len(words), -1)
 
 
-def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
+def unroll(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
     """All strings of a length that every machine allows.
 
     Raises:
@@ -266,7 +266,7 @@ def _log_sum(values: Beliefs, axis: int) -> Beliefs:
         return np.asarray(np.log(np.exp(values - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
 
 
-def _gathered(values: Beliefs, to: Places, size: int) -> Beliefs:
+def _gather(values: Beliefs, to: Places, size: int) -> Beliefs:
     """Log-sums of the values that go to each of `size` states; those that go to -1 are dropped."""
     values, to = values.ravel(), to.ravel()
     keep = (to >= 0) & (values > -np.inf)

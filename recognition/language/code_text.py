@@ -50,7 +50,7 @@ class CodeField:
 def fields_of(text: str) -> tuple[CodeField, ...]:
     """The fields of a code's text, in their order; see above for the ways of writing them."""
     if (found := _ENVELOPE.match(text)) is not None:
-        return _enveloped(found["format"], found["fields"])
+        return _envelope_fields(found["format"], found["fields"])
     if _AI.match(text):
         pieces = _AI.split(text)
         return tuple(CodeField(k, v) for k, v in zip(pieces[1::2], pieces[2::2], strict=True))
@@ -98,7 +98,7 @@ def _bare(text: str) -> str:
     return "".join(text.split())
 
 
-def _enveloped(format: str, fields: str) -> tuple[CodeField, ...]:
+def _envelope_fields(format: str, fields: str) -> tuple[CodeField, ...]:
     pieces = [piece for piece in _SEPARATORS.split(fields) if piece]
     if format == "05":
         # application identifiers without brackets; that of a serial is all that matters here

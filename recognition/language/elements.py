@@ -93,7 +93,7 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
     """
     expression, checks = "", []
     place: int | None = 1
-    for k, (key, value) in enumerate(_named(text)):
+    for k, (key, value) in enumerate(_identifiers(text)):
         element = ELEMENTS.get(key)
         if element is None:
             raise FormatError(
@@ -126,7 +126,7 @@ def names_before_gaps(text: str) -> frozenset[int]:
     return frozenset(one.end() - 1 for one in found if one is not None and one[0] in ELEMENTS)
 
 
-def _named(text: str) -> Sequence[tuple[str, str]]:
+def _identifiers(text: str) -> Sequence[tuple[str, str]]:
     """Each identifier, and the mask that narrows it; empty where none does."""
     text = text.strip()
     if text.startswith("("):

@@ -87,7 +87,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
     for k, char in enumerate(chars):
         alike.setdefault(tuple(kind.has(char) for kind in kinds), []).append(k)
     ways = {kind: [of for of in alike if of[i]] for i, kind in enumerate(kinds)}
-    first = net.reached({begin})
+    first = net.reachable({begin})
     numbers = {first: 0}
     rows: list[NDArray[np.int64]] = []
     waiting = deque([first])
@@ -101,7 +101,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
                     targets.setdefault(of, set()).add(after)
         row = np.full(len(chars), -1, dtype=np.int64)
         for of, after_all in targets.items():
-            state = net.reached(frozenset(after_all))
+            state = net.reachable(frozenset(after_all))
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
                     raise FormatError(f"{pattern!r} is too involved", hint="give mask: or sets: instead")
@@ -133,11 +133,11 @@ class _Net:
         for row in choices.rows:
             begin = end
             for repeated in reversed(row):
-                begin = self._repeated(repeated, begin)
+                begin = self._repeat(repeated, begin)
             begins.append(begin)
         return self.node(*begins)
 
-    def _repeated(self, repeated: Repeated, end: int) -> int:
+    def _repeat(self, repeated: Repeated, end: int) -> int:
         if repeated.most is None:
             loop = self.node(end)
             self.free[loop].append(self._once(repeated.part, loop))
@@ -157,7 +157,7 @@ class _Net:
         self.eats[node] = (part, end)
         return node
 
-    def reached(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
+    def reachable(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
         """The nodes and all that they go on to freely."""
         seen, waiting = set(nodes), list(nodes)
         while waiting:

@@ -75,11 +75,11 @@ class Choices:
         return frozenset().union(*(p.written if isinstance(p, Kind) else p.written() for p in parts))
 
 
-def _named(chars: str) -> Kind:
+def _named_kind(chars: str) -> Kind:
     return Kind(frozenset(chars), written=frozenset(chars))
 
 
-_FIGURE = _named(string.digits)
+_FIGURE = _named_kind(string.digits)
 _WORD = Kind(frozenset(string.ascii_letters + string.digits + "_"))
 _BLANK = Kind(frozenset(string.whitespace))
 _KINDS = {"d": _FIGURE, "D": ~_FIGURE, "w": _WORD, "W": ~_WORD, "s": _BLANK, "S": ~_BLANK}
@@ -150,7 +150,7 @@ class _Parser:
             return _ANY
         if char in "^$":
             raise self._more_than_characters()
-        return self.escaped() if char == "\\" else _named(char)
+        return self.escape() if char == "\\" else _named_kind(char)
 
     def set(self) -> Kind:
         invert = self._peek() == "^"
@@ -161,22 +161,22 @@ class _Parser:
             if self._peek() == "-" and self.text[self.at + 1] != "]":
                 self.at += 1
                 ends = [ord(next(iter(end.chars))) for end in (one, self.member())]
-                one = _named("".join(map(chr, range(ends[0], ends[1] + 1))))
+                one = _named_kind("".join(map(chr, range(ends[0], ends[1] + 1))))
             found = one if found is None else found | one
         self.at += 1
         return ~found if invert else found
 
     def member(self) -> Kind:
         char = self._take()
-        return self.escaped() if char == "\\" else _named(char)
+        return self.escape() if char == "\\" else _named_kind(char)
 
-    def escaped(self) -> Kind:
+    def escape(self) -> Kind:
         char = self._take()
         if char in _KINDS:
             return _KINDS[char]
         if char.isascii() and char.isalnum():
             raise self._more_than_characters()
-        return _named(char)
+        return _named_kind(char)
 
     def times(self) -> tuple[int, int | None]:
         match = _REPEAT.match(self.text, self.at)

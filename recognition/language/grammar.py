@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError, allowed_characters
-from recognition.language.automaton import Automaton, Machine, Strings, WordList, coded, unrolled
+from recognition.language.automaton import Automaton, Machine, Strings, WordList, encode, unroll
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import names_before_gaps
 from recognition.language.expression import MOST_PLACES, expression_machine
@@ -172,7 +172,7 @@ class Grammar:
         if self.lexicon is not None and plain not in self.lexicon:
             broken.append("it is not in the lexicon")
         for part in self._parts():
-            if not _accepted(part, plain):
+            if not _core_accepts(part, plain):
                 broken.append(f"it does not fit {part}")
         broken.extend(f"the check digit {check} is wrong" for check in self.checks if not check.holds(plain))
         return tuple(broken)
@@ -192,13 +192,13 @@ class Grammar:
         return parts or ([bare] if self.lexicon is None else [])
 
 
-def _accepted(part: Grammar, text: str) -> bool:
+def _core_accepts(part: Grammar, text: str) -> bool:
     """Whether a grammar without lexicon and check digits has this text."""
     if not text or not set(text) <= set(part.characters):
         return False
     strings = part.strings(len(text))
-    codes = coded([text], part.characters)
-    return not isinstance(strings, Automaton) or bool(strings.accepted(codes)[0])
+    codes = encode([text], part.characters)
+    return not isinstance(strings, Automaton) or bool(strings.accepts(codes)[0])
 
 
 @dataclass(frozen=True)
@@ -245,13 +245,13 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
     if grammar.format is None and grammar.sets is None and grammar.expression is None:
         known = "".join(_characters(grammar))
         machines.append(_SetsMachine((known,) * n_places))
-    automaton = unrolled(machines, n_places, chars)
+    automaton = unroll(machines, n_places, chars)
     if grammar.lexicon is None:
         return automaton
     known_chars = set(chars)
     words = sorted(w for w in grammar.lexicon if len(w) == n_places and known_chars.issuperset(w))
     kept_words = (
-        (w for w, good in zip(words, automaton.accepted(coded(words, chars)), strict=True) if good)
+        (w for w, good in zip(words, automaton.accepts(encode(words, chars)), strict=True) if good)
         if words
         else ()
     )

@@ -114,7 +114,7 @@ def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None
             continue
         if exact and all(char in found for char, found in zip(text, images, strict=True)):
             return None  # the marks read the same either way
-        found = _allowed(images, way, grammar)
+        found = _likeliest_allowed(images, way, grammar)
         other = next((one for one in found if one != text), None)
         if other is not None:
             return OtherText(other, exact)
@@ -131,10 +131,10 @@ def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = Fals
         exact: by images of the same shape only.
     """
     images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
-    return bool(text) and all(images) and bool(_allowed(images, way, grammar))
+    return bool(text) and all(images) and bool(_likeliest_allowed(images, way, grammar))
 
 
-def _allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
+def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
     """The two likeliest texts of these characters that the format allows."""
     chars = _all_images(way)
     log = np.full((len(images), len(chars)), -np.inf)

@@ -19,7 +19,7 @@ from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 _UP = 0.2  # preload of the default touch, character heights: lift by it doubles the moment
 
 
-def augmented(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
+def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
     """Strips of ROWS out of taller ones.
 
     Args:

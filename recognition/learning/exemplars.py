@@ -121,10 +121,10 @@ def cut_line(
     frame = LineFrame(found.line.turned_deg)
     middle = frame.from_plate(places_mm(found.line, found.belief.columns))
     line_at = _Line(found.line.height_mm, _stands_out(view.strip(found.line)))
-    line_at, places = _sized(relief, line_at, middle, frame)
+    line_at, places = _fit_size(relief, line_at, middle, frame)
     bounds = _bounds(relief, frame, places, line_at.height_mm, raised=line_at.raised)
     made = (
-        _cut(edges, relief, line_at, frame, place, reach, char=char, score=float(likely))
+        _cut_out(edges, relief, line_at, frame, place, reach, char=char, score=float(likely))
         for char, place, reach in zip(plain, places, bounds, strict=True)
     )
     return tuple(cut for cut in made if cut is not None)
@@ -140,7 +140,7 @@ def _stands_out(strip: Layers) -> bool:
     return bool((off**3).sum() > 0.0)
 
 
-def _sized(
+def _fit_size(
     relief: Relief, line: _Line, middles: NDArray[np.float64], frame: LineFrame
 ) -> tuple[_Line, list[tuple[float, float]]]:
     """The line with the height of its own ink, whatever font found it, and the middle of every character."""
@@ -204,7 +204,7 @@ def _bounds(
     return list(zip(left, right, strict=True))
 
 
-def _cut(
+def _cut_out(
     edges: EdgeMap,
     relief: Relief,
     line: _Line,

@@ -62,7 +62,7 @@ class Learned:
         return "".join(sorted(c for c, g in self.font.glyphs.items() if g.inked and not self.used.get(c)))
 
     @property
-    def trusted(self) -> bool:
+    def is_trusted(self) -> bool:
         """Whether those are the die's own as well, not guesses."""
         return self.hand.likeness >= TRUSTED_LIKENESS
 
@@ -98,7 +98,7 @@ def learn_font(
         raise ExemplarError("no known font is given", hint="name one for the characters never felt")
     if len({np.shape(r) for r in reliefs}) > 1:
         raise ExemplarError("the exemplars differ in size", hint="enrol them again")
-    patches = [_trimmed(np.nan_to_num(np.asarray(r, dtype=np.float32))) for r in reliefs]
+    patches = [_trim(np.nan_to_num(np.asarray(r, dtype=np.float32))) for r in reliefs]
     groups = {c: [k for k, other in enumerate(chars) if other == c] for c in sorted(set(chars))}
     shapes: dict[str, Patch] = {}
     used: dict[str, tuple[int, ...]] = {}
@@ -125,7 +125,7 @@ def learn_font(
             shapes[char], agree = common_relief(_likest_first(char, [patches[k] for k in vouched], hand))
             order = _likest_order(char, [patches[k] for k in vouched], hand)
             used[char] = tuple(sorted(vouched[order[k]] for k in agree))
-    return _learned(name, shapes, used, len(chars), hand, patches[0].shape)
+    return _learned_font(name, shapes, used, len(chars), hand, patches[0].shape)
 
 
 def _likest_order(char: str, patches: Sequence[Patch], hand: Hand) -> list[int]:
@@ -158,7 +158,7 @@ def _is_it(char: str, patch: Patch, hand: Hand, shapes: Mapping[str, Patch]) -> 
     )
 
 
-def _learned(
+def _learned_font(
     name: str,
     shapes: Mapping[str, Patch],
     used: Mapping[str, tuple[int, ...]],
@@ -188,7 +188,7 @@ def _learned(
     )
 
 
-def _trimmed(patch: Patch) -> Patch:
+def _trim(patch: Patch) -> Patch:
     """The relief of a character alone: what lies far from its ink is land."""
     from scipy import ndimage
 

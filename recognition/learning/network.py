@@ -64,16 +64,16 @@ class Drawn(nn.Module):
         spread = (self._broad(grey * grey) / weight + 1e-6).sqrt()
         return torch.cat(
             [
-                _bounded(heights, _RELIEF_HALF),
-                _bounded(grey / spread, _GREY_HALF),
-                _bounded(strip[:, EDGES:KNOWN], _EDGE_HALF),
+                _squash(heights, _RELIEF_HALF),
+                _squash(grey / spread, _GREY_HALF),
+                _squash(strip[:, EDGES:KNOWN], _EDGE_HALF),
                 known,
             ],
             dim=1,
         )
 
 
-def _bounded(x: Tensor, half: float) -> Tensor:
+def _squash(x: Tensor, half: float) -> Tensor:
     return x / (x.abs() + half)
 
 

@@ -60,7 +60,7 @@ def quantise(source: Path, out: Path, strips: Sequence[NDArray[np.float32]]) -> 
             weight_type=QuantType.QInt8,
             activation_type=QuantType.QUInt8,
             op_types_to_quantize=["Conv"],
-            nodes_to_exclude=_kept(onnx.load(str(prepared)).graph),
+            nodes_to_exclude=_float_layers(onnx.load(str(prepared)).graph),
         )
     show_features(out)
 
@@ -78,7 +78,7 @@ def show_features(path: Path) -> None:
     onnx.save(model, str(path))
 
 
-def _kept(graph: Any) -> list[str]:
+def _float_layers(graph: Any) -> list[str]:
     """Names of the convolutions that stay as they are."""
     made_by = {name: node for node in graph.node for name in node.output}
     shapes = {one.name: one.dims for one in graph.initializer}

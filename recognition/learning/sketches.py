@@ -61,8 +61,8 @@ def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[Train
     """
     made = _sketch(fonts, rng)
     felt = rng.random() < 0.75
-    layers = [("felt" if felt else "heights", _touched(made, rng) if felt else _measured(made))]
-    layers += [("photo", _photographed(made, rng)) for _ in range(2)]
+    layers = [("felt" if felt else "heights", _touch(made, rng) if felt else _measure(made))]
+    layers += [("photo", _photograph(made, rng)) for _ in range(2)]
     return [
         TrainingStrip(
             layers=each.astype(np.float16),
@@ -111,7 +111,7 @@ def sketch_part(fonts: Sequence[Path], rng: np.random.Generator, *, text: str) -
         MarksError: the font cannot draw it.
     """
     made = _sketch(fonts, rng, text=text)
-    grey = np.repeat(np.repeat(_photographed(made, rng)[GREY], _FINE, axis=0), _FINE, axis=1)
+    grey = np.repeat(np.repeat(_photograph(made, rng)[GREY], _FINE, axis=0), _FINE, axis=1)
     return SketchedPart(
         text,
         np.pad(made.surface, ((_H // 2, _H // 2), (0, 0)), mode="edge"),
@@ -239,7 +239,7 @@ def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
         changed = np.asarray(cv2.dilate(ink, kernel) if grown > 0 else cv2.erode(ink, kernel), dtype=np.uint8)
         ink = changed if changed.mean() > 0.4 * ink.mean() else ink
     if kind < 0.2:
-        return _dotted(ink, rng)
+        return _peen(ink, rng)
     if kind < 0.3:
         line = max(2, round(float(rng.uniform(0.04, 0.1)) * _H))
         ink = np.asarray(
@@ -253,7 +253,7 @@ def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
     return _blur(np.asarray(shape, dtype=np.float32), float(rng.uniform(0.4, 2.0)))
 
 
-def _dotted(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
+def _peen(ink: NDArray[np.uint8], rng: np.random.Generator) -> Field:
     """Peened: a dot every so far along the middle of the strokes."""
     pitch = float(rng.uniform(0.08, 0.16)) * _H
     field = np.zeros(ink.shape, dtype=np.float32)
@@ -314,7 +314,7 @@ def _small(field: Field) -> Field:
     return np.asarray(cv2.resize(field, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _measured(made: _Sketch) -> Field:
+def _measure(made: _Sketch) -> Field:
     layers = np.zeros((LAYERS, TALL_ROWS, made.surface.shape[1] // _FINE), dtype=np.float32)
     layers[HEIGHTS] = _small(made.surface)
     layers[HEIGHTS] -= np.median(layers[HEIGHTS])
@@ -322,9 +322,9 @@ def _measured(made: _Sketch) -> Field:
     return layers
 
 
-def _touched(made: _Sketch, rng: np.random.Generator) -> Field:
+def _touch(made: _Sketch, rng: np.random.Generator) -> Field:
     """What a ball finds that slides over the surface, and its slopes along the passes."""
-    layers = _measured(made)
+    layers = _measure(made)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)
     felt = _small(_blur(np.asarray(cv2.dilate(made.surface, ball), dtype=np.float32), 0.3 * radius))
@@ -346,7 +346,7 @@ def _touched(made: _Sketch, rng: np.random.Generator) -> Field:
     return layers
 
 
-def _photographed(made: _Sketch, rng: np.random.Generator) -> Field:
+def _photograph(made: _Sketch, rng: np.random.Generator) -> Field:
     """Under a lamp from one side: shading, gloss, grime in other colours, blur and noise."""
     shape = made.surface.shape
     z = made.surface + 0.004 * float(rng.uniform(0, 1)) * rng.standard_normal(shape).astype(np.float32)
@@ -378,10 +378,10 @@ def _photographed(made: _Sketch, rng: np.random.Generator) -> Field:
     image *= np.exp(0.5 * float(rng.uniform(0, 1)) * _noise(shape, (3 * _H, 4 * _H), rng))
     if rng.random() < 0.15:  # a lamp's reflection
         image += 2.0 * np.maximum(_noise(shape, (1.5 * _H, 2 * _H), rng) - 1.2, 0.0)
-    return _pictured(np.asarray(image, dtype=np.float32), rng)
+    return _take_picture(np.asarray(image, dtype=np.float32), rng)
 
 
-def _pictured(image: Field, rng: np.random.Generator) -> Field:
+def _take_picture(image: Field, rng: np.random.Generator) -> Field:
     """Lens, sensor and file."""
     image = _blur(image, float(rng.uniform(0.0, 0.05)) * _H)
     pixels = float(np.exp(rng.uniform(np.log(14.0), np.log(56.0)))) / _H

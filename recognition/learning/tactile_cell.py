@@ -67,10 +67,10 @@ def felt_cell(
     at = [(y - relief.origin_mm[1]) / relief.pitch_mm, (x - relief.origin_mm[0]) / relief.pitch_mm]
     felt = map_coordinates(relief.height_mm.astype(np.float64), at, order=1, mode="constant", cval=np.nan)
     felt = -felt if raised else felt
-    return _levelled(felt)
+    return _level(felt)
 
 
-def _levelled(felt: Layer) -> Layer:
+def _level(felt: Layer) -> Layer:
     """Heights over the land: a bowl fitted to what is not ink, for the plate's waves may be as deep as a worn mark."""
     from scipy import ndimage
 

@@ -21,12 +21,12 @@ from torch import Tensor, nn
 from torch.nn import functional as f
 
 from recognition.experts.recogniser import CHARACTERS
-from recognition.learning.augment import augmented
+from recognition.learning.augment import augment
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import quantise
 from recognition.learning.train_batches import Batch, ready_batches, rounds
-from recognition.learning.train_measure import measured, plain, shares
+from recognition.learning.train_measure import measure, plain, shares
 from recognition.learning.training_strips import TrainingStrip, read_strips
 from recognition.views.text_line import ROWS
 from recognition.views.view import LAYERS
@@ -110,7 +110,7 @@ def _step(
     device = draw.device
     with torch.no_grad(), device:
         tall, columns = batch.tall.to(device).float(), batch.columns.to(device)
-        drawn = network.drawn(augmented(tall, columns, rng=draw)).to(memory_format=torch.channels_last)
+        drawn = network.drawn(augment(tall, columns, rng=draw)).to(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
         posteriors = network.read(drawn)
     lengths = batch.lengths.to(device)
@@ -182,7 +182,7 @@ def train(folders: Sequence[Path], held_out: Path, how: Training, *, out: Path, 
     network = network.to(device, memory_format=torch.channels_last).train()
     held = read_strips(sorted(held_out.glob("*.npz")))
     reports, average = _Reports(log), Average(network)
-    done = _learned(network, average, folders, held, how, reports=reports, out=out)
+    done = _learn(network, average, folders, held, how, reports=reports, out=out)
     _keep_better(network, average, held, reports=reports, out=out, strips=done)
     whole = out.with_suffix(".float.onnx")
     export(network, whole)
@@ -197,7 +197,7 @@ def _forget(network: Recogniser) -> None:
             module.reset_parameters()
 
 
-def _learned(
+def _learn(
     network: Recogniser,
     average: Average,
     folders: Sequence[Path],
@@ -250,7 +250,7 @@ def _report(
         "loss": round(float(torch.stack(list(losses[-_LOSSES:])).mean()), 4),
     }
     if reports.measuring():
-        line["held out"] = shares(measured(network, held), 1)
+        line["held out"] = shares(measure(network, held), 1)
         out.parent.mkdir(parents=True, exist_ok=True)
         torch.save(average.weights, out.with_suffix(".pt"))
     reports.write(line)
@@ -266,10 +266,10 @@ def _keep_better(
     strips: int,
 ) -> None:
     """Give the network the running mean of its weights, if that reads held-out fonts better, and save them."""
-    last = measured(network, held)
+    last = measure(network, held)
     own = {name: value.clone() for name, value in network.state_dict().items()}
     network.load_state_dict(average.weights)
-    smooth = measured(network, held)
+    smooth = measure(network, held)
     if last["all"][1] <= smooth["all"][1]:
         network.load_state_dict(own)
     out.parent.mkdir(parents=True, exist_ok=True)

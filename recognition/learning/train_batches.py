@@ -47,7 +47,7 @@ def _share(strip: TrainingStrip) -> float:
     return _SHARES[strip.source] * (_UNREADABLE_SHARE if hidden else 1.0)
 
 
-def gathered(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
+def gather(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:
     """(n, LAYERS, TALL_ROWS, columns) filled from the left, and (n,) how many columns are each strip's own."""
     columns = torch.tensor([s.layers.shape[2] for s in strips])
     tall = torch.zeros(len(strips), LAYERS, TALL_ROWS, int(columns.max()))
@@ -108,7 +108,7 @@ class _Endless(IterableDataset[Batch]):
                 )
             for strips in batches(chosen, self.size, rng):
                 strips = set_about(strips, rng=rng)
-                tall, columns = gathered(strips)
+                tall, columns = gather(strips)
                 if self.covers:
                     tall = cover_rivals(tall, [s.text for s in strips], [s.places for s in strips], rng=draw)
                 yield Batch(tall.half(), columns, *targets(strips))

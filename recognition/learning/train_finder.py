@@ -35,7 +35,7 @@ _HELD, _REPORT_S = 240, 90.0
 """Views that a report is measured on, and seconds from one to the next."""
 
 
-def shown(
+def draw_window(
     view: TrainingView,
     rng: np.random.Generator,
     *,
@@ -129,7 +129,7 @@ def _batch(
     tight = not plain and rng.random() < _TIGHT_SHARE
     window = (_drawn_side(0, rng), _drawn_side(1, rng)) if tight else WINDOW
     for view in views:
-        places, truth, octaves = shown(view, rng, window=window, plain=plain)
+        places, truth, octaves = draw_window(view, rng, window=window, plain=plain)
         layers = torch.from_numpy(view.layers.astype(np.float32))[None]
         h, w = layers.shape[2:]
         grid = torch.from_numpy(
@@ -160,7 +160,7 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def measured(network: Finder, views: list[TrainingView]) -> dict[str, float]:
+def measure_finder(network: Finder, views: list[TrainingView]) -> dict[str, float]:
     """On plain views: shares of cells judged rightly, and mean errors on the lines."""
     network.eval()
     rng, draw = np.random.default_rng(0), torch.Generator()
@@ -226,8 +226,8 @@ def train(
             last = time.monotonic()
             line = {"minutes": round((last - begun) / 60, 1), "views": BATCH * len(losses), "of": len(views)}
             loss = {"loss": float(np.mean(losses[-100:]))}
-            _report(log, {**line, **loss, **measured(network, held)})
-    _report(log, {"last": measured(network, held), "views": BATCH * len(losses)})
+            _report(log, {**line, **loss, **measure_finder(network, held)})
+    _report(log, {"last": measure_finder(network, held), "views": BATCH * len(losses)})
     torch.save(network.state_dict(), out.with_suffix(".pt"))
     export(network, out)
 

@@ -27,7 +27,7 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
     return np.pad(tall, ((0, 0), (0, 0), (0, -tall.shape[2] % COLUMNS)))
 
 
-def decoded(beliefs: NDArray[np.float32]) -> str:
+def decode(beliefs: NDArray[np.float32]) -> str:
     """The best class of every step, (steps, classes), repeats and blanks left out."""
     best = beliefs.argmax(axis=1)
     kept = [k for k, before in zip(best, [0, *best[:-1]], strict=True) if k and k != before]
@@ -35,12 +35,12 @@ def decoded(beliefs: NDArray[np.float32]) -> str:
 
 
 @torch.no_grad()
-def measured(network: Recogniser, strips: Sequence[TrainingStrip]) -> Measured:
+def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> Measured:
     """Characters, mistakes and lines by source and severity; spaces do not count."""
     network.eval()
     found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
-        said = decoded(
+        said = decode(
             network(torch.from_numpy(plain(strip))[None].to(network.drawn.bell.device))[0].cpu().numpy()
         ).replace(" ", "")
         text = strip.text.replace(" ", "")

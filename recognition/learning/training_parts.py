@@ -116,7 +116,7 @@ def draw_part(
     if dotted and (not builtin or rng.random() < 0.4):
         font = dotted_font(font, text, rng=rng)
     else:
-        font = _widened(font, text, float(np.exp(rng.normal(0.0, _WIDER))))
+        font = _widen(font, text, float(np.exp(rng.normal(0.0, _WIDER))))
     height_mm = float(np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
     dies = [die for die in DIES if die != "dotted"]
     die = "dotted" if dotted else str(rng.choice(dies))
@@ -137,18 +137,18 @@ def draw_part(
         soil=[str(s) for s in rng.choice(soils, many, replace=False)],
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    scan = _felt(part, rng)
-    photos = tuple(_photographed(part, rng) for _ in range(_PHOTOS))
+    scan = _trace(part, rng)
+    photos = tuple(_photograph(part, rng) for _ in range(_PHOTOS))
     return TrainingPart(part, name, height_mm, layout, scan, photos)
 
 
-def _widened(font: Font, text: str, x_scale: float) -> Font:
+def _widen(font: Font, text: str, x_scale: float) -> Font:
     """The characters of a text, wider or narrower than the font has them."""
     have = {char: transform_glyph(font.glyph(char), x_scale=x_scale) for char in set(text)}
     return replace(font, glyphs={**font.glyphs, **have})
 
 
-def _photographed(part: Part, rng: np.random.Generator) -> Photo:
+def _photograph(part: Part, rng: np.random.Generator) -> Photo:
     pixel_mm = part.height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0))))
     return part.photograph(light=draw_light(rng), camera=draw_camera(rng, pitch_mm=pixel_mm))
 
@@ -170,7 +170,7 @@ def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generat
     return Layout(turned_deg=turned_deg)
 
 
-def _felt(part: Part, rng: np.random.Generator) -> Scan:
+def _trace(part: Part, rng: np.random.Generator) -> Scan:
     surface = level(part.height_map)
     believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
     touch = _touch(believed_mm, rng)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_strips import lines_of, views_of
-from recognition.views.resample import resampled
+from recognition.views.resample import resample
 from recognition.views.view import HEIGHTS, View
 
 VIEW_ROWS = 16
@@ -41,11 +41,13 @@ def training_views(made: TrainingPart) -> list[TrainingView]:
         MapError: nothing was felt.
     """
     lines = [line for line, _, _ in lines_of(made)]
-    return [_kept(view, [line.centre_mm for line in lines], made.height_mm) for view in views_of(made)]
+    return [
+        _training_view(view, [line.centre_mm for line in lines], made.height_mm) for view in views_of(made)
+    ]
 
 
-def _kept(view: View, lines: Sequence[NDArray[np.float64]], height_mm: float) -> TrainingView:
-    layers = resampled(view, height_mm / VIEW_ROWS)
+def _training_view(view: View, lines: Sequence[NDArray[np.float64]], height_mm: float) -> TrainingView:
+    layers = resample(view, height_mm / VIEW_ROWS)
     layers[HEIGHTS] /= height_mm
     pixels = [((line - view.origin_mm) * (VIEW_ROWS / height_mm)).astype(np.float32) for line in lines]
     return TrainingView(layers.astype(np.float16), tuple(pixels))

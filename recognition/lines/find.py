@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.surface.display import one_line
-from recognition.lines.networks import opened
+from recognition.lines.networks import open_network
 from recognition.views.curves import arc_through, straight_through
-from recognition.views.resample import resampled, turned, unturned
+from recognition.views.resample import resample, turn_back, turn_view
 from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, View
 
@@ -78,11 +78,11 @@ def find_lines(
     if turned_deg:
 
         def back(line: TextLine) -> TextLine:
-            return TextLine(unturned(line.centre_mm, view, turned_deg), line.height_mm)
+            return TextLine(turn_back(line.centre_mm, view, turned_deg), line.height_mm)
 
         return [
             replace(one, line=back(one.line), bent=one.bent and back(one.bent))
-            for one in find_lines(turned(view, turned_deg), height_mm=height_mm)
+            for one in find_lines(turn_view(view, turned_deg), height_mm=height_mm)
         ]
     found: list[FoundLine] = []
     for scale_mm in _scales(view, height_mm):
@@ -97,7 +97,7 @@ def find_lines(
         made
         for k, one in enumerate(kept)
         for other in kept[k + 1 :]
-        if (made := _joined(one, other)) is not None
+        if (made := _join(one, other)) is not None
     ]
     return sorted([*kept, *whole], key=lambda one: -one.score)
 
@@ -109,7 +109,7 @@ def _as_high(line: TextLine, height_mm: float) -> TextLine:
     )
 
 
-def _joined(one: FoundLine, other: FoundLine) -> FoundLine | None:
+def _join(one: FoundLine, other: FoundLine) -> FoundLine | None:
     """Two pieces of a line that dirt has broken in the middle; None where they are not."""
     a, b = one.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
@@ -138,7 +138,7 @@ def _scales(view: View, height_mm: float | None) -> list[float]:
 
 def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
     pitch_mm = scale_mm / FINDER_ROWS
-    layers = resampled(view, pitch_mm)
+    layers = resample(view, pitch_mm)
     layers[HEIGHTS] /= scale_mm
     rows, columns = layers.shape[1:]
     fed = np.pad(layers, ((0, 0), (0, -rows % CELL), (0, -columns % CELL)))
@@ -226,4 +226,4 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
 
 @cache
 def _session() -> Any:
-    return opened(WEIGHTS)
+    return open_network(WEIGHTS)

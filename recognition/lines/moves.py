@@ -30,7 +30,7 @@ BLIND_STEP, MOST_BLIND = 0.6, 10
 """Of the height, if it is known, between such lines, and how many are tried."""
 
 
-def moved(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
+def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
     """Moved down by a share of its height, as much higher, and turned about its middle."""
     along = line.centre_mm[-1] - line.centre_mm[0]
     along = along / np.linalg.norm(along)
@@ -77,10 +77,10 @@ def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]
 
 def longer(line: TextLine) -> list[TextLine]:
     """The line longer at either end or both: dirt hides characters from who finds lines."""
-    return [grown(line, before, after) for before, after in LONGER]
+    return [lengthen(line, before, after) for before, after in LONGER]
 
 
-def grown(line: TextLine, before: float, after: float) -> TextLine:
+def lengthen(line: TextLine, before: float, after: float) -> TextLine:
     """The line gone on straight beyond its ends, by so many character heights."""
     points, height = line.centre_mm, line.height_mm
     first, last = points[0] - points[1], points[-1] - points[-2]

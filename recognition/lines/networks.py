@@ -1,4 +1,4 @@
-"""Networks opened for one thread that does not spin while it waits: on a shared machine that would cost others."""
+"""Open networks for one thread that does not spin while it waits: on a shared machine that would cost others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ THREADS = 1
 """Of every network; a reader's processes run side by side."""
 
 
-def opened(path: Path) -> Any:
+def open_network(path: Path) -> Any:
     """The session of an ONNX file, on the processor."""
     # before the library is loaded: from 1.29 on it reports to its maker otherwise, and leaves a device number at home
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"

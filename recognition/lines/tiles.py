@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.lines.find import CELL, FINDER_ROWS, FoundLine, findings, joined_cells, without_doubles
-from recognition.views.resample import resampled
+from recognition.views.resample import resample
 from recognition.views.view import GREY, HEIGHTS, View
 
 Floats = NDArray[np.float32]
@@ -51,9 +51,9 @@ def find_in_tiles(view: View, *, height_mm: float | None = None) -> list[FoundLi
     left = MOST_TILES
     for scale_mm in _scales(view) if height_mm is None else (height_mm,):
         pitch_mm = scale_mm / FINDER_ROWS
-        layers = resampled(view, pitch_mm)
+        layers = resample(view, pitch_mm)
         layers[HEIGHTS] /= scale_mm
-        layers[GREY] = _evened(layers[GREY])
+        layers[GREY] = _even_out(layers[GREY])
         tiles = _tiles(layers.shape[1:])
         left -= len(tiles)
         if left < 0:
@@ -69,7 +69,7 @@ def _scales(view: View) -> list[float]:
     return [high * 2.0 ** (-OCTAVES * k) for k in range(count)]
 
 
-def _evened(grey: Floats) -> Floats:
+def _even_out(grey: Floats) -> Floats:
     """Brightness whose strokes are about as strong everywhere: edges of a machine are no stronger than a mark's."""
     from glyphs.opencv import cv2
 

@@ -121,7 +121,7 @@ def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
     field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
     places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)
     marks = [
-        _settled(field, _placed(field, laid, char, place, float(turn)), height_mm=height_mm)
+        _settle(field, _place(field, laid, char, place, float(turn)), height_mm=height_mm)
         for char, place, turn in places
     ]
     land = _land(field, marks, height_mm=height_mm)
@@ -137,7 +137,7 @@ class _Mark:
     half_width_mm: float
 
 
-def _placed(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn_deg: float) -> _Mark:
+def _place(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn_deg: float) -> _Mark:
     """The centre line of a character where it was read."""
     height_mm = laid.line.height_mm
     shape = centre_line(laid.font, char, face=laid.face)
@@ -147,7 +147,7 @@ def _placed(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn
     return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * height_mm)
 
 
-def _settled(field: DepthField, mark: _Mark, *, height_mm: float) -> _Mark:
+def _settle(field: DepthField, mark: _Mark, *, height_mm: float) -> _Mark:
     """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
     if not len(mark.points):
         return mark

@@ -168,11 +168,11 @@ def grade_character(
     area = float(weight[known].sum())
     contamination = float(weight[beside & foreign].sum()) / area
     values = {"contrast": contrast, "completeness": completeness, "contamination": contamination}
-    parameters = tuple(Parameter(name, value, graded(name, value)) for name, value in values.items())
+    parameters = tuple(Parameter(name, value, grade_value(name, value)) for name, value in values.items())
     return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}))
 
 
-def graded(name: str, value: float) -> int:
+def grade_value(name: str, value: float) -> int:
     """The grade, 4 to 0, of a parameter's value."""
     limits = LIMITS[name]
     if name == "contamination":

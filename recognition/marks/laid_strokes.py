@@ -121,7 +121,7 @@ class PlacesFelt:
         self, maps: Sequence[NDArray[np.generic]], middles: Floats, place: int, turn: float
     ) -> _Window:
         low = np.rint(middles[place]).astype(np.intp) - self._reach
-        cut = [_cut(one, low, 2 * self._reach + 1) for one in maps]
+        cut = [_square_about(one, low, 2 * self._reach + 1) for one in maps]
         at = np.arange(-self._reach, self._reach + 1)
         matrix = turn_matrix(turn)
         along = at * matrix[0, 0] + at[:, None] * matrix[0, 1]
@@ -140,12 +140,12 @@ class PlacesFelt:
         """Of the line's marks: the median of what is deepest about its places."""
         return float(np.median([window.deep for window in self._windows]))
 
-    def suited(self, place: int, char: str, fonts: Sequence[Font]) -> tuple[Font, LaidCharacter] | None:
+    def best_font(self, place: int, char: str, fonts: Sequence[Font]) -> tuple[Font, LaidCharacter] | None:
         """The font in which a character lies deepest at a place; None where none has it."""
-        tried = [(font, self.laid(place, char, font)) for font in fonts if char in font.glyphs]
+        tried = [(font, self.lay(place, char, font)) for font in fonts if char in font.glyphs]
         return max(tried, key=lambda one: one[1].score, default=None)
 
-    def laid(self, place: int, char: str, font: Font) -> LaidCharacter:
+    def lay(self, place: int, char: str, font: Font) -> LaidCharacter:
         """A character where it lies deepest about a place, turned and sized a little."""
         shape, window = _pieces(font, char), self._windows[place]
         if not len(shape):
@@ -185,7 +185,7 @@ def _pieces(font: Font, char: str) -> Floats:
     return points[np.sort(first)]
 
 
-def _cut(values: NDArray[np.generic], low: NDArray[np.intp], size: int) -> NDArray[np.float64]:
+def _square_about(values: NDArray[np.generic], low: NDArray[np.intp], size: int) -> NDArray[np.float64]:
     """A square of a map; 0, which is land, and not known, beyond it."""
     out = np.zeros((size, size))
     first, last = np.maximum(low, 0), np.minimum(low + size, values.shape)

@@ -21,7 +21,7 @@ from recognition.glyph_match.correlation import (
     GlyphImages,
     Image,
     cell_correlations,
-    correlated,
+    correlate,
     glyph_images,
     image_of,
 )
@@ -151,12 +151,12 @@ def laid_text(
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
             templates = cache.get(font, own, key)
             rough = glyph_images(templates, pixels=COARSE_PIXELS, slopes=False)
-            tried.append((*_sized(view, line, columns, text, rough), templates, font, out))
+            tried.append((*_fit_size(view, line, columns, text, rough), templates, font, out))
         if not tried:
             return None
         _, size, templates, font, out = max(tried, key=lambda one: one[0])
         glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
-        sized, image, rows, at, fits = _laid(view, line, columns, text, glyphs, size)
+        sized, image, rows, at, fits = _lay(view, line, columns, text, glyphs, size)
         return LaidText(tuple(text), font, face, out, glyphs, sized, image, at, rows, fits)
 
     flat = best(Face.FLAT)
@@ -166,13 +166,13 @@ def laid_text(
     return max(either, key=lambda one: one.fit, default=None)
 
 
-def _sized(
+def _fit_size(
     view: View, line: TextLine, columns: NDArray[np.float64], text: Sequence[str], glyphs: GlyphImages
 ) -> tuple[float, float]:
     """How well a text fits at the height at which it fits best, and that height in units of the line's."""
 
     def fit(size: float) -> float:
-        return float(_laid(view, line, columns, text, glyphs, size)[-1].mean())
+        return float(_lay(view, line, columns, text, glyphs, size)[-1].mean())
 
     best = (fit(1.0), 1.0)
     for step in (1.0 / SIZE_STEP, SIZE_STEP):
@@ -186,7 +186,7 @@ def _sized(
     return best
 
 
-def _laid(
+def _lay(
     view: View,
     line: TextLine,
     columns: NDArray[np.float64],
@@ -200,7 +200,7 @@ def _laid(
     image = image_of(view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
     along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
     believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
-    placed = np.array([_placed(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
+    placed = np.array([_best_place(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
     rows, at = placed[:, :2].astype(np.int64).T
     return sized, image, rows, at, placed[:, 2]
 
@@ -212,7 +212,7 @@ def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple
     return (best,) if votes[best.name] else tuple(fonts)
 
 
-def _placed(image: Image, glyphs: GlyphImages, char: str, column: int) -> tuple[int, int, float]:
+def _best_place(image: Image, glyphs: GlyphImages, char: str, column: int) -> tuple[int, int, float]:
     """Row and column of an image where a character fits best about a column of the line, and how well."""
     row = image.shape[0] // 2
     if char not in glyphs.chars:
@@ -222,6 +222,6 @@ def _placed(image: Image, glyphs: GlyphImages, char: str, column: int) -> tuple[
     high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
     padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
     at = min(max(column, 0), image.shape[1] - 1)
-    answer = correlated(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
+    answer = correlate(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
     down, aside = np.unravel_index(int(answer.argmax()), answer.shape)
     return row + int(down) - move, at + int(aside) - move, float(answer[down, aside])

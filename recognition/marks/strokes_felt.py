@@ -131,7 +131,7 @@ class FeltLine:
         if len(text) != self.columns.size or lattice.n_places != len(text):
             return ()
         places = self.places
-        best = [places.suited(k, char, self.fonts) for k, char in enumerate(text)]
+        best = [places.best_font(k, char, self.fonts) for k, char in enumerate(text)]
         missing = [1.0 - one[1].share_felt() for one in best if one is not None]
         filled = min(FILLED + FILLED_OF_MISSING * float(np.mean(missing or [0.0])), MOST_FILLED)
         made = []
@@ -141,7 +141,7 @@ class FeltLine:
                 continue
             font, laid = one
             rivals = tuple(
-                _against(places, laid, places.laid(k, rival, font), rival, filled, belief)
+                _against(places, laid, places.lay(k, rival, font), rival, filled, belief)
                 for rival, belief in _rivals(char, lattice.chars, _worth(lattice.log_belief[k], slope))
                 if rival in font.glyphs
             )
@@ -151,7 +151,7 @@ class FeltLine:
     def by_font(self, text: Sequence[str]) -> dict[str, float]:
         """How well a text lies in what is deepest along the line, mean of its places, in each font that has it all."""
         return {
-            font.name: float(np.mean([self.places.laid(k, char, font).score for k, char in enumerate(text)]))
+            font.name: float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
             for font in self.fonts
             if len(text) == self.columns.size and all(c in font.glyphs for c in text)
         }
@@ -165,7 +165,7 @@ class FeltLine:
         ridges, grooves = (replace(self, raised=raised)._fits(text) for raised in (True, False))
         return ridges > max(grooves, LEAST_FIT) if math.isfinite(ridges + grooves) else None
 
-    def sized(self, text: Sequence[str]) -> FeltLine:
+    def fit_size(self, text: Sequence[str]) -> FeltLine:
         """The line at the height at which the strokes of its text lie best, its places where they are.
 
         A recogniser reads a line that was found half too high as well as another; depth is not felt along it.
@@ -188,7 +188,7 @@ class FeltLine:
         font = next((one for one in self.fonts if all(c in one.glyphs for c in text)), None)
         if font is None or len(text) != self.columns.size:
             return math.inf
-        return float(np.mean([self.places.laid(k, char, font).score for k, char in enumerate(text)]))
+        return float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
 
     def _at_height(self, height_mm: float) -> FeltLine:
         along = self.line.height_mm * ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN)

@@ -12,14 +12,14 @@ from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.belief.line_reader import LineReader, agreed
+from recognition.belief.line_reader import LineReader, is_agreed
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.score import scored
-from recognition.decision.which_way_up import ways_possible, weighed
+from recognition.decision.score import with_score
+from recognition.decision.which_way_up import ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
 from recognition.language.lattice import Lattice
@@ -87,7 +87,7 @@ class VisionReader:
             views, left_out = photo_views(without_codes(photo, codes))
             part = self._readers[scaled].read(*views, about=about, twice=bool(self.prototypes))
             if part.main is not None:
-                part = replace(part, main=part.main.joined(self._templates(views, part.main)))
+                part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))
         made = reading_of_line(part, self.settings, flags=ReadingFlag.NONE, source="vision")
         places = () if made.characters else part.candidates
         notes = (
@@ -102,11 +102,11 @@ class VisionReader:
             seconds=MappingProxyType(dict(timer.seconds)),
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
-        ).traced(photo=photo)
-        made = scored(made)
+        ).with_trace(photo=photo)
+        made = with_score(made)
         ways = ways_possible(self.settings.orientation, turned_deg=made.rotation_deg)
         accept = self.settings.accept_confidence
-        return weighed(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
+        return weigh_orientation(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
@@ -119,7 +119,7 @@ class VisionReader:
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
         """What the named fonts make of a line that the recogniser is not sure of."""
         belief = main.belief
-        if not self.prototypes or agreed(belief):
+        if not self.prototypes or is_agreed(belief):
             return {}
         found = belief_of(views, main.line, belief.columns, self.prototypes, belief.lattice)
         return {} if found is None else {"templates": found}

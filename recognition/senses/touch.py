@@ -25,10 +25,10 @@ from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.score import score_of, scored, serial_is_sure
+from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
-from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weighed
+from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.predicted import MOST_BYTES, SET_BYTES, TemplateCache, template_key
 from recognition.glyph_match.prototypes import belief_of, felt_prototypes
@@ -123,7 +123,7 @@ class TactileReader:
                         part_id=part_id,
                         soil=soil,
                     )
-            tried = self._read(scan, timer).traced(height_map=levelled)
+            tried = self._read(scan, timer).with_trace(height_map=levelled)
             if best is None or tried.nats_read > best.nats_read:
                 best = tried
             if serial_is_sure(best):
@@ -136,7 +136,7 @@ class TactileReader:
         with timer.step("faults"):
             faults = find_faults(scan)
             usable = flag_faults(scan, faults)
-        return self._read(usable, timer).found(*bench_findings(faults))
+        return self._read(usable, timer).with_findings(*bench_findings(faults))
 
     def _read(self, scan: Scan, timer: StepTimer) -> Reading:
         with timer.step("edge map"):
@@ -147,7 +147,7 @@ class TactileReader:
         with timer.step("relief"):
             relief = relief_of(scan, edges)
         found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
-        return found.traced(scan=scan)
+        return found.with_trace(scan=scan)
 
     def read_edge_map(
         self,
@@ -178,21 +178,21 @@ class TactileReader:
                 if relief is not None:
                     felt = _felt_line(main, relief, self.strokes_of)
                     part = felt_others(part, felt)
-                part = replace(part, main=main.joined(self._templates(view, main, felt)))
+                part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
         if part.main is not None and reading.characters:
             with timer.step("strokes"):
-                reading = _stroked(reading, part.main, felt)
+                reading = _with_strokes(reading, part.main, felt)
             with timer.step("measure"):
-                reading = only_whole(self._measured(reading, part.main, view, felt))
+                reading = only_whole(self._with_depths(reading, part.main, view, felt))
         reading = strokes_asked(reading)
-        reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
-        reading = scored(reading)
+        reading = judged_by(reading, self.settings.depth_rules).with_trace(edge_map=edges, relief=relief)
+        reading = with_score(reading)
         with timer.step("orientation"):
-            reading = self.weighed(reading)
+            reading = self.weigh_orientation(reading)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
-    def weighed(self, reading: Reading, *, rows_known: bool = True) -> Reading:
+    def weigh_orientation(self, reading: Reading, *, rows_known: bool = True) -> Reading:
         """The reading, in review where its marks may be meant another way (`recognition.decision.which_way_up`).
 
         Args:
@@ -202,12 +202,12 @@ class TactileReader:
         edges = reading.trace.edge_map
         if edges is None:
             return reading
-        fresh = reading.without(ReadingFlag.ORIENTATION_UNKNOWN)
+        fresh = reading.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
         ways = ways_possible(
             self.settings.orientation, rows_known=rows_known, turned_deg=reading.rotation_deg
         )
         view, accept = felt_view(edges, reading.trace.relief), self.settings.accept_confidence
-        return weighed(fresh, view, self.lines, ways, accept_confidence=accept)
+        return weigh_orientation(fresh, view, self.lines, ways, accept_confidence=accept)
 
     def may_be_mirrored(self, reading: Reading) -> bool:
         """Whether the rows may run the other way: little is read, or the line says about as much mirrored."""
@@ -232,7 +232,7 @@ class TactileReader:
         found = belief_of([view], line, columns, fonts, main.belief.lattice)
         return {} if found is None else {"templates": found}
 
-    def _measured(self, reading: Reading, main: ReadLine, view: View, felt: FeltLine | None) -> Reading:
+    def _with_depths(self, reading: Reading, main: ReadLine, view: View, felt: FeltLine | None) -> Reading:
         """The reading with what is measured along the strokes of the font that suits it."""
         line, columns = main.line, main.belief.columns
         if felt is not None:
@@ -270,7 +270,7 @@ class TactileReader:
         return doubted_guesses(settled, laid, self.places) if alone else settled
 
 
-def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:
+def _with_strokes(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:
     """The reading with what was felt of its characters' strokes and of their rivals'."""
     if line is None:
         return reading
@@ -280,7 +280,7 @@ def _stroked(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading
     sized = replace(
         reading, height_mm=line.line.height_mm if resized else reading.height_mm, raised=line.raised
     )
-    return sized.traced(felt_line=line, strokes=strokes)
+    return sized.with_trace(felt_line=line, strokes=strokes)
 
 
 def _felt_line(main: ReadLine, relief: Relief, fonts: Sequence[Font]) -> FeltLine:
@@ -288,7 +288,7 @@ def _felt_line(main: ReadLine, relief: Relief, fonts: Sequence[Font]) -> FeltLin
     lattice = main.belief.lattice
     text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
     felt = FeltLine(relief, main.line, main.belief.columns, raised=False, fonts=tuple(fonts))
-    return replace(felt, raised=bool(felt.stands_out(text))).sized(text)
+    return replace(felt, raised=bool(felt.stands_out(text))).fit_size(text)
 
 
 def _touch_of(view: View) -> Touch:

@@ -64,7 +64,7 @@ def codes_of(photo: Photo) -> tuple[Code, ...]:
     Several are looked at one after the other until one shows a code: another light may.
     """
     for one in (photo, *photo.others):
-        found = next((codes for look in _looks(one) if (codes := _decoded(*look, photo))), ())
+        found = next((codes for look in _looks(one) if (codes := _decode(*look, photo))), ())
         if found:
             return found
     return ()
@@ -88,7 +88,7 @@ def _looks(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
             yield cv2.morphologyEx(dark_dots, cv2.MORPH_OPEN, np.ones((size, size), dtype=np.uint8)), False
 
 
-def _decoded(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, ...]:
+def _decode(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, ...]:
     import zxingcpp
 
     kinds = (

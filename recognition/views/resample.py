@@ -14,7 +14,7 @@ _BLUR = 0.4
 """Sigma of what a coarser grid is averaged by, its pixels beyond one."""
 
 
-def resampled(view: View, pitch_mm: float) -> NDArray[np.float32]:
+def resample(view: View, pitch_mm: float) -> NDArray[np.float32]:
     """Layers on a grid of another pitch, from the same origin; finer ones are blurred before."""
     from glyphs.opencv import cv2
 
@@ -40,7 +40,7 @@ def resampled(view: View, pitch_mm: float) -> NDArray[np.float32]:
     return np.asarray(made * made[KNOWN], dtype=np.float32)
 
 
-def turned(view: View, turned_deg: float) -> View:
+def turn_view(view: View, turned_deg: float) -> View:
     """The view on axes that are turned clockwise as seen: lines turned by as much run level on it.
 
     x, y of its frame are taken from the middle of the view (`unturned` brings them back).
@@ -69,7 +69,7 @@ def turned(view: View, turned_deg: float) -> View:
     return replace(view, layers=made, origin_mm=origin_mm)
 
 
-def unturned(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:
+def turn_back(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:
     """(n, 2) places of the turned view where they lie on the view itself."""
     cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
     middle = np.array(view.origin_mm) + 0.5 * np.array(view.size_mm)

@@ -52,7 +52,7 @@ def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
     changes -= changes.mean(axis=0)
     power, directions = np.linalg.eigh(changes @ changes.T)
     share = float(power[-2:].sum() / max(float(power.sum()), 1e-12))
-    if share < LEAST_SHARE or power[-2] <= 0.0 or _exposed(photographs, power, directions[:, -1]):
+    if share < LEAST_SHARE or power[-2] <= 0.0 or _is_exposure(photographs, power, directions[:, -1]):
         return None
     slopes = directions[:, -2:].T @ changes
     slopes /= slopes.std(axis=1, keepdims=True)
@@ -61,7 +61,7 @@ def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
     return np.asarray(1.0 - np.clip(size / full, 0.0, 1.0), dtype=np.float32)
 
 
-def _exposed(photographs: Sequence[Floats], power: Floats, first: Floats) -> bool:
+def _is_exposure(photographs: Sequence[Floats], power: Floats, first: Floats) -> bool:
     """Whether one change makes nearly all the difference, and goes with how bright the photographs are."""
     gains = np.log([float(one.mean()) + _DARK for one in photographs])
     if power[-2] > _ONE_CHANGE * power[-1] or gains.std() < _EXPOSED:

@@ -22,7 +22,7 @@ from glyphs.errors import MarksError
 from pipeline.benchmark.exam.editions import design_named
 from recognition.experts.recogniser import CHARACTERS, steps_of
 from recognition.learning.covers import cover_rivals
-from recognition.learning.train_batches import gathered
+from recognition.learning.train_batches import gather
 from recognition.learning.train_measure import plain
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
@@ -63,7 +63,7 @@ def cover(strips: Sequence[TrainingStrip], *, seed: int) -> list[TrainingStrip]:
     rng = torch.Generator().manual_seed(seed)
     made = []
     for strip in strips:
-        tall, _ = gathered([strip])
+        tall, _ = gather([strip])
         cover_rivals(tall, [strip.text], [strip.places], rng=rng, share=1.0)
         made.append(replace(strip, layers=tall[0].numpy().astype(np.float16)))
     return made

@@ -20,7 +20,7 @@ from glyphs.stamping.faces import default_die
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from recognition import Reader
-from recognition.belief.line_belief import pooled
+from recognition.belief.line_belief import pool
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, ideal_plate
 from recognition.glyph_match.prototypes import Prototypes, belief_of, cut_out
 from recognition.language.lattice import Lattice
@@ -73,8 +73,8 @@ def main() -> None:
         assert without is not None
         lattices = (
             own["network"], own["templates"], without,
-            pooled({"network": own["network"], "templates": own["templates"]}),
-            pooled({"network": own["network"], "templates": without}),
+            pool({"network": own["network"], "templates": own["templates"]}),
+            pool({"network": own["network"], "templates": without}),
         )  # fmt: skip
         for name, lattice in zip(ROWS, lattices, strict=True):
             counts[name] += right(lattice, made.truth)

@@ -167,8 +167,8 @@ def test_a_reading_is_drawn_for_show() -> None:
 
 def test_a_reading_keeps_its_trace_but_is_not_compared_by_it() -> None:
     read = reading()
-    assert read == read.traced(height_map=None)
-    assert read.traced(height_map=None).trace.lattice is read.trace.lattice
+    assert read == read.with_trace(height_map=None)
+    assert read.with_trace(height_map=None).trace.lattice is read.trace.lattice
     assert "trace" not in repr(read)
 
 

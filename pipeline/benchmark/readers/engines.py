@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.readers.mode import ModeUnavailableError
 from recognition.experts.steps import Steps
-from recognition.lines.networks import opened
+from recognition.lines.networks import open_network
 
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
@@ -102,7 +102,7 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
     """The network that the wheel carries, and its classes."""
     package = _imported("rapidocr", "RapidOCR")
     for path in sorted((Path(package.__file__).parent / "models").glob("*rec*.onnx")):
-        session = opened(path)
+        session = open_network(path)
         listed = session.get_modelmeta().custom_metadata_map.get("character")
         if listed:
             return session, ("", *listed.splitlines(), " ")

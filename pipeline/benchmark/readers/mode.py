@@ -114,14 +114,14 @@ class PartReadings:
         return reading
 
     def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
-        from recognition.reader import centred
+        from recognition.reader import centre_on
 
         if take is None:
             several = " under several lights" if name == "photographs" else ""
             raise MarksError(f"{self.specimen.part} has no {name}{several}")
         photo: Photo = self._timed(name, take)
         # as `pipeline.reading.part_reader` has it
-        return photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
+        return photo if photo.centre_mm is not None else centre_on(photo, self.specimen.height_map)
 
     def _timed(self, name: str, act: Callable[[], Any]) -> Any:
         start = time.perf_counter()

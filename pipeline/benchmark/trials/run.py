@@ -177,7 +177,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
         read = mode.read(senses)
         on_stage = read.fields() if isinstance(read, StageReading) else {}
         reading = read.reading if isinstance(read, StageReading) else read
-        reading = reader.certified(reading) if own_mode else reading
+        reading = reader.apply_certificate(reading) if own_mode else reading
         measures = measures_of(reading) if own_mode else {}
     except Exception as error:
         return replace(blank, error=_told(error))

@@ -94,7 +94,7 @@ def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
 
 
 def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = reading_figure(part().traced(height_map=None), title="scan")
+    figure = reading_figure(part().with_trace(height_map=None), title="scan")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert not any(t.startswith("height map") for t in titles)
     (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
@@ -106,7 +106,7 @@ def test_what_there_is_not_has_no_panel(tmp_path: Path) -> None:
     found = part()
     assert found.trace.relief is not None
     one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = reading_figure(found.traced(relief=one_way), title="one way")
+    figure = reading_figure(found.with_trace(relief=one_way), title="one way")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert any(t.startswith("height by touch") for t in titles)
     assert not any(t.startswith("steepness") for t in titles)

@@ -60,7 +60,7 @@ class FakeReader(Reader):
             height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "", feel: object = None
         ) -> Reading:
             self.given.append((height_map, soil, part_id))
-            return reading("A1", "tactile").traced(
+            return reading("A1", "tactile").with_trace(
                 lattice=lattice("A1"), open_lattice=lattice("A1"), height_map=height_map
             )
 
@@ -72,7 +72,7 @@ class FakeReader(Reader):
 
         def read_photo(photo: Photo) -> Reading:
             self.given.append(photo)
-            return reading("B1", "vision").traced(
+            return reading("B1", "vision").with_trace(
                 lattice=lattice("B1"), open_lattice=lattice(self.openly), photo=photo
             )
 
@@ -90,7 +90,7 @@ def fused_as(
 
     def fuse(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
         seen.append((touch.text, vision.text, settings.format))
-        return reading("A1", "fused").traced(touch=touch, vision=vision)
+        return reading("A1", "fused").with_trace(touch=touch, vision=vision)
 
     def fused_lattice(touch: Reading, vision: Reading, *, openly: bool = False) -> Any:
         seen.append((touch.text, vision.text, openly))
@@ -279,7 +279,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
         found = iter((whole, mirrored))
         touch = SimpleNamespace(
             read_height_map=lambda *_, **__: next(found),
-            weighed=lambda one, rows_known: one,
+            weigh_orientation=lambda one, rows_known: one,
             may_be_mirrored=lambda one: True,
         )
         reader: Any = SimpleNamespace(touch=touch)

@@ -14,7 +14,7 @@ from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.reading.simulated_scan import open_session
 from recognition.active.active_reading import ActiveReading, StopReason
-from recognition.active.replay import read_kept, replayed
+from recognition.active.replay import read_kept, replay
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
 from whisker_array.scan.recorded_session import RecordedSession
@@ -85,7 +85,7 @@ def test_a_replay_reproduces_every_choice(
     felt: ActiveReading, recording: Path, reader: TactileReader
 ) -> None:
     assert len([p for p in felt.passes if p.text]) > 3  # looks, and so choices
-    assert_same_choices(replayed(reader, load_scan(recording)), felt)
+    assert_same_choices(replay(reader, load_scan(recording)), felt)
 
 
 def test_a_failing_stage_fails_again_in_the_replay(reader: TactileReader, tmp_path: Path) -> None:
@@ -94,14 +94,14 @@ def test_a_failing_stage_fails_again_in_the_replay(reader: TactileReader, tmp_pa
     assert cut.reading.decision != "accept"
     assert cut.scan is not None
     save_scan(cut.scan, tmp_path / "cut.h5")
-    assert_same_choices(replayed(reader, load_scan(tmp_path / "cut.h5")), cut)
+    assert_same_choices(replay(reader, load_scan(tmp_path / "cut.h5")), cut)
 
 
 def test_another_reader_is_given_all_passes_at_once(recording: Path, felt: ActiveReading) -> None:
     other = Reader(format="AA99", fonts=("gothic",), height_mm=2.0 * HEIGHT_MM).touch
     scan = load_scan(recording)
     assert scan.log is not None
-    found = replayed(other, replace(scan, log=replace(scan.log, height_mm=2.0 * HEIGHT_MM)))
+    found = replay(other, replace(scan, log=replace(scan.log, height_mm=2.0 * HEIGHT_MM)))
     assert [p.order for p in found.passes] == [p.order for p in felt.passes]
     assert found.stop is felt.stop
     assert found.stage_s == pytest.approx(felt.stage_s)

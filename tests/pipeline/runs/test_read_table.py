@@ -175,7 +175,7 @@ class FakeReader:
         box = Box(0.0, 0.0, 1.0, 1.0)
         characters = tuple(CharacterReading((Candidate(t, 0.9, 0.999),), box) for t in "A1")
         found = Reading(characters, 0.998)
-        return found.traced(lattice=lattice, open_lattice=lattice, height_map=height_map)
+        return found.with_trace(lattice=lattice, open_lattice=lattice, height_map=height_map)
 
 
 @pytest.fixture

@@ -156,11 +156,11 @@ def test_a_text_after_others_must_be_surer() -> None:
     assert other.text != sure.text
     trust.takes(other)
     assert not trust.takes(sure)
-    doubted = trust.decided(sure)
+    doubted = trust.apply_trust(sure)
     assert doubted.decision is Decision.REVIEW
     assert any("another text was believed before" in message for message in doubted.messages())
     surer = replace(sure, confidence=0.995)
-    assert trust.decided(surer) is surer
+    assert trust.apply_trust(surer) is surer
 
 
 class WithDeadWhisker(SimulatedSession):

@@ -99,7 +99,7 @@ def test_a_ladder_goes_up_rung_by_rung_and_ends() -> None:
     assert step is StopReason.ALL_FELT
     joined = [(Way.BACK, JOINED + k) for k in range(4 - JOINED + 1)]
     assert ways == [(Way.ALONG, FIRST), (Way.ALONG, 5), *joined]
-    assert [(way, lines) for way, lines, _ in progress.taken] == ways
+    assert [(way, lines) for way, lines, _ in progress.history] == ways
     assert ladder.choose(felt(confidences=(0.0,)), FIELD, left_s=0.1) is StopReason.BUDGET
 
 

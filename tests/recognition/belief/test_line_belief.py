@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.belief.line_belief import SLIP, believed, counted, pooled
+from recognition.belief.line_belief import SLIP, count_places, line_belief, pool
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -48,7 +48,7 @@ def rows() -> st.SearchStrategy[tuple[float, ...]]:
 
 def test_two_that_agree_are_as_sure_as_one_and_disagreement_is_doubt() -> None:
     one, same, other = lattice((0.8, 0.15, 0.05)), lattice((0.8, 0.1, 0.1)), lattice((0.1, 0.8, 0.1))
-    agreed, torn = (pooled({"network": one, "templates": more}) for more in (same, other))
+    agreed, torn = (pool({"network": one, "templates": more}) for more in (same, other))
     assert share(agreed, 0, "A") == pytest.approx(0.8, abs=0.02)
     assert share(torn, 0, "A") < share(one, 0, "A")
     assert share(torn, 0, "B") < share(other, 0, "B")
@@ -60,22 +60,22 @@ def test_two_that_agree_are_as_sure_as_one_and_disagreement_is_doubt() -> None:
 @given(rows())
 def test_an_expert_that_says_the_same_changes_nothing(row: tuple) -> None:
     own = lattice(row)
-    alone, both = pooled({"network": own}), pooled({"network": own, "templates": own})
+    alone, both = pool({"network": own}), pool({"network": own, "templates": own})
     np.testing.assert_allclose(both.log_belief, alone.log_belief, atol=1e-9)
 
 
 @given(rows(), rows())
 def test_the_order_of_experts_does_not_matter(a: tuple, b: tuple) -> None:
     given_ = {"network": lattice(a), "templates": lattice(b)}
-    first = pooled(given_).log_belief
+    first = pool(given_).log_belief
     for order in itertools.permutations(given_):
-        made = pooled({n: given_[n] for n in order})
+        made = pool({n: given_[n] for n in order})
         np.testing.assert_allclose(made.log_belief, first, atol=EXACT)
     assert (np.exp(first).sum(axis=1) <= 1.0 + EXACT).all()
 
 
 def test_what_no_expert_may_read_stays_impossible() -> None:
-    made = pooled({"network": lattice((0.0, 1.0 - 1e-9, 1e-9)), "templates": lattice((0.0, 1.0, 1e-12))})
+    made = pool({"network": lattice((0.0, 1.0 - 1e-9, 1e-9)), "templates": lattice((0.0, 1.0, 1e-12))})
     assert np.isneginf(made.log_belief[0, 0])
     # a share of the belief stays with all that is allowed
     assert share(made, 0, "8") >= 0.5 * SLIP
@@ -83,27 +83,27 @@ def test_what_no_expert_may_read_stays_impossible() -> None:
 
 def test_templates_by_themselves_count_in_full() -> None:
     own = lattice((0.7, 0.2, 0.1))
-    made = pooled({"templates": own})
+    made = pool({"templates": own})
     np.testing.assert_allclose(made.log_belief, own.log_belief, atol=2.0 * SLIP / 0.1)
 
 
 @pytest.mark.parametrize("text", ["A", "AB", "AAB", "8A8A8A8A"])
 def test_characters_are_counted(text: str) -> None:
     looks = [steps(text, sure=0.97)]
-    assert counted(looks)[0] == len(text)
+    assert count_places(looks)[0] == len(text)
     # of looks that differ the likelier number
-    assert counted([*looks * 2, steps(text + "A", sure=0.55)])[0] == len(text)
+    assert count_places([*looks * 2, steps(text + "A", sure=0.55)])[0] == len(text)
 
 
 def test_a_line_is_read_with_and_without_a_format() -> None:
     looks = [steps("A8B", sure=0.9, rival="BAA")]
-    free = believed(looks, None)
+    free = line_belief(looks, None)
     assert free is not None
     assert text_of(free.lattice) == "A8B"
     assert free.evidence == 0.0
     # columns of steps 1, 3 and 5
     np.testing.assert_allclose(free.columns, [14.0, 42.0, 70.0], atol=1.0)
-    forced = believed(looks, Grammar(sets=("AB", "AB", "AB")))
+    forced = line_belief(looks, Grammar(sets=("AB", "AB", "AB")))
     assert forced is not None
     assert text_of(forced.lattice) == "AAB"
     assert np.isneginf(forced.lattice.log_belief[:, CHARS.index("8")]).all()
@@ -120,19 +120,19 @@ def text_of(belief: Lattice) -> str:
 def test_of_several_lengths_the_one_that_explains_most() -> None:
     grammar = Grammar(expression="[AB8]{2}|[AB8]{4}")
     for text in ("AB", "AB8A"):
-        found = believed([steps(text)], grammar)
+        found = line_belief([steps(text)], grammar)
         assert found is not None
         assert text_of(found.lattice) == text
         assert set(found.by_expert) == {"network"}
 
 
 def test_a_line_with_no_room_for_the_format_is_no_belief() -> None:
-    assert believed([steps("A")], Grammar(sets=("AB",) * 9)) is None
+    assert line_belief([steps("A")], Grammar(sets=("AB",) * 9)) is None
 
 
 def test_several_looks_count_as_one() -> None:
-    once = believed([steps("A8B", sure=0.8)], None)
-    thrice = believed([steps("A8B", sure=0.8)] * 3, None)
+    once = line_belief([steps("A8B", sure=0.8)], None)
+    thrice = line_belief([steps("A8B", sure=0.8)] * 3, None)
     assert once is not None
     assert thrice is not None
     np.testing.assert_allclose(thrice.lattice.log_belief, once.lattice.log_belief, atol=1e-9)

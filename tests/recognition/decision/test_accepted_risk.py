@@ -11,7 +11,7 @@ from scipy.stats import binom
 from recognition.decision.accepted_risk import (
     THRESHOLDS,
     Shown,
-    certified,
+    certified_threshold,
     parts_missing,
     parts_needed,
     share_bounds,
@@ -55,7 +55,7 @@ def test_the_most_lenient_threshold_before_the_first_that_fails() -> None:
     said = np.r_[np.full(200, 0.9995), np.full(100, 0.96), np.full(60, 0.91)]
     right = np.r_[np.ones(300, dtype=bool), np.zeros(60, dtype=bool)]
     tests = of_draw(said, right)
-    chosen = certified(tests)
+    chosen = certified_threshold(tests)
     assert chosen is not None
     assert (chosen.threshold, chosen.accepted, chosen.wrong) == (0.92, 300, 0)
     assert chosen.bound <= RISK
@@ -68,12 +68,12 @@ def test_the_most_lenient_threshold_before_the_first_that_fails() -> None:
 def test_too_few_parts_say_how_many_are_missing() -> None:
     said, right = np.full(20, 0.97), np.ones(20, dtype=bool)
     tests = of_draw(said, right)
-    assert certified(tests) is None
+    assert certified_threshold(tests) is None
     # 45 accepted ones without a wrong one show 5 % at 90 %; of 40 parts half were accepted
     missing = parts_missing(tests, 40, risk=RISK, confidence=CONFIDENCE)
     assert missing == 50
     more = round(20 * (40 + missing) / 40)
-    assert certified(of_draw(np.full(more, 0.97), np.ones(more, dtype=bool))) is not None
+    assert certified_threshold(of_draw(np.full(more, 0.97), np.ones(more, dtype=bool))) is not None
 
 
 def test_no_number_of_parts_helps_a_reader_that_is_too_often_wrong() -> None:
@@ -115,7 +115,7 @@ def test_the_true_risk_is_exceeded_in_no_more_runs_than_said(
     exceeded = 0
     for _ in range(RUNS):
         said = drawn(PARTS)
-        chosen = certified(of_draw(said, rng.random(PARTS) >= wrong_at(said)))
+        chosen = certified_threshold(of_draw(said, rng.random(PARTS) >= wrong_at(said)))
         if chosen is not None:
             accepted = int(np.searchsorted(-many, -chosen.threshold, side="right"))
             exceeded += true_risk[accepted - 1] > RISK

@@ -18,7 +18,7 @@ from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, contracts_of_choice, doubts_of_lines
-from recognition.decision.score import log_odds, scored
+from recognition.decision.score import log_odds, with_score
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
@@ -73,7 +73,7 @@ def as_reading(
         tuple(characters_of(choice, placed)), choice.probability, flags, source=source,
         threshold=settings.accept_confidence,
     )  # fmt: skip
-    made = made.traced(lattice=placed, odds=log_odds(choice.probability))
+    made = made.with_trace(lattice=placed, odds=log_odds(choice.probability))
     return contracts_of_choice(made, choice, grammar)
 
 
@@ -150,7 +150,7 @@ def test_a_sense_that_read_nothing_says_nothing(one: Lattice) -> None:
 
 def test_a_text_is_no_surer_of_both_than_the_number_of_its_characters_is_of_touch() -> None:
     sure, seen = touch(of_text("AB1234", 0.9999)), vision(of_text("AB1234", 0.999))
-    counted = sure.traced(odds=0.0)  # of touch, whether there are six characters is open
+    counted = sure.with_trace(odds=0.0)  # of touch, whether there are six characters is open
     assert fuse(counted, seen, SETTINGS).trace.odds == 0.0
     assert fuse(sure, seen, SETTINGS).confidence > fuse(counted, seen, SETTINGS).confidence
 
@@ -196,7 +196,7 @@ def test_one_sense_alone() -> None:
     assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
     # it is as sure as a camera by itself
     assert by_vision.confidence == pytest.approx(
-        scored(vision(of_text("AB1234", 0.999))).confidence, abs=1e-3
+        with_score(vision(of_text("AB1234", 0.999))).confidence, abs=1e-3
     )
     by_none = fuse(touch(None), vision(None), SETTINGS)
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
@@ -221,7 +221,7 @@ LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
 
 def lines_of(reading: Reading, *others: OtherLine) -> Reading:
     """The reading with other lines, doubted as a sense by itself doubts them."""
-    return replace(reading, others=others).found(*doubts_of_lines(others, LINES))
+    return replace(reading, others=others).with_findings(*doubts_of_lines(others, LINES))
 
 
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
@@ -262,7 +262,7 @@ def test_a_line_nobody_asked_for_sends_to_review_whoever_reads_it() -> None:
 def test_other_counts_without_places_leave_touch_alone() -> None:
     placed = touch(of_text("AB1234", 0.999, where=boxes(6)))
     fewer = of_text("B123", 0.999)
-    read = fuse(placed, vision(fewer).traced(lattice=fewer), SETTINGS)
+    read = fuse(placed, vision(fewer).with_trace(lattice=fewer), SETTINGS)
     assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from recognition.belief.line_belief import believed
+from recognition.belief.line_belief import line_belief
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
@@ -46,7 +46,7 @@ def line_of(
         where[2 * k + 1] = columns[k]
         where[2 * k] = columns[k] - 5.0
     where[-1] = columns[-1] + 5.0
-    belief = believed([Steps.of(blank, shares, CHARS, where)], grammar)
+    belief = line_belief([Steps.of(blank, shares, CHARS, where)], grammar)
     assert belief is not None
     return ReadLine(at, belief)
 
@@ -127,7 +127,7 @@ def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> 
     steps = sure.belief.looks[0]
     shares, blank = np.exp(steps.log_chars), np.exp(steps.log_blank)
     shares[5], blank[5] = 0.1 * shares[5], 1e-4
-    belief = believed([Steps.of(blank, shares, CHARS, steps.columns)], grammar)
+    belief = line_belief([Steps.of(blank, shares, CHARS, steps.columns)], grammar)
     assert belief is not None
     found = read(ReadLine(LINE, belief), grammar=grammar)
     assert (found.text, found.decision) == ("AB2", Decision.REVIEW)

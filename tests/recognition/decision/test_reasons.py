@@ -53,7 +53,7 @@ def test_a_confidence_below_the_threshold_is_told_in_numbers() -> None:
 
 
 def test_findings_of_one_kind_are_one_reason() -> None:
-    made = review(SURE, CLOSE, flags=ReadingFlag.NONE).found(
+    made = review(SURE, CLOSE, flags=ReadingFlag.NONE).with_findings(
         Finding(ReadingFlag.STROKES_UNDECIDED, "K or X at place 1: not felt (clean it)"),
         Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
         Finding(ReadingFlag.STROKES_UNDECIDED, "1 or I at place 2: not felt (clean it)"),
@@ -83,7 +83,7 @@ def test_where_no_place_has_a_rival_the_doubt_is_named_all_the_same(confidence: 
 
 def test_at_most_two_reasons_in_order_of_importance() -> None:
     flags = UNSURE | ReadingFlag.DROPOUTS
-    made = review(SURE, CLOSE, flags=flags).found(
+    made = review(SURE, CLOSE, flags=flags).with_findings(
         Finding(ReadingFlag.FORMAT_OVERRULED, "the format changed what was read: 8 to B at place 2"),
         Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
     )
@@ -95,7 +95,7 @@ def test_at_most_two_reasons_in_order_of_importance() -> None:
 
 
 def test_every_rule_that_is_broken_is_named() -> None:
-    made = review(SURE, CLOSE, flags=UNSURE).found(
+    made = review(SURE, CLOSE, flags=UNSURE).with_findings(
         Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
         Finding(ReadingFlag.TOO_SHALLOW, "too shallow for one"),
         Finding(ReadingFlag.TOO_SHALLOW, "too shallow for another"),
@@ -108,7 +108,7 @@ def test_every_rule_that_is_broken_is_named() -> None:
 
 def test_doubt_of_another_line_is_not_one_of_the_serial() -> None:
     lot = Finding(ReadingFlag.LINE_MISSING, "low confidence: lot LOT77?")
-    made = review(SURE, SURE, flags=ReadingFlag.NONE, confidence=0.98).found(lot)
+    made = review(SURE, SURE, flags=ReadingFlag.NONE, confidence=0.98).with_findings(lot)
     assert made.messages() == (lot.text,)
 
 

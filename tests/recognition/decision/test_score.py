@@ -17,7 +17,16 @@ from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure, measures_of
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.score import SOURCES, Score, Term, log_odds, score_of, scored, serial_is_sure, share
+from recognition.decision.score import (
+    SOURCES,
+    Score,
+    Term,
+    log_odds,
+    score_of,
+    serial_is_sure,
+    share,
+    with_score,
+)
 from recognition.language.box import Box
 from recognition.marks.strokes_felt import PlaceStrokes, RivalStrokes
 from recognition.senses.settings import ReaderSettings
@@ -30,7 +39,7 @@ PLAIN = Score(0.0, {Measure.ODDS: ODDS, Measure.GRAIN: Term(0.01, ((0.01, 0.0), 
 def of_photo(*, odds: float = 6.0, noise: float = 0.0) -> Reading:
     grey = np.random.default_rng(4).normal(128.0, noise, (60, 90)) if noise else np.full((60, 90), 128.0)
     made = Reading((PLACE,), 0.5, source="vision", threshold=0.98)
-    return made.traced(photo=Photo(np.clip(grey, 0, 255).astype(np.uint8)), odds=odds)
+    return made.with_trace(photo=Photo(np.clip(grey, 0, 255).astype(np.uint8)), odds=odds)
 
 
 @pytest.fixture(autouse=True)
@@ -40,8 +49,8 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("odds", "accepted"), [(math.inf, True), (-math.inf, False)])
 def test_certainty_is_no_missing_value(odds: float, accepted: bool) -> None:
-    assert (scored(of_photo(odds=odds)).decision is Decision.ACCEPT) == accepted
-    assert scored(of_photo(odds=odds)).confidence != pytest.approx(0.5)
+    assert (with_score(of_photo(odds=odds)).decision is Decision.ACCEPT) == accepted
+    assert with_score(of_photo(odds=odds)).confidence != pytest.approx(0.5)
 
 
 def test_log_odds_and_shares_undo_each_other() -> None:
@@ -51,7 +60,7 @@ def test_log_odds_and_shares_undo_each_other() -> None:
 
 
 def test_a_reading_is_as_sure_as_its_text_where_nothing_else_speaks() -> None:
-    made = scored(of_photo())
+    made = with_score(of_photo())
     assert made.confidence == pytest.approx(share(6.0))
     assert (made.decision, made.messages()) == (Decision.ACCEPT, ())
 
@@ -59,42 +68,42 @@ def test_a_reading_is_as_sure_as_its_text_where_nothing_else_speaks() -> None:
 def test_what_keeps_a_sure_text_from_acceptance_is_named() -> None:
     noisy = of_photo(noise=10.0)
     grain = measures_of(noisy)[Measure.GRAIN]
-    made = scored(noisy)
+    made = with_score(noisy)
     assert made.confidence == pytest.approx(share(6.0 - 100.0 * (grain - 0.01)))
     assert made.decision is Decision.REVIEW
     assert made.messages() == (
         f"unlike most parts: grain of the photograph {grain:.2g}, usually 0.01 (look at the part)",
     )
     # where the text is in doubt by itself, that is said
-    doubtful = scored(of_photo(odds=2.0, noise=10.0))
+    doubtful = with_score(of_photo(odds=2.0, noise=10.0))
     assert doubtful.flags == ReadingFlag.LOW_CONFIDENCE
     assert doubtful.findings == ()
 
 
 def test_what_explains_a_low_score_goes_with_it() -> None:
     missing = Finding(ReadingFlag.STROKES_MISSING, "most strokes are missing: A at place 1 (clean it)")
-    assert scored(of_photo().found(missing)).messages() == ()
-    assert scored(of_photo(odds=1.0).found(missing)).messages()[-1] == missing.text
+    assert with_score(of_photo().with_findings(missing)).messages() == ()
+    assert with_score(of_photo(odds=1.0).with_findings(missing)).messages()[-1] == missing.text
 
 
 def test_a_broken_contract_stays_whatever_the_score() -> None:
-    made = scored(of_photo().found(Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”")))
+    made = with_score(of_photo().with_findings(Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”")))
     assert made.decision is Decision.REVIEW
     assert not serial_is_sure(made)
-    shallow = scored(of_photo().found(Finding(ReadingFlag.TOO_SHALLOW, "too shallow")))
+    shallow = with_score(of_photo().with_findings(Finding(ReadingFlag.TOO_SHALLOW, "too shallow")))
     assert shallow.decision is Decision.REVIEW
     assert serial_is_sure(shallow)
 
 
 def test_nothing_read_has_no_score() -> None:
     empty = replace(of_photo(), characters=(), confidence=0.0)
-    assert scored(empty) is empty
+    assert with_score(empty) is empty
 
 
 def test_grain_does_not_depend_on_exposure() -> None:
     noisy = of_photo(noise=10.0)
     assert noisy.trace.photo is not None
-    darker = noisy.traced(photo=Photo((noisy.trace.photo.pixels // 2).astype(np.uint8)))
+    darker = noisy.with_trace(photo=Photo((noisy.trace.photo.pixels // 2).astype(np.uint8)))
     for name in (Measure.GRAIN, Measure.PATCHES):
         assert measures_of(darker)[name] == pytest.approx(measures_of(noisy)[name], rel=0.1)
 
@@ -103,7 +112,7 @@ def test_strokes_are_measured_at_the_weakest_place() -> None:
     rival = RivalStrokes("B", belief=0.1, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.7)
     short = replace(rival, more_heights=0.1, hidden=1.0)
     places = (PlaceStrokes(0.9, 0.8), PlaceStrokes(0.4, 0.8, rivals=(rival, short)))
-    found = measures_of(Reading((PLACE,) * 2, 0.5).traced(strokes=places))
+    found = measures_of(Reading((PLACE,) * 2, 0.5).with_trace(strokes=places))
     assert (found[Measure.LEAST_STROKES], found[Measure.COVERED]) == (0.4, 0.7)
 
 

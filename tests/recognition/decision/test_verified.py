@@ -11,7 +11,7 @@ import pytest
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.verified import verified
+from recognition.decision.verified import with_verification
 from recognition.decision.verify import Verdict, Verification, VerifyError
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState
@@ -38,7 +38,7 @@ DIRTY = lattice({"B": 0.1, "8": 0.1}, {"1": 0.1})
 def verdict(
     read: Reading, beliefs: Lattice | None, text: str, **options: Any
 ) -> tuple[Reading, Verification]:
-    found = verified(read, beliefs, text, **options)
+    found = with_verification(read, beliefs, text, **options)
     assert found.trace.verification is not None
     return found, found.trace.verification
 

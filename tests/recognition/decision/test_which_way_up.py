@@ -16,7 +16,7 @@ from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.which_way_up import ways_possible, weighed
+from recognition.decision.which_way_up import ways_possible, weigh_orientation
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation, Way
 from recognition.language.remainders import ALPHANUMERIC
@@ -62,7 +62,7 @@ def test_what_is_known_removes_ways(
 def test_digits_that_mirror_into_others_are_not_accepted_mirrored(text: str) -> None:
     view = view_of(text, mirrored=True)
     reading, lines = read(view, "999999")
-    found = weighed(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
+    found = weigh_orientation(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
     assert found.decision is not Decision.ACCEPT
 
 
@@ -71,7 +71,7 @@ def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: py
     monkeypatch.setattr(which_way_up, "LEAST_LEAD_NATS", math.inf)
     view = view_of("822800")
     reading, lines = read(view, "999999")
-    found = weighed(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
+    found = weigh_orientation(reading, view, lines, tuple(Way), accept_confidence=ACCEPT)
     assert (found.text, found.decision) == ("822800", Decision.REVIEW)
     assert any("also readable with its rows in the other order: " in m for m in found.messages())
 
@@ -79,7 +79,7 @@ def test_a_text_that_the_marks_also_show_mirrored_goes_to_review(monkeypatch: py
 def test_what_a_look_settles_is_no_doubt() -> None:
     view = view_of("471275")
     reading, lines = read(view, "999999")
-    assert weighed(reading, view, lines, (Way.UPSIDE_DOWN,), accept_confidence=ACCEPT) is reading
+    assert weigh_orientation(reading, view, lines, (Way.UPSIDE_DOWN,), accept_confidence=ACCEPT) is reading
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_another_line_that_reads_one_way_settles_it(
     down = np.array((0.0, view.layers.shape[1] * view.pitch_mm))
     place = replace(line.line, centre_mm=line.line.centre_mm + down)
     other = OtherLine("", text, confidence, line=place.reversed if reverse else place)
-    found = weighed(
+    found = weigh_orientation(
         replace(reading, others=(other,)), both, lines, (Way.UPSIDE_DOWN,), accept_confidence=ACCEPT
     )
     assert bool(found.flags & ReadingFlag.ORIENTATION_UNKNOWN) == doubted

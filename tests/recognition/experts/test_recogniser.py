@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glyphs.stamping.stamp import StampedPart
 from recognition.experts import recogniser
-from recognition.experts.recogniser import CHARACTERS, STEP_COLUMNS, believed, steps_of
+from recognition.experts.recogniser import CHARACTERS, STEP_COLUMNS, posteriors, steps_of
 from recognition.experts.steps import RARE
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -37,7 +37,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[dict[str, float]], NDArra
         for char, value in shares.items():
             power[1 + CHARACTERS.index(char)] = value
         power[0] = 1.0 - sum(shares.values())
-        monkeypatch.setattr(recogniser, "believed", lambda strips: [np.log(power)[None]])
+        monkeypatch.setattr(recogniser, "posteriors", lambda strips: [np.log(power)[None]])
         return power
 
     return says
@@ -72,9 +72,9 @@ def test_a_space_is_blank_unless_asked_for(said: Callable) -> None:
 
 def test_lines_together_are_read_as_one_by_one(make_part: Callable[..., StampedPart]) -> None:
     strips = [strip_of(make_part(text, calm=True)) for text in ("K7", "K71B", "HM50R3X8")]
-    together = believed(strips)
+    together = posteriors(strips)
     for strip, found in zip(strips, together, strict=True):
-        (alone,) = believed([strip])
+        (alone,) = posteriors([strip])
         assert found.shape == alone.shape == (math.ceil(strip.shape[2] / STEP_COLUMNS), 1 + len(CHARACTERS))
         np.testing.assert_allclose(np.exp(found).sum(axis=1), 1.0, atol=1e-4)
         # what is shown beside a shorter strip is land that nobody knows: near its end it may change a step

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.glyph_match.correlation import LEAST_FELT, correlated, steps_of
+from recognition.glyph_match.correlation import LEAST_FELT, correlate, steps_of
 
 
 def by_formula(image: np.ndarray, template: np.ndarray) -> np.ndarray:
@@ -24,7 +24,7 @@ def test_correlations_are_those_of_the_formula() -> None:
     rng = np.random.default_rng(3)
     image = rng.normal(size=(14, 20, 4)).astype(np.float32)
     templates = rng.normal(size=(3, 7, 5, 4)).astype(np.float32)
-    found = correlated(image, list(templates))
+    found = correlate(image, list(templates))
     assert found.shape == (3, 8, 16)
     for one, template in zip(found, templates, strict=True):
         assert one == pytest.approx(by_formula(image, template), abs=1e-4)
@@ -34,7 +34,7 @@ def test_a_template_answers_most_where_it_lies_and_bare_land_answers_nothing() -
     template = np.random.default_rng(4).normal(size=(9, 7, 4)).astype(np.float32)
     image = np.zeros((30, 40, 4), dtype=np.float32)
     image[10:19, 20:27] = 0.5 * template
-    found = correlated(image, [template])[0]
+    found = correlate(image, [template])[0]
     assert np.unravel_index(found.argmax(), found.shape) == (10, 20)
     assert found.max() == pytest.approx(0.98, abs=0.01)
     assert np.abs(found[:, :10]).max() < 1e-3

@@ -21,7 +21,7 @@ from recognition.glyph_match.predicted import (
     ideal_plate,
     lit_views,
     predict_templates,
-    rounded,
+    round_to_ladder,
     template_key,
 )
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
@@ -180,9 +180,9 @@ def test_the_cache_forgets_what_was_used_longest_ago(gothic: Font, touch: Touch)
 def test_rounding_is_to_a_geometric_ladder(step: float) -> None:
     rng = np.random.default_rng(0)
     for value in np.exp(rng.uniform(-5.0, 5.0, 50)):
-        near = rounded(value, step)
+        near = round_to_ladder(value, step)
         assert abs(np.log(near / value)) <= 0.5 * np.log1p(step) + 1e-12
-        assert rounded(near, step) == pytest.approx(near, rel=1e-12)
+        assert round_to_ladder(near, step) == pytest.approx(near, rel=1e-12)
 
 
 def test_the_cache_forgets_the_longest_unused_where_their_arrays_grow_too_large() -> None:

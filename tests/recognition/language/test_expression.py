@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.fonts.serials import FormatError
-from recognition.language.automaton import unrolled
+from recognition.language.automaton import unroll
 from recognition.language.expression import expression_machine
 from recognition.language.expression_tree import expression_tree
 
@@ -66,9 +66,9 @@ def test_matches_what_python_matches(pattern: str) -> None:
     machine = expression_machine(pattern, CHARS)
     lengths = machine.lengths()
     for n in range(1, 5):
-        automaton = unrolled([machine], n, CHARS)
+        automaton = unroll([machine], n, CHARS)
         words = list(itertools.product(range(len(CHARS)), repeat=n))
-        found = automaton.accepted(np.array(words))
+        found = automaton.accepts(np.array(words))
         expected = [
             re.fullmatch(pattern, "".join(CHARS[k] for k in word), re.ASCII) is not None for word in words
         ]
@@ -110,4 +110,4 @@ def test_literal_characters_are_those_written() -> None:
 def test_rules_that_need_too_many_states_together_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recognition.language.automaton.MOST_STATES", 3)
     with pytest.raises(FormatError, match="leave one out"):
-        unrolled([expression_machine("(A.|B..|1...|-)+", CHARS)], 4, CHARS)
+        unroll([expression_machine("(A.|B..|1...|-)+", CHARS)], 4, CHARS)

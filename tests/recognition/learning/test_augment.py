@@ -9,7 +9,7 @@ pytest.importorskip("torch", reason="the extra `train` is not installed")
 import torch
 from torch import Tensor
 
-from recognition.learning.augment import augmented, noisy
+from recognition.learning.augment import augment, noisy
 from recognition.learning.training_strips import TALL_ROWS
 from recognition.views.text_line import ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
@@ -32,18 +32,18 @@ def generator(seed: int) -> torch.Generator:
 
 @pytest.mark.parametrize("easy", [True, False])
 def test_strips_are_cut_to_the_recognisers_rows_and_the_same_from_the_same_seed(easy: bool) -> None:
-    made = augmented(*strips(0), rng=generator(3), easy=easy)
+    made = augment(*strips(0), rng=generator(3), easy=easy)
     assert made.shape[:3] == (4, LAYERS, ROWS)
     assert made.shape[3] % 4 == 0
     assert made.isfinite().all()
-    torch.testing.assert_close(augmented(*strips(0), rng=generator(3), easy=easy), made, atol=0.0, rtol=0.0)
+    torch.testing.assert_close(augment(*strips(0), rng=generator(3), easy=easy), made, atol=0.0, rtol=0.0)
     if not easy:
-        assert not torch.equal(augmented(*strips(0), rng=generator(4), easy=easy), made[..., : made.shape[3]])
+        assert not torch.equal(augment(*strips(0), rng=generator(4), easy=easy), made[..., : made.shape[3]])
 
 
 def test_an_easy_cut_is_plain() -> None:
     tall, columns = strips(1)
-    made = augmented(tall, columns, rng=generator(0), easy=True)
+    made = augment(tall, columns, rng=generator(0), easy=True)
     up = (TALL_ROWS - ROWS) // 2
     # a margin of 0.4 heights, 11.2 columns, is cut off: the strip lies between two of its own columns
     lower, upper = (torch.minimum, torch.maximum)

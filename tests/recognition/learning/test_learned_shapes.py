@@ -59,7 +59,7 @@ def test_a_font_is_recovered_from_its_own_blows(gothic, touch):
 def test_characters_never_felt_come_from_the_nearest_font():
     made = learned("K7B2", known=(load_font("timesr"), GOTHIC))
     assert made.hand.font is GOTHIC
-    assert made.trusted
+    assert made.is_trusted
     assert "Q" in made.never_felt
     assert "K" not in made.never_felt
     assert likeness(made.font.glyphs["Q"].relief, drawn("Q")) > 0.9
@@ -69,7 +69,7 @@ def test_characters_never_felt_come_from_the_nearest_font():
 
 def test_after_a_font_that_is_only_like_it_they_are_guesses():
     made = learned("K7B2", known=(load_font("timesr"),))
-    assert not made.trusted
+    assert not made.is_trusted
     assert [c for c in "K7B2Q" if made.font.glyphs[c].guessed] == ["Q"]
 
 

@@ -21,8 +21,8 @@ from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.sketches import sketch_many
 from recognition.learning.train import Average, Training, main, train
-from recognition.learning.train_batches import batches, gathered, rounds, targets
-from recognition.learning.train_measure import decoded, measured, plain
+from recognition.learning.train_batches import batches, gather, rounds, targets
+from recognition.learning.train_measure import decode, measure, plain
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_strips import (
     TALL_ROWS,
@@ -83,7 +83,7 @@ def test_its_own_texts_are_read(trained: Path, folder: Path) -> None:
     log = lines(trained.with_suffix(".log"))
     network = Recogniser(load_start(), CHARACTERS)
     network.load_state_dict(torch.load(trained.with_suffix(".pt"), weights_only=True))
-    characters, mistakes, read = measured(network, kept_in(folder))["all"]
+    characters, mistakes, read = measure(network, kept_in(folder))["all"]
     assert (characters, read) == (2 * len(TEXTS), len(TEXTS))
     assert mistakes <= (1.0 - READ_SHARE) * characters
     # the log ends with what the last weights read, and their running mean
@@ -91,12 +91,12 @@ def test_its_own_texts_are_read(trained: Path, folder: Path) -> None:
 
 
 def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) -> None:
-    from recognition.lines.networks import opened
+    from recognition.lines.networks import open_network
 
     network = Recogniser(load_start(), CHARACTERS)
     network.load_state_dict(torch.load(trained.with_suffix(".pt"), weights_only=True))
     network.eval()
-    whole, session = opened(trained.with_suffix(".float.onnx")), opened(trained)
+    whole, session = open_network(trained.with_suffix(".float.onnx")), open_network(trained)
     for strip in kept_in(folder):
         fed = plain(strip)[None]
         (said,) = whole.run(None, {"strip": fed})
@@ -104,7 +104,7 @@ def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) 
             expected = network(torch.from_numpy(fed)).numpy()
         # the same sums in another order, single precision
         np.testing.assert_allclose(said, expected, atol=1e-3)
-        assert decoded(said[0]) == decoded(expected[0])
+        assert decode(said[0]) == decode(expected[0])
         # in eight bits posteriors move by some hundredths
         short, features = session.run(["posteriors", "features"], {"strip": fed})
         assert np.abs(np.exp(short) - np.exp(said)).mean() < 0.02
@@ -169,9 +169,9 @@ def test_texts_are_what_is_left_without_repeats_and_blanks() -> None:
             said[step, 0 if char == "_" else 1 + CHARACTERS.index(char)] = 1.0
         return said
 
-    assert decoded(beliefs("__KK_77_B")) == "K7B"
-    assert decoded(beliefs("KKK_K__")) == "KK"
-    assert decoded(beliefs("____")) == ""
+    assert decode(beliefs("__KK_77_B")) == "K7B"
+    assert decode(beliefs("KKK_K__")) == "KK"
+    assert decode(beliefs("____")) == ""
 
 
 def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
@@ -179,7 +179,7 @@ def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
     made = list(batches(strips, 4, np.random.default_rng(0)))
     assert sorted(id(s) for batch in made for s in batch) == sorted(id(s) for s in strips)
     assert all(len({s.text for s in batch}) == 1 for batch in made)
-    tall, columns = gathered(strips)
+    tall, columns = gather(strips)
     assert tall.shape == (16, LAYERS, TALL_ROWS, int(columns.max()))
     classes, lengths = targets(strips[:8])
     assert lengths.tolist() == [1] * 4 + [2] * 4
@@ -215,7 +215,7 @@ def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
 
 def test_covers_hide_what_tells_characters_apart_and_nothing_else() -> None:
     strip = sketch_many([], 1, np.random.default_rng(1))[0]
-    tall, _ = gathered([strip] * 40)
+    tall, _ = gather([strip] * 40)
     before = tall.clone()
     texts, places = ["B" * len(strip.text)] * 40, [strip.places] * 40
     covered = cover_rivals(tall, texts, places, rng=torch.Generator().manual_seed(0))

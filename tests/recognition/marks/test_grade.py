@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from recognition.marks.grade import LIMITS, Action, GradeError, grade_character, graded, reaching
+from recognition.marks.grade import LIMITS, Action, GradeError, grade_character, grade_value, reaching
 
 ROWS, COLS = 46, 36
 
@@ -120,7 +120,7 @@ def test_more_dirt_never_lowers_contamination(one: int, other: int) -> None:
 def test_grades_follow_values(name: str, one: float, other: float) -> None:
     low, high = sorted((one, other))
     worse, better = (high, low) if name == "contamination" else (low, high)
-    assert 0 <= graded(name, worse) <= graded(name, better) <= 4
+    assert 0 <= grade_value(name, worse) <= grade_value(name, better) <= 4
 
 
 def test_the_worst_parameter_counts() -> None:

@@ -160,7 +160,7 @@ def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
 def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
     box = Box(0.0, 0.0, 1.0, 1.0)
     places = tuple(CharacterReading((Candidate(c, 0.99, 0.99),), box) for c in text)
-    return Reading(places, 0.98).traced(strokes=strokes)
+    return Reading(places, 0.98).with_trace(strokes=strokes)
 
 
 def stands(**changed: float) -> RivalStrokes:
@@ -195,7 +195,7 @@ def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrok
 @pytest.mark.parametrize("wrong", [0.9, 1.0, 1.52, 1.7])
 def test_a_height_that_was_mistaken_is_settled_by_the_strokes(part: StampedPart, wrong: float) -> None:
     right = felt_line(part, relief_of(part))
-    found = right._at_height(wrong * part.height_mm).sized(TEXT)
+    found = right._at_height(wrong * part.height_mm).fit_size(TEXT)
     # heights are tried in steps of 15 %
     assert found.line.height_mm == pytest.approx(part.height_mm, rel=0.16)
     assert places_mm(found.line, found.columns) == pytest.approx(places_mm(right.line, right.columns))
@@ -204,7 +204,7 @@ def test_a_height_that_was_mistaken_is_settled_by_the_strokes(part: StampedPart,
 def test_a_height_stays_where_strokes_say_nothing(part: StampedPart) -> None:
     relief = relief_of(part)
     line = felt_line(part, replace(relief, height_mm=np.zeros_like(relief.height_mm)))
-    assert line.sized(TEXT) is line
+    assert line.fit_size(TEXT) is line
 
 
 def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
@@ -212,17 +212,17 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     bare = tuple(PlaceStrokes(0.1, 0.1, "gothic") for _ in range(4))
     junk = reading("K7B2", bare)
     junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
-    made = strokes_asked(junk.found(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
+    made = strokes_asked(junk.with_findings(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
     assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
     # what is surely read there, and is no serial of the format, is named
     short = "found 1 character (“8”) where the format has 4 (check the part and the format)"
-    refused = junk.found(Finding(ReadingFlag.FORMAT_OVERRULED, short))
+    refused = junk.with_findings(Finding(ReadingFlag.FORMAT_OVERRULED, short))
     for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
-        made = strokes_asked(refused.traced(open_lattice=openly))
+        made = strokes_asked(refused.with_trace(open_lattice=openly))
         assert (made.text, made.messages()) == ("", words)
     # felt, and yet not read: a person may
-    felt = junk.traced(strokes=tuple(replace(p, felt=0.8) for p in bare))
+    felt = junk.with_trace(strokes=tuple(replace(p, felt=0.8) for p in bare))
     assert strokes_asked(felt).text == "K7B2"
 
 
@@ -241,20 +241,20 @@ def test_strokes_of_another_font_are_not_missing() -> None:
     there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, "timesr"),) * 2), font="gothic")
     there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
     suits_timesr: Any = ScoresByFont({"gothic": 0.6, "timesr": 0.7})
-    made = strokes_asked(there.traced(felt_line=suits_timesr))
+    made = strokes_asked(there.with_trace(felt_line=suits_timesr))
     assert made.flags == ReadingFlag.FOREIGN_SHAPES
     assert made.messages() == (
         "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)",
     )
     # the one that was named explains them as well as any
     suits_gothic: Any = ScoresByFont({"gothic": 0.66, "timesr": 0.7})
-    assert strokes_asked(there.traced(felt_line=suits_gothic)).flags == ReadingFlag.NONE
+    assert strokes_asked(there.with_trace(felt_line=suits_gothic)).flags == ReadingFlag.NONE
     # half filled, it is missing all the same
-    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, "timesr"),) * 2)
+    filled = there.with_trace(strokes=(PlaceStrokes(0.5, 0.5, "timesr"),) * 2)
     assert strokes_asked(filled).flags == ReadingFlag.STROKES_MISSING
     # one alone is a blow, or dots that fell otherwise: it is there
     one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
-    assert strokes_asked(one.traced(felt_line=suits_timesr)).decision is Decision.ACCEPT
+    assert strokes_asked(one.with_trace(felt_line=suits_timesr)).decision is Decision.ACCEPT
 
 
 def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:

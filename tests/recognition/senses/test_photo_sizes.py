@@ -24,7 +24,7 @@ def looks(given: Photo, height_mm: float | None) -> list[int]:
         line = None
         if height_mm is not None:
             line = TextLine.straight(1.0, 1.0, length_mm=3.0 * height_mm, height_mm=height_mm)
-        return Reading((), 0.0).traced(line=line, photo=small)
+        return Reading((), 0.0).with_trace(line=line, photo=small)
 
     last = read_at_sizes(given, read).trace.photo
     assert last is not None

@@ -27,7 +27,7 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for module in ("lines.find", "experts.recogniser"):
         monkeypatch.setattr(f"recognition.{module}._session", opened)
-    monkeypatch.setattr(networks, "opened", opened)
+    monkeypatch.setattr(networks, "open_network", opened)
 
 
 def reader(**changed: object) -> TactileReader:

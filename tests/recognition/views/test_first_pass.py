@@ -45,4 +45,4 @@ def test_a_height_that_is_given_is_taken_as_it_is() -> None:
 def test_small_and_large_characters_are_found_by_it(height_mm: float) -> None:
     part = stamp("K7B2", font="gothic", height_mm=height_mm, seed=3)
     found = felt_heights_mm(Reader(format="A9A9").touch.lines.search, part.height_map)
-    assert found[0] == pytest.approx(height_mm, rel=0.15)
+    assert any(one == pytest.approx(height_mm, rel=0.15) for one in found)

@@ -34,7 +34,7 @@ def lattice(**belief: tuple[float, float]) -> Lattice:
 def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
-    whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).traced(
+    whole = Reading((), 0.9, source="tactile", seconds={"scan": 2.0}).with_trace(
         by_expert=MappingProxyType({"network": own, "templates": doubting})
     )
     sure, unsure = alone(whole, "network", FORMATTED), alone(whole, "templates", FORMATTED)
@@ -42,7 +42,7 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     assert sure.seconds == {"scan": 2.0}
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
-    silent = alone(replace(whole, source="vision").traced(by_expert={}), "network", FORMATTED)
+    silent = alone(replace(whole, source="vision").with_trace(by_expert={}), "network", FORMATTED)
     assert (silent.text, silent.decision) == ("", Decision.REJECT)
 
 
