@@ -55,7 +55,7 @@ class Reader:
 
     @property
     def grammar(self) -> Grammar | None:
-        """What serials may be; None where nothing is known."""
+        """Format of the serials; None without one."""
         return self.settings.grammar
 
     @cached_property

@@ -59,7 +59,7 @@ TOUCHABLE = (
 
 @dataclass(frozen=True)
 class ActiveSettings:
-    """How to feel.
+    """Settings of active touch.
 
     Attributes:
         budget_s: most stage seconds a part.
@@ -104,7 +104,7 @@ class ActiveReader:
         Args:
             session: with the part mounted.
             region_mm: (x0, y0, x1, y1) around the line, where that is known, plate frame: nothing else is felt or read.
-            line: where the camera sees the line; the region is made around it unless given.
+            line: where the camera sees the line (default: the region is made around it).
         """
         if region_mm is None and line is not None:
             region_mm = around(line, session.fitting.field_mm)
@@ -144,7 +144,7 @@ class _Part:
         while True:
             chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)
             if isinstance(chosen, StopReason):
-                # nobody gives up without having read what was felt
+                # read what was felt before giving up
                 if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
                     break
                 ended = self._stop_reason()
@@ -157,7 +157,7 @@ class _Part:
                 chosen = StopReason.STAGE_FAILED
                 break
             start = time.process_time()
-            # who never stops looks only where the line lies
+            # without early stopping only the line's own land is looked at
             look = self._look() if settings.until_sure or self.region == self.fitting.field_mm else None
             self.progress = self.progress.after(chosen, look)
             self.looks_since += 1
@@ -254,7 +254,7 @@ class _Part:
         return self.progress.steady >= 1 or look.confidence >= 1.0 - AT_ONCE * (1.0 - accept)
 
     def _stop_reason(self) -> StopReason | None:
-        """What a full reading says: that the serial is sure, that touch settles nothing, or None for more touch."""
+        """Return why to stop after a full reading: sure, or not to be settled by touch; None to feel more."""
         reading = self.reading = self._full()
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)

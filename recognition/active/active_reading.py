@@ -1,4 +1,4 @@
-"""What comes of reading a part pass by pass."""
+"""The result of reading a part pass by pass."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _REASONS = {
 
 @dataclass(frozen=True)
 class PlaceBelief:
-    """What is believed of one place after a pass.
+    """Candidates of one place after a pass.
 
     Attributes:
         char: the likeliest.

@@ -1,4 +1,4 @@
-"""What a step brings: the chance that the serial is sure within the next few looks.
+"""Expected gain of a step: the chance that the serial is sure within the next few looks.
 
     chance = 1 / (1 + exp(-z)),   z = way + new + slope lines/16 + a s + b s^2 + c log2(looks)
 
@@ -29,7 +29,7 @@ _LEAST = 1e-4
 
 @dataclass(frozen=True)
 class WayGain:
-    """Of one way: what any step brings, what the first brings more, and more or less with its lines."""
+    """Gain of one way: of any step, extra for the first, and change with its lines."""
 
     usual: float
     new: float
@@ -38,7 +38,7 @@ class WayGain:
 
 @dataclass(frozen=True)
 class Gain:
-    """What steps bring.
+    """Expected gains of steps.
 
     Attributes:
         ways: by way.
@@ -77,6 +77,6 @@ def sureness(confidences: Sequence[float]) -> float:
 @cache
 def fitted_gain() -> Gain:
     """As it was fitted."""
-    told = json.loads(FITTED.read_text(encoding="utf-8"))["gain"]
-    ways = {Way(name): WayGain(**own) for name, own in told["ways"].items()}
-    return Gain(ways, told["sure"], told["surer"], told["looks"])
+    fitted = json.loads(FITTED.read_text(encoding="utf-8"))["gain"]
+    ways = {Way(name): WayGain(**own) for name, own in fitted["ways"].items()}
+    return Gain(ways, fitted["sure"], fitted["surer"], fitted["looks"])

@@ -1,4 +1,4 @@
-"""What may be felt next: steps of one or more passes, laid between those that were felt before.
+"""Possible next steps: steps of one or more passes, laid between those that were felt before.
 
 A step lays one line more to half a character's height: with whiskers half a height apart that is one travel of the
 array for each block of the region, with whiskers a height apart it is two::
@@ -40,7 +40,7 @@ class Way(StrEnum):
     CROSS_BACK = "cross back"
 
     def describe(self) -> str:
-        """What the step is for, in words."""
+        """The purpose of the step, in words."""
         return _WAYS[self]
 
     @property
@@ -62,7 +62,7 @@ _DIRECTIONS = {
     Way.CROSS_BACK: TraceDirection.BACK_Y,
 }
 _SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0, Way.CROSS_BACK: 0.5 / 8.0}
-"""Of a direction's lines, half heights: those on the way back lie between the first eight."""
+"""Spacing of a direction's lines, half heights: those on the way back lie between the first eight."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Step:
 
     @property
     def stage_s(self) -> float:
-        """What it costs."""
+        """The cost of the step."""
         return math.fsum(p.stage_s for p in self.passes)
 
 

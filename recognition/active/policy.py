@@ -23,7 +23,7 @@ WORTH_S = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """What was felt and believed so far.
+    """Steps and confidences so far.
 
     Attributes:
         fitting: of the stage.

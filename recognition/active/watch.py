@@ -33,7 +33,7 @@ BESIDE = 1
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What is believed after a step.
+    """The best line and text after a step.
 
     Attributes:
         read: the line and the beliefs of all experts, a look each.
@@ -66,7 +66,7 @@ class Look:
         return float(-(shares * np.log(np.maximum(shares, 1e-12))).sum())
 
     def places(self) -> tuple[PlaceBelief, ...]:
-        """What is believed place by place."""
+        """Candidates place by place."""
         middles = places_mm(self.read.line, self.read.belief.columns)
         made = []
         for k, char in enumerate(self.choice.text):
@@ -109,7 +109,7 @@ class LineWatch:
             self.line, self._sure = line, True
 
     def look(self, view: View) -> Look | None:
-        """What can be believed now; None where there is no line yet."""
+        """Return the best text so far; None where there is no line yet."""
         known = [] if self.line is None else [self.line]
         if self._sure:
             near = [*known, *self._near(known[0])]

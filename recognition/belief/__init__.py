@@ -1,1 +1,1 @@
-"""What several experts believe, made one."""
+"""Posteriors of several looks and experts, combined."""

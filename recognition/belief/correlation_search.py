@@ -44,7 +44,7 @@ COARSE_PIXELS, FINE_PIXELS = 16, 32
 SMALLEST, LARGEST, SIZE_STEP = 0.13, 0.95, 1.1
 """Character heights that are searched, as shares of the view's smaller side, and the ratio between two of them."""
 SLOPES = (-0.09, -0.045, 0.0, 0.045, 0.09)
-"""Of a line against the view's rows, down along +x: up to 5 degrees."""
+"""Slopes of a line against the view's rows, down along +x: up to 5 degrees."""
 SKETCH_PIXELS, SKETCH_STEP = 12, 3
 """Where no height is known, at so many pixels every third template ranks the sizes."""
 ROWS_A_SIZE, MOST_LINES = 20, 3
@@ -59,7 +59,7 @@ MOST_MOVED, OFF_HEIGHTS = 3, 0.06
 
 @dataclass(frozen=True)
 class Guise:
-    """What a font may look like on a part."""
+    """Ways in which a font may look on a part."""
 
     face: Face = Face.FLAT
     raised: bool = False
@@ -252,7 +252,7 @@ class CorrelationSearch(LineSearch):
 
 
 class _Rows:
-    """What templates answer along the rows of a whole view, level or a little turned."""
+    """Template responses along the rows of a whole view, level or a little turned."""
 
     def __init__(self, view: View, glyphs: GlyphImages, height_mm: float) -> None:
         (width, high), (x, y) = view.size_mm, view.origin_mm

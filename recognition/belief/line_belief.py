@@ -1,4 +1,4 @@
-"""What is believed of one line: how many places, and what stands at each.
+"""Posteriors of one line: the number of places, and the character at each.
 
     Steps of each look --places of the format--> posteriors --mean of looks--> the recogniser's lattice
     lattices of recogniser and templates --geometric mean--> the lattice that the format decides on
@@ -30,9 +30,9 @@ NEAR_STEPS = 1.0
 MOST_COUNTS = 3
 """Looks by which characters are counted."""
 MOST_LENGTHS = 6
-"""Of a format, that are tried: those nearest to what is counted."""
+"""Lengths of a format that are tried: those nearest to the number counted."""
 MOST_COUNTED = 32
-"""Characters of a line whose number nobody knows."""
+"""Most characters of a line without a format."""
 _LEAST = 1e-12
 SLIP = 1e-4
 """Least share of belief that all allowed characters have together, whatever the experts say."""
@@ -40,7 +40,7 @@ SLIP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class LineBelief:
-    """What is believed of a line.
+    """Posteriors of a line.
 
     Attributes:
         lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
@@ -88,13 +88,13 @@ class LineBelief:
 
     @property
     def promise(self) -> float:
-        """How much is read how surely: what stands at every place, in nats against a guess."""
+        """Evidence of the line against a guess, nats: the sum over its places."""
         best = np.maximum(self.lattice.log_belief.max(axis=1, initial=-np.inf), -3.0)
         return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
 
 
 def line_belief(looks: Sequence[Steps], grammar: Grammar | None) -> LineBelief | None:
-    """What the recogniser believes after its looks at a line; None where it finds nothing.
+    """Combine the recogniser's looks at a line; None where no text fits.
 
     Args:
         looks: at the line, all over the same characters.
@@ -119,7 +119,7 @@ Posteriors = Sequence[PlaceBelief | None]
 
 
 def _posteriors(looks: Sequence[Steps], allowed: Sequence[str]) -> Posteriors:
-    """What every look says of so many places."""
+    """Return the posteriors of each look for these places."""
     return [steps.places(allowed) for steps in looks]
 
 
@@ -130,7 +130,7 @@ def _evidence(found: Posteriors) -> float:
 
 
 def _best_length(looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = ()) -> Posteriors:
-    """What the looks say of the places of the length that explains most."""
+    """Return the posteriors for the length of the format with the most evidence."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > MOST_LENGTHS:
         usual, _ = count_places(looks)
@@ -183,7 +183,7 @@ def pool(lattices: Mapping[str, Lattice]) -> Lattice:
 
 
 def _lattice(looks: Sequence[Steps], posteriors: Posteriors) -> tuple[Lattice, Floats] | None:
-    """The lattice and where its places stand on the strip: the mean of the looks, by view; None of no posteriors."""
+    """Average the looks, by view, to a lattice and its columns; None without posteriors."""
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
     for steps, found in zip(looks, posteriors, strict=True):
@@ -205,5 +205,5 @@ def _lattice(looks: Sequence[Steps], posteriors: Posteriors) -> tuple[Lattice, F
 
 
 def over_views(logs: Sequence[Floats]) -> Floats:
-    """What several views of a part say together, as logarithms."""
+    """Average the logarithms over several views of a part."""
     return np.asarray(np.mean(logs, axis=0))

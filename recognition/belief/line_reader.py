@@ -2,8 +2,8 @@
 
     view --LineSearch--> the line that says most --more looks, more experts--> LineBelief
 
-The format decides which of several lines is meant. What else can be read on the part is kept, for nobody has claimed
-it (`PartLines.others`).
+The format decides which of several lines is meant. Other text on the part is kept as unassigned
+(`PartLines.others`).
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ PLAIN_EVIDENCE = -0.5
 ASKED_EVIDENCE = -4.0
 """Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
 ROOM = 0.45
-"""Of the heights of two lines together, that their middles must lie apart: below, one is the other, seen askew."""
+"""Distance of two lines' middles, as a share of both heights, below which they are the same ink."""
 OTHER_BELIEF, OTHER_PLACES = 0.8, 3
-"""Mean belief, and places, from which another line on the part is text that nobody has claimed."""
+"""Mean probability, and places, from which another line on the part is unassigned text."""
 
 
 MOST_CANDIDATES, MOST_ACROSS = 4, 0.9
@@ -78,10 +78,10 @@ class LineReader:
             grammar: what the serial's line may be.
             chars: all that is looked for.
             height_mm: of the characters, if known.
-            region: where the middle of the serial's line lies; anywhere unless given.
+            region: where the middle of the serial's line lies (default: anywhere).
             lines: others that stand on the part, by name.
             orientation: which way up parts lie.
-            search: makes what finds lines and looks at them; the network's unless given.
+            search: makes the search for lines (default: the network's).
         """
         self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
         self.search = search(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
@@ -173,7 +173,7 @@ class LineReader:
         closely: bool = False,
         twice: bool = False,
     ) -> ReadLine | None:
-        """What is believed of a line: of one look where that is sure, of several where it is not.
+        """Return the posteriors of a line: of one look where that is sure, of several where it is not.
 
         Where asked for `closely`, several looks are always taken.
         """

@@ -38,9 +38,9 @@ MOST_LINES = 6
 MOST_SMALL = 40
 """Small ones that are looked at: among a machine's edges many are none."""
 SMALL_PROMISE = 0.0
-"""Of a small line, up to which it is a guess: the best of many tiles of noise seems to say more than the whole does."""
+"""Promise up to which a small line is a guess: the best of many tiles of noise seems better than the whole."""
 MOST_COLUMNS = 4000
-"""Of a strip, some 200 characters: what is longer is no line."""
+"""Longest strip, some 200 characters."""
 LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
 """To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
 MOST_TURNED = 3
@@ -48,9 +48,9 @@ MOST_TURNED = 3
 MOST_MOVED = 2
 """That are moved and made longer where they say little."""
 MOST_BENT = 2
-"""Of these, that are looked at as arcs as well."""
+"""Lines that are looked at as arcs as well."""
 TEXT_SHARE = 0.15
-"""Of a plain line's score, that another one must have to be text: some three characters."""
+"""Share of a plain line's score from which another line is text: some three characters."""
 SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
 """At which lines are looked for that run neither level nor down."""
 SLANTED_SIDES = 2.5
@@ -62,7 +62,7 @@ TURNED_COST = 1.5
 BENT_COST = 0.05
 """Nats that an arc must say more than a straight line."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
-"""Of what a place may say at most, from which a line is not looked at otherwise, nor upside down; no fainter ones are
+"""Shares of the greatest promise, from which a line is not looked at otherwise, nor upside down; no fainter ones are
 looked for; and no turned or small ones."""
 SETTLED, MOST_LAID, LAID_GAIN = 0.9975, 3, 0.3
 """Share of the most that places may say, above which a line is not laid on its ink; how often it is laid at most; and
@@ -95,7 +95,7 @@ class LineSearch:
             grammar: what the serial's line may be.
             chars: all that is looked for.
             height_mm: of the characters, if known.
-            region: where the middle of the serial's line lies; anywhere unless given.
+            region: where the middle of the serial's line lies (default: anywhere).
             orientation: which way up parts lie.
         """
         self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
@@ -103,7 +103,7 @@ class LineSearch:
 
     @property
     def rare(self) -> str:
-        """Characters that seldom stand on parts, and that nobody has asked for."""
+        """Signs that are rare on parts, where no format asks for them."""
         return SIGNS if self.grammar is None else ""
 
     def heights_mm(self, view: View) -> list[float]:
@@ -219,14 +219,14 @@ class LineSearch:
         return _rank([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
-        """What the recogniser says along each line."""
+        """Run the recogniser along each line."""
         strips = [view.strip(line) for line in lines]
         return recogniser.steps_of(strips, chars=self.chars, rare=self.rare, skip_columns=skip_columns)
 
     def more_looks(
         self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = JITTERS
     ) -> list[Steps]:
-        """What is said along a line that is moved down, and higher, by so many heights, its first columns skipped."""
+        """Run the recogniser along a line moved down, made higher, and with its first columns skipped."""
         return [
             steps
             for down, size, skip in moves
@@ -251,7 +251,7 @@ class LineSearch:
                 if says_much([best]):
                     break
         elif self.grammar is None:
-            # nobody says how long it is: a word may stand beyond a gap
+            # its length is not known: a word may stand beyond a gap
             best = _rank([best, *self.looks(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
             first, last = _at_ends(best)
@@ -295,7 +295,7 @@ def _rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
 
 
 def promise_of(one: ReadLine) -> float:
-    """How much a line says; parts seldom lie turned, and a line that reads as well straight is straight."""
+    """Line score minus penalties for rotation and for an arc."""
     turned, bent = abs(one.line.turned_deg) > 45.0, len(one.line.centre_mm) > 2
     return one.belief.promise - TURNED_COST * turned - BENT_COST * bent
 

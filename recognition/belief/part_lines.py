@@ -17,7 +17,7 @@ from recognition.views.view import View
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""
 REGION_MARGINS = (0.5, 1.0)
-"""Of a region's width and height, that are looked at on either side: the line's middle lies in it, not its ends."""
+"""Margin around a region, as a share of its size: the line's middle lies in it, not its ends."""
 MOST_OF_VIEW = 0.6
 """Share of a view from which its part about a region is not worth a search of its own."""
 
@@ -28,7 +28,7 @@ class LineFormat:
 
     Attributes:
         grammar: what it may be.
-        region: where its middle lies; anywhere unless given.
+        region: where its middle lies (default: anywhere).
 
     Raises:
         ValueError: a region that is none.
@@ -105,12 +105,12 @@ class ReadLine:
 
 @dataclass(frozen=True, eq=False)
 class PartLines:
-    """What was read of a view.
+    """Lines read on a view.
 
     Attributes:
         main: the line that the format means; None where there is none.
         named: other lines that were asked for, by name, as far as they were found.
-        others: lines that can be read as well, and that nobody has asked for.
+        others: unassigned lines that can be read as well.
         candidates: places that look like the serial's line, the most promising first; they lie apart.
     """
 

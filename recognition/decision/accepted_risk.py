@@ -1,4 +1,4 @@
-"""How often accepted readings may be wrong, shown by parts whose text is known: exact bounds, and a threshold.
+"""Risk of accepted readings, shown by parts whose text is known: exact bounds, and a threshold.
 
     surest ----------------------------> least sure
     0.9999   0.999   0.99   0.98   0.97  ...
@@ -36,7 +36,7 @@ _STEP = 1.02
 
 
 class Shown(StrEnum):
-    """What the parts show of a threshold."""
+    """The result of testing a threshold."""
 
     YES = "shown"
     NO = "not shown"
@@ -162,7 +162,7 @@ def certified_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
 def parts_missing(
     tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float
 ) -> int | None:
-    """How many more parts would show the risk at some threshold, were they like these; None where none would.
+    """Estimate how many more parts would show the risk at some threshold; None where no number would.
 
     An estimate: as many of them accepted, and as many of these wrong, as among the parts there are.
 
@@ -181,7 +181,7 @@ def parts_missing(
 
 
 def _times_needed(test: ThresholdTest, risk: float, confidence: float) -> float | None:
-    """How many times these parts would show the risk at a threshold; None where so many would not."""
+    """Return the multiple of these parts that would show the risk at a threshold; None where none would."""
     if test.wrong == 0:
         return parts_needed(risk, confidence=confidence) / test.accepted
     if test.wrong / test.accepted >= risk:

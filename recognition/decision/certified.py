@@ -1,4 +1,4 @@
-"""What a certificate allows: no reading less sure than those that were shown to be right often enough."""
+"""Acceptance under a certificate: only readings as sure as those shown to be right often enough."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class CertifiedAcceptance:
-    """What may be accepted, beside what the settings say.
+    """Readings that a certificate lets pass, beside the settings.
 
     Attributes:
         confidence: least confidence.

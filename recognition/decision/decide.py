@@ -42,14 +42,14 @@ CONTRACTS = MappingProxyType(
         MEASURE_FLAGS: "the mark keeps every rule that was asked for",
     }
 )
-"""What sends a reading to a person whatever its score, and what holds where it is not set."""
+"""Flags that send a reading to review whatever its score, and the rule that each stands for."""
 BROKEN = reduce(or_, CONTRACTS)
 HOPELESS_SHARE = 0.5
 """Share of places that cannot be read from which a part is rejected."""
 
 
 class Decision(StrEnum):
-    """What to do with a reading."""
+    """Accept, review or reject."""
 
     ACCEPT = "accept"
     REVIEW = "review"
@@ -57,15 +57,15 @@ class Decision(StrEnum):
 
 
 class Place(Protocol):
-    """What a decision needs of a character."""
+    """A character, as far as a decision needs it."""
 
     @property
     def state(self) -> PlaceState | None:
-        """Read, confused, not read or mismatch; None where nobody asked."""
+        """Read, confused, not read or mismatch; None where it was not determined."""
 
 
 def decide(places: Sequence[Place], *, score: float, threshold: float | None, flags: ReadingFlag) -> Decision:
-    """What to do with a reading.
+    """Decide on a reading.
 
     Args:
         places: its characters.

@@ -34,7 +34,7 @@ class DepthRuleError(MarksError, ValueError):
 
 @dataclass(frozen=True)
 class DepthWindow:
-    """How deep characters of some height are struck.
+    """Allowed depths of characters of some height.
 
     Attributes:
         least_mm: everywhere along every character, below the flat surface; 0 where none is asked.
@@ -72,7 +72,7 @@ class DepthWindow:
 
 @dataclass(frozen=True)
 class DepthRule:
-    """What a mark must measure.
+    """Limits of depth, burr and size that a mark must keep.
 
     Attributes:
         name: as it is asked for and named in messages.
@@ -206,7 +206,7 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
 
 
 def _violations(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
-    """What of a rule a mark breaks, and in words; what could not be measured was not met."""
+    """Return the limits that a mark breaks, in words; a limit that could not be measured is broken."""
     places = tuple(enumerate(reading.characters, start=1))
     height = reading.height_mm
     window = rule.window(height)

@@ -1,4 +1,4 @@
-"""What is known of a reading, in a dozen named numbers: beliefs, strokes, size and depth of marks, rough land.
+"""Measures of a reading, some twenty named numbers: posteriors, strokes, size and depth of marks, rough land.
 
 The score weighs some of them (`recognition.decision.score`). All are compared between parts that were certified and
 parts that are read (`recognition.decision.likeness`).
@@ -28,7 +28,7 @@ MOST_ODDS = 50.0
 DECIDING_HEIGHTS = 0.25
 """Length from which strokes that only one of two characters has decide between them, character heights."""
 _ENOUGH_SAMPLES = 100_000
-"""Of a surface: the median of as many is off by half a per cent."""
+"""Samples of a surface; their median is off by half a per cent."""
 _DARKEST = 1.0 / 255.0
 """Median brightness of a photograph that shows nothing."""
 _NORMAL = 1.4826
@@ -36,7 +36,7 @@ _NORMAL = 1.4826
 
 
 class Measure(StrEnum):
-    """What is measured of a part; the value is what people read."""
+    """Measures of a part; the value is the name that people read."""
 
     CONFIDENCE = "confidence"
     ODDS = "log odds of the text before anything else is known"
@@ -60,7 +60,7 @@ class Measure(StrEnum):
 
 
 def measures_of(reading: Reading) -> Mapping[Measure, float]:
-    """What is known of the part; the others are left out."""
+    """Return the measures that are known of the part."""
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
         Measure.ODDS: _within(reading.trace.odds),
@@ -96,7 +96,7 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
 
 
 def roughness(surface: NDArray[np.float64], step: int) -> float | None:
-    """How far the land departs from straight lines, in the unit of the surface; marks and edges hardly count.
+    """Roughness of the land, in the unit of the surface; marks and edges hardly count.
 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
 

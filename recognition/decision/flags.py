@@ -1,4 +1,4 @@
-"""What may be the matter with a reading, as flags, and what a flag means on one part."""
+"""Flags of a reading, and what a flag means on one part."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from operator import or_
 
 
 class ReadingFlag(Flag):
-    """What a person should know about a reading; none set is an untroubled one."""
+    """Doubts about a reading; no flag is set on a plain one."""
 
     NONE = 0
     NO_CHARACTERS = auto()
@@ -95,14 +95,14 @@ MEASURE_FLAGS = (
     | ReadingFlag.DEPTH_UNKNOWN
     | ReadingFlag.NO_DEPTH_RULE
 )
-"""What a rule for the mark found; findings say it with places and numbers."""
+"""Rules for the mark that are broken; findings give places and numbers."""
 EXPLANATIONS = ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED
 """Why a score is low: they break no contract by themselves."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a flag means on one part, in words with places and numbers: "too shallow for R: 7 at place 2 0.06 mm"."""
+    """A flag on one part, in words with places and numbers: "too shallow for R: 7 at place 2 0.06 mm"."""
 
     flag: ReadingFlag
     text: str
@@ -112,10 +112,10 @@ BENCH_FLAGS = ReadingFlag.WHISKER_FAULTY | ReadingFlag.BENCH_FAULTY
 
 
 def bench_faults(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """What was found of whiskers and bench, in words."""
+    """Return the faults of whiskers and bench, in words."""
     return tuple(finding.text for finding in findings if finding.flag & BENCH_FLAGS)
 
 
 def flags_of(findings: Iterable[Finding]) -> ReadingFlag:
-    """Of all of them together."""
+    """Combine the flags of all findings."""
     return reduce(or_, (finding.flag for finding in findings), ReadingFlag.NONE)

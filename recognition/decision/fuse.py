@@ -35,11 +35,11 @@ CHOICE_FLAGS = (
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.CHECK_BLIND
 )
-"""What is found anew of both."""
+"""Flags that fusion determines anew."""
 
 
 class FusionSettings(LineSettings, Protocol):
-    """What fusing needs of the settings."""
+    """Settings that fusion needs."""
 
     @property
     def orientation(self) -> Orientation:
@@ -181,13 +181,13 @@ def _orientation_doubts(
 
 
 def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:
-    """What touch has found that the format does not allow, unless the camera has not."""
+    """Return touch's findings against the format that the camera shares."""
     overruled = ReadingFlag.FORMAT_OVERRULED
     return tuple(f for f in tactile.findings if f.flag & overruled and vision.flags & overruled)
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:
-    """Other lines of both, each by who is surer of it, and where they disagree in words."""
+    """Join the other lines of both senses, the surer one of each, and say where they disagree."""
     joined = {(line.name, line.name or line.text): line for line in touch.others}
     named, words = {line.text for line in (*touch.others, *vision.others) if line.name}, []
     for line in vision.others:
@@ -210,5 +210,5 @@ def _by_vision_alone(touch: Reading, vision: Reading) -> Reading:
 
 
 def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:
-    """What both senses took, step by step."""
+    """Add up the times of both senses, step by step."""
     return MappingProxyType({**touch.seconds, **{f"vision {k}": v for k, v in vision.seconds.items()}})

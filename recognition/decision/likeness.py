@@ -28,7 +28,7 @@ MOST_KEPT = 200
 
 @dataclass(frozen=True)
 class KindOfParts:
-    """What was measured of some parts.
+    """Distribution of each measure over some parts.
 
     Attributes:
         values: by measure, rising; of many parts evenly spaced quantiles.
@@ -61,7 +61,7 @@ class KindOfParts:
 
 @dataclass(frozen=True)
 class Unlike:
-    """How parts differ from others in one measure.
+    """A difference between two sets of parts in one measure.
 
     Attributes:
         measure: which.

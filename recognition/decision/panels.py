@@ -129,7 +129,7 @@ def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool
 
 
 def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
-    """How steep the surface is, by touch; the relief has slopes."""
+    """Steepness of the surface by touch; the relief has slopes."""
     known = "assumed" if relief.friction_sd is None else "measured"
     axes.set_title(
         f"steepness by touch, |slope|\nfriction {relief.friction:.3f} {known}", fontsize=9, loc="left"

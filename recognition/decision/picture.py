@@ -95,7 +95,7 @@ def _shown_on(photo: Photo, reading: Reading) -> Reading | None:
 
 
 def _touch_panels(touch: ReadingTrace, reading: Reading) -> list[Callable[[Axes], None]]:
-    """What there is of touch: heights first, then moments, steepness and edges."""
+    """Return the panels of touch: heights first, then moments, steepness and edges."""
     edges, scan, surface, relief = touch.edge_map, touch.scan, touch.height_map, touch.relief
     heights, slopes, layers, moments = (list[Any]() for _ in range(4))
     if surface is not None:

@@ -1,4 +1,4 @@
-"""What a reader says of one part."""
+"""The reading of one part."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class CharacterReading:
         candidates: best first, at least one.
         box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
         depth: of the mark; None where it could not be felt.
-        state: read, confused, not read or mismatch; None where nobody asked.
+        state: read, confused, not read or mismatch; None where it was not determined.
         grade: quality of the mark; None where it was not graded.
     """
 
@@ -88,7 +88,7 @@ class OtherLine:
     """Another line of the part.
 
     Attributes:
-        name: as it was asked for; empty of one that nobody has asked for.
+        name: as it was asked for; empty for unassigned text.
         text: what it reads.
         confidence: probability that all of it is right, 0 to 1.
         box: where it stands; None where that is not known.
@@ -106,12 +106,12 @@ class OtherLine:
 
 @dataclass(frozen=True, eq=False)
 class ReadingTrace:
-    """What a reading was made from; what it did not come to is None.
+    """Intermediate results of a reading; None where a step was not reached.
 
     Attributes:
         edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
         lattice: beliefs of the places before the format has its say; None of a fused reading.
-        open_lattice: of vision: beliefs that a wrong serial has its place in; None where nobody asked.
+        open_lattice: posteriors without the format; None where they were not computed.
         choice: what the format made of them; None where the reading rests on correlation alone.
         odds: log odds of the text by recogniser, templates and format; of a fused reading those of touch; None where no
             text was read.
@@ -211,7 +211,7 @@ class Reading:
 
     @property
     def fields(self) -> Mapping[str, str]:
-        """What the marking says by name, "SER KB74" or "(21)KB74", on the serial's line and on others: SER -> KB74."""
+        """Named fields of the marking, "SER KB74" or "(21)KB74", on the serial's line and on others: SER -> KB74."""
         found: dict[str, str] = {}
         for text in (self.text, *(line.text for line in self.others)):
             found = {**named_fields(text), **found}
@@ -219,7 +219,7 @@ class Reading:
 
     @property
     def nats_read(self) -> float:
-        """How much the characters say against a guess: seven of them, one in doubt, say more than a single sure one."""
+        """Evidence of the characters against a guess, nats: seven, one in doubt, have more than a single sure one."""
         return math.fsum(1.0 + max(math.log(max(c.confidence, 1e-9)), -3.0) for c in self.characters)
 
     @property
@@ -296,7 +296,7 @@ class Reading:
 
     @property
     def unlikeness(self) -> float | None:
-        """Of the depth about the characters, what strokes of known fonts leave unexplained, mean of the places."""
+        """Share of the depth that strokes of known fonts leave unexplained, mean of the places."""
         scores = [1.0 - place.score for place in self.trace.strokes if place.felt is not None]
         return math.fsum(scores) / len(scores) if scores else None
 
@@ -312,7 +312,7 @@ class Reading:
 
     @property
     def shortfall(self) -> str:
-        """How far the confidence is below the threshold, in words; empty where it is not."""
+        """The shortfall of the confidence from the threshold, in words; empty where there is none."""
         if self.threshold is None or self.confidence >= self.threshold:
             return ""
         digits = next((n for n in range(3, 7) if round(self.confidence, n) < self.threshold), 6)
@@ -324,14 +324,14 @@ class Reading:
         return replace(self, flags=self.flags & ~flags, findings=kept)
 
     def messages(self) -> tuple[str, ...]:
-        """What to know about it in words, the one or two reasons that decide first: `recognition.decision.reasons`."""
+        """Return the reasons in words, the one or two that decide first (`recognition.decision.reasons`)."""
         from recognition.decision.reasons import messages_of
 
         return messages_of(self)
 
     @property
     def actions(self) -> tuple[Action, ...]:
-        """What to do about each character's mark; nothing where the reading is accepted, whatever its grades."""
+        """Action for each character's mark; none where the reading is accepted, whatever its grades."""
         if self.decision is Decision.ACCEPT:
             return (Action.NONE,) * len(self.characters)
         return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)

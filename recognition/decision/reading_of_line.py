@@ -53,7 +53,7 @@ WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
 
 
 class LineSettings(Protocol):
-    """What a line's reading needs of the settings."""
+    """Settings that a line's reading needs."""
 
     @property
     def accept_confidence(self) -> float:
@@ -61,7 +61,7 @@ class LineSettings(Protocol):
 
     @property
     def grammar(self) -> Grammar | None:
-        """What serials may be; None where nothing is known."""
+        """Format of the serials; None without one."""
 
     @property
     def asked(self) -> Mapping[str, LineFormat]:
@@ -178,7 +178,7 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
 
 
 def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
-    """What stands there in place of a serial, where it can be read and the format does not allow it."""
+    """Report the text that stands there in place of a serial, where it can be read but breaks the format."""
     text = text_of(line)
     broken = () if grammar is None or not text else grammar.objections(text)
     if not broken or _surest(line.belief.openly[0]) < LEAST_READ:
@@ -190,14 +190,14 @@ def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, .
 
 
 def _found_words(text: str) -> str:
-    """What stands on the part, in words: "found 1 character (“8”)"."""
+    """Say what was found: "found 1 character (“8”)"."""
     return f"found {len(text)} character{'' if len(text) == 1 else 's'} (“{text}”)"
 
 
 def _beyond_format(
     line: ReadLine, text: str, grammar: Grammar | None, *, least: float
 ) -> tuple[Finding, ...]:
-    """Whether something else than the format allows may stand there: another text, or a sign that is none of its."""
+    """Report that another text, or a sign outside the format, may stand there."""
     if line.belief.evidence >= least:
         return ()
     changed = format_changed(line, text) if line.belief.evidence < math.log(LEAST_VALID_MASS) else ()
@@ -359,13 +359,13 @@ def _likely(line: ReadLine) -> float:
 
 
 def text_of(line: ReadLine) -> str:
-    """What a line reads at first look."""
+    """Return the text of a line at first look."""
     lattice, _ = line.belief.openly
     return "".join(lattice.chars[k] for k in lattice.log_belief.argmax(axis=1))
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:
-    """Of boxes; None without any."""
+    """Return the common hull of boxes; None without any."""
     if not boxes:
         return None
     return Box(

@@ -1,4 +1,4 @@
-"""Why a part is not accepted, for the person who has it in hand: the one or two reasons that decide, in order.
+"""Reasons why a part is not accepted, in words: the one or two that decide, in order.
 
 flags --importance--> the first two --findings: places and numbers--> words
 rules of the mark, what happened to the scan, notes ----------------> all of them, after these
@@ -53,11 +53,11 @@ MOST_NAMED = 3
 DOUBTED = 0.05
 """Probability of a second candidate from which a person is asked about it."""
 COUNT_SHARE = 0.9
-"""Of the belief in all characters together, what the confidence falls below where their number is in doubt."""
+"""Share of the product of the characters' confidences, below which their number is in doubt."""
 
 
 def messages_of(reading: Reading) -> tuple[str, ...]:
-    """What to know about a reading in words: reasons, then what else was found."""
+    """Return the reasons of a reading in words, then other findings."""
     reasons = [words for flag in IMPORTANCE if (words := _words(reading, flag))]
     about_serial = reduce(or_, IMPORTANCE)
     rules = _words(reading, reading.flags & MEASURE_FLAGS)
@@ -75,7 +75,7 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
 
 
 def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
-    """What a flag, or several that mean one reason, say of this part; nothing where none is set."""
+    """Return the words for a flag, or for several that mean one reason; empty where none is set."""
     if not reading.flags & flag:
         return ()
     found = tuple(dict.fromkeys(finding.text for finding in reading.findings if finding.flag & flag))
@@ -95,7 +95,7 @@ def _merge(texts: Sequence[str]) -> tuple[str, ...]:
 
 
 def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
-    """What is doubtful about the characters: rivals, places that cannot be read, their number; else the least sure."""
+    """Name the doubtful characters: rivals, unreadable places, their number; else the least sure one."""
     why = reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]

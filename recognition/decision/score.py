@@ -29,13 +29,13 @@ from recognition.decision.flags import EXPLANATIONS, MEASURE_FLAGS, Finding, Rea
 from recognition.decision.reading import Reading
 
 SOURCES = ("tactile", "vision", "fused")
-"""Of readings."""
+"""Sources of readings."""
 FITTED = Path(__file__).with_name("score.fit.json")
 
 
 @dataclass(frozen=True)
 class Term:
-    """What one quantity counts: straight lines between points, level beyond them.
+    """Contribution of one quantity: straight lines between points, level beyond them.
 
     Attributes:
         usual: value that counts nothing.
@@ -65,7 +65,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Score:
-    """How the quantities of one source of readings are weighed.
+    """Weights of the quantities for one source of readings.
 
     Attributes:
         bias: log odds where everything is usual and the text's are even.
@@ -109,12 +109,12 @@ class Score:
 
     @property
     def slope(self) -> float:
-        """What a unit of the text's log odds is worth where the text is likelier than not."""
+        """Log odds per unit of the text's log odds, where the text is likelier than not."""
         (low, below), (high, above) = self.terms[Measure.ODDS].points[-2:]
         return (above - below) / (high - low)
 
     def losses(self, measures: Mapping[Measure, float]) -> Iterator[tuple[float, Measure]]:
-        """What each known quantity but the belief costs against a usual one, log odds, where it costs something."""
+        """Yield the log odds that each known quantity, except the text's, costs against a usual value."""
         for name, term in self.terms.items():
             if name is not Measure.ODDS and name in measures:
                 loss = -term.nats(measures[name])
@@ -123,7 +123,7 @@ class Score:
 
 
 def log_odds(belief: float) -> float:
-    """Of a probability; infinite of 0 and 1."""
+    """Return the log odds of a probability; infinite for 0 and 1."""
     if not 0.0 < belief < 1.0:
         return math.inf if belief >= 1.0 else -math.inf
     return math.log(belief) - math.log1p(-belief)
@@ -136,7 +136,7 @@ def share(odds: float) -> float:
 
 @cache
 def score_of(source: str) -> Score:
-    """Of readings from one of `SOURCES`, as it was fitted."""
+    """Load the fitted score for one of `SOURCES`."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["scores"][source]
     terms = {Measure[name]: Term(**values) for name, values in fitted["terms"].items()}
     return Score(fitted["bias"], MappingProxyType(terms), tuple(map(tuple, fitted["thresholds"])))

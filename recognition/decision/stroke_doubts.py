@@ -1,6 +1,6 @@
 """Doubts about the strokes of a reading: those that are missing, and those that leave two characters undecided.
 
-The prior has no say here: a J whose hook is filled is an I to the eye, and to whoever believes in I's.
+The prior does not count here: a J whose hook is filled looks like an I.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TOLD_HEIGHTS = 0.25
 UNTOLD = 0.03
 """Belief in a rival from which it is not excluded where touch says nothing."""
 HIDDEN_SHARE = 0.5
-"""Of a rival's strokes, that could not be felt, from which it is not excluded whatever is believed."""
+"""Share of a rival's strokes that could not be felt, from which the rival is not excluded."""
 HIDDEN_MARGIN = 2.5
 """Nats from which a stroke of the other character was felt all the same: less than a piece of one."""
 _REMEDIES = {

@@ -1,4 +1,4 @@
-"""What a font that was learned in part may not be trusted with: characters that were never felt.
+"""Doubts about characters that a partly learned font was never taught.
 
 Where O was never enrolled, its shape is another font's, and the Q that was answers a true O about as well.
 A character is doubted where it is such a guess, or where a guess comes near it.

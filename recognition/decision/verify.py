@@ -1,4 +1,4 @@
-"""Whether a part bears the serial that it should: confirmed, refuted, or not to be told.
+"""Check a part against its expected serial: confirmed, refuted or undecided.
 
     place          1     2     3    ...        same    = product of b(e)            every character is the known one
     expected e     K     7     4               unknown = product of (b(e) + r) - same    none differs, not all read
@@ -35,7 +35,7 @@ class VerifyError(MarksError):
 
 
 class Verdict(StrEnum):
-    """Whether the part bears the expected serial."""
+    """The verdict on the expected serial."""
 
     CONFIRMED = "confirmed"
     REFUTED = "refuted"
@@ -79,7 +79,7 @@ class Verification:
     Attributes:
         expected: the text, without blanks.
         verdict: what to do with it.
-        probability: that the part bears the expected text; 0 if as many characters were not found.
+        probability: that the part has the expected text; 0 if the number of characters differs.
         refutation: that at least one character is readably another.
         rival: best other text of as many characters as were found (that the grammar allows, if one is given);
             empty if none has any belief.
@@ -100,7 +100,7 @@ class Verification:
     __repr__ = one_line
 
     def messages(self) -> tuple[str, ...]:
-        """What is not as expected, in words, with places of the text counted from 1."""
+        """Return the differences in words, with places of the text counted from 1."""
         said = []
         if self.places != len(self.expected):
             said.append(f"{self.places} characters were found where {len(self.expected)} are expected")
@@ -130,7 +130,7 @@ def verify(
     Args:
         lattice: beliefs of places.
         expected: the text; blanks do not count.
-        prior: belief that the part bears it before it was felt, between 0 and 1.
+        prior: probability of the text before the part was felt, between 0 and 1.
         grammar: names the rival; the expected text must be of it.
         confirm: least probability for CONFIRMED, which also needs every character read as expected or, where
             it is not clearly read, at least not contradicted.

@@ -160,7 +160,7 @@ def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
 
 
 def _log_probability(one: ReadLine, text: Collection[str]) -> float:
-    """Of a text, by what was heard along a line."""
+    """Return the evidence for a text along a line."""
     return one.belief.evidence_of(Grammar(sets=tuple(text)))
 
 

@@ -1,1 +1,1 @@
-"""Those who say which character stands where."""
+"""The recogniser: from a strip to posteriors of characters."""

@@ -1,4 +1,4 @@
-"""What a recogniser's frames say of every place of a line, with the format inside the sum (exact, no beam).
+"""Posteriors of every place of a line from a recogniser's frames, with the format inside the sum (exact, no beam).
 
 A network that reads lines gives, frame by frame along the line, probabilities of characters and of a *blank*;
 a path of frames spells the text that is left when repeats and then blanks are struck out (connectionist temporal

@@ -66,7 +66,7 @@ def _run(strip: Layers, output: str) -> NDArray[np.float32]:
 
 
 def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "", skip_columns: int = 0) -> list[Steps]:
-    """What is believed along strips as `View.strip` cuts them.
+    """Run the network along strips as `View.strip` cuts them.
 
     Small letters that are not asked for count as their capitals, which many a die has for both; what else is not asked
     for is left out, a space counts as blank.

@@ -1,4 +1,4 @@
-"""What a recogniser of lines says, step by step along a strip, and what that makes of every place.
+"""Posteriors step by step along a strip, and the posteriors of each place that follow from them.
 
 strip (28 columns to a character height) --recogniser--> Steps --places of the format--> PlaceBelief
 """
@@ -17,7 +17,7 @@ from recognition.experts.ctc import PlaceBelief, count_belief, place_belief
 
 Floats = NDArray[np.float64]
 EXPERTS = ("network", "templates")
-"""Who says what stands at a place: the recogniser, and templates of fonts."""
+"""Experts on a place: the recogniser, and templates of fonts."""
 FLOOR = 1e-6
 """Probability that a step leaves to everything: no character is ruled out by one network."""
 
@@ -36,10 +36,10 @@ class Steps:
         log_chars: (steps, C) of each of `chars`.
         chars: which.
         columns: (steps,) of the strip, where each step's middle lies.
-        gap: (steps,) belief in a word gap, which `log_blank` holds as well; None where nobody asked for gaps.
+        gap: (steps,) probability of a word gap, which `log_blank` includes; None where it was not computed.
         small: (steps,) belief in small letters, which `log_chars` counts as their capitals; None likewise.
         view: number of the view that was looked at, of several of one part.
-        expert: who believes so.
+        expert: one of `EXPERTS`.
     """
 
     log_blank: Floats
@@ -66,19 +66,19 @@ class Steps:
         rare: str = "",
         expert: str = "network",
     ) -> Steps:
-        """Of probabilities, (steps,) and (steps, C); see the class.
+        """Make steps from probabilities, (steps,) and (steps, C).
 
         Args:
             blank, shares, chars, columns, gap, small: as the class has them, not yet logarithms.
-            rare: characters that seldom stand on parts, and that nobody has asked for.
-            expert: who believes so.
+            rare: signs that are rare on parts, where no format asks for them.
+            expert: one of `EXPERTS`.
         """
         prior = np.array([RARE if char in rare else 1.0 for char in chars])
         log_chars = np.log(shares * prior + FLOOR)
         return cls(np.log(blank + FLOOR), log_chars, chars, columns, gap, small, expert=expert)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
-        """Posteriors of so many places, each of which may bear these characters; None where they have no room."""
+        """Return the posteriors of so many places with these allowed characters; None where they have no room."""
         if not allowed:
             return None
         table = np.array([[c in place for c in self.chars] for place in allowed], dtype=np.bool_)

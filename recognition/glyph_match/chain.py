@@ -29,7 +29,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Spacing:
-    """How far apart the middles of neighbours usually stand: after[one] + before[next], pixels.
+    """Usual distance between the middles of neighbours: after[one] + before[next], pixels.
 
     Attributes:
         before, after: (T,) of each template.

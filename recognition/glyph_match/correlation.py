@@ -295,7 +295,7 @@ def steps_of(
         known: (T,) characters of the templates.
         columns: (places,) of the line's strip, where the places stand.
         chars: all that is looked for.
-        rare: characters that seldom stand on parts, and that nobody has asked for.
+        rare: signs that are rare on parts, where no format asks for them.
     """
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
     shares = np.exp(SURENESS * (score - score.max(axis=1, keepdims=True)))

@@ -49,7 +49,7 @@ CELL_MARGIN_HEIGHTS, LAND_HEIGHTS = 0.16, 0.25
 CANONICAL_HEIGHT_MM = 5.0
 """Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
 _ROUGHNESS, _REFLECTANCE, _MIDDLE_GREY = 0.4, 0.3, 0.2
-"""Of brushed metal; and the mean of a photograph that is well exposed, linear."""
+"""Reflectance of brushed metal; mean of a well exposed photograph, linear."""
 _STEP = 0.1
 """Between two sets, of preload and depth."""
 PIXELS = 40
@@ -144,7 +144,7 @@ class TemplateSet:
         return line_of(self.middles_mm, self.height_mm)
 
     def derive(self, key: object, make: Callable[[], Any]) -> Any:
-        """What was made of the set under a key, made on first use."""
+        """Return a value derived from the set, made on first use."""
         if key not in self.work:
             self.work[key] = make()
         return self.work[key]
@@ -290,7 +290,7 @@ def _felt_relief(
 MOST_SETS = 1024
 """64 fonts at the heights of a batch: to predict a set takes 0.2 s, to look it up nothing."""
 MOST_BYTES, SET_BYTES = 400_000_000, 15_000_000
-"""Of templates and what matching derives from them: a reader stays below 1 GB; and what a set takes at most, about."""
+"""Most memory of all templates and what matching derives from them (a reader stays below 1 GB), and of one set."""
 
 
 class TemplateCache:

@@ -133,7 +133,7 @@ def belief_of(
     fonts: Sequence[Sequence[Prototypes]],
     lattice: Lattice,
 ) -> Lattice | None:
-    """What the font that suits a line best makes of its places; None without fonts.
+    """Match the font that suits a line best to its places; None without fonts.
 
     Args:
         views: of one part, in one frame.
@@ -154,7 +154,7 @@ def belief_of(
 
 
 def _suits(cosine: Floats) -> float:
-    """How well a font suits a line: the mean over places of its best character."""
+    """Return how well a font suits a line: the mean over places of its best cosine."""
     return float(cosine.max(axis=1).mean())
 
 
@@ -185,7 +185,7 @@ def cosines(features: Features, columns: Floats, prototypes: Prototypes) -> Floa
 
 
 def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice) -> Lattice:
-    """What cosines make of the places of a lattice: of its characters, as far as they are allowed.
+    """Turn cosines into a lattice over the characters that another lattice allows.
 
     Of what a font has not got it says nothing: as likely as its least likely one.
 

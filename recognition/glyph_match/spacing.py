@@ -25,7 +25,7 @@ def usual_spacing(
     gaps: frozenset[int] = frozenset(),
     pixels: int,
 ) -> Spacing | None:
-    """How far apart characters stand, from neighbours that both stand out; None if none do.
+    """Estimate the spacing of characters from neighbours that both stand out; None if none do.
 
     Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. Of templates
     (T,) `chars` are the characters, and `full` is what each earns standing there clean.

@@ -1,1 +1,1 @@
-"""What may stand on a part: characters, formats, check digits; and beliefs that they decide between."""
+"""Formats and check digits, and decoding posteriors under them."""

@@ -1,4 +1,4 @@
-"""What the text of a Data Matrix or QR code says: its fields, and whether one of them is a serial.
+"""Fields of the text of a Data Matrix or QR code, and whether one of them is a serial.
 
     (01)09501101530003(21)KB7402                      GS1 application identifiers
     [)>␞06␝17V0AB12␝1PABC␝SKB7402␞␄                   ISO/IEC 15434, format 06: data identifiers (ANS MH10.8.2)
@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 SERIAL_KEYS = frozenset({"21", "S", "SER", "SEQ", "UCN", "SN"})
 """Identifiers of a field that is a serial: of GS1, of MH10.8.2, of text elements, and a plain "SN"."""
 ENDING_KEYS = frozenset({"8003", "8004", "18S", "25S", "UID", "USN", "UST"})
-"""Of a field that ends with a serial, after who gave it out and what part it is of."""
+"""Identifiers of a field that ends with a serial, after the issuer and the part number."""
 TEXT_ELEMENTS = SERIAL_KEYS | ENDING_KEYS | {
     "BAT", "BII", "CAG", "CNT", "DMF", "DUN", "EUC", "EXP", "LOT", "LTN", "MFR", "PML", "PNO", "PNR", "SPL",
 }  # fmt: skip
@@ -27,7 +27,7 @@ TEXT_ELEMENTS = SERIAL_KEYS | ENDING_KEYS | {
 LEAST_ENDING = 3
 """Characters of a serial that a longer field may end with by more than chance."""
 URL_KEY = "url"
-"""Of a piece of an address that does not say what it is."""
+"""Name of an unnamed piece of an address."""
 _ENVELOPE = re.compile(r"\[\)>(?:␞|<RS>)?(?P<format>0[56]|12|DD)(?:␝|<GS>)(?P<fields>.*)", re.DOTALL)
 _SEPARATORS = re.compile(r"[␝␞␄]|<(?:GS|RS|EOT)>")
 _AI = re.compile(r"\((\d{2,4})\)")

@@ -17,7 +17,7 @@ reading is accepted is another question, with thresholds of its own."""
 NOTHING_BELIEF = 0.5
 """Belief in "no character" from which a place is not read."""
 SHARE_OF_FIRST = 0.25
-"""Of the belief in the first character, what a second one needs to share it."""
+"""Share of the first character's probability from which a second one is confused with it."""
 MISMATCH_SHARE = 0.1
 """A known character with less than this share of the best one's belief is contradicted."""
 
@@ -59,7 +59,7 @@ def swap_reason(one: str, other: str) -> str:
 
 
 class CharacterState(StrEnum):
-    """What is known of one place."""
+    """State of one place: the characters that it may be."""
 
     READ = "read"
     CONFUSED = "confused"
@@ -111,7 +111,7 @@ class PlaceState:
 
 
 def state_of(probabilities: Mapping[str, float], *, expected: str | None = None) -> PlaceState:
-    """What is known of a place.
+    """Return the state of a place.
 
     Args:
         probabilities: belief in each character; what is missing to 1 is "no character". Ties go to the

@@ -44,7 +44,7 @@ ROUNDING = 1e-12
 
 
 class ChoiceFlag(Flag):
-    """What to know about a choice."""
+    """Doubts about a choice."""
 
     NONE = 0
     NOTHING_ALLOWED = auto()
@@ -75,7 +75,7 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What a lattice says under a grammar; texts are without blanks, a character a place.
+    """The best text of a lattice under a grammar, and its rivals; one character a place, without blanks.
 
     Attributes:
         text: the best allowed string; empty when there is none.
@@ -220,7 +220,7 @@ def _ask(
 
 
 def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What each place's beliefs leave over. They sum to 1 to some 1e-16 only: so little is no belief in nothing."""
+    """Return the remainder of each place's probabilities. Rounding, some 1e-16, is none."""
     left = 1.0 - np.exp(log).sum(axis=1)
     return np.where(left > ROUNDING, left, 0.0)
 

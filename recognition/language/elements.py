@@ -33,7 +33,7 @@ _OWN, _LONGER = r"[A-Z0-9\-./]{1,20}", r"[A-Z0-9\-./]{1,30}"
 
 @dataclass(frozen=True)
 class Element:
-    """What a field holds.
+    """Contents of a field.
 
     Attributes:
         pattern: regular expression of its value.
@@ -80,7 +80,7 @@ ELEMENTS: dict[str, Element] = {
     "8003": Element(r"0\d{13}[A-Z0-9\-./]{0,16}", "returnable asset, GRAI"),
     "8004": Element(_LONGER, "individual asset, GIAI"),
 }
-"""What formats know, by identifier."""
+"""Fields known to formats, by identifier."""
 _BRACKETED = re.compile(r"\((\d{2,4})\)([^(]*)")
 _BETWEEN = re.compile(r"/(?=[A-Z]{3}(?:[ /]|$))")
 
@@ -116,7 +116,7 @@ def elements_format(text: str) -> tuple[str, tuple[CheckDigit, ...]]:
 
 
 def named_fields(text: str) -> dict[str, str]:
-    """The fields of a marking that says what they are, "MFR 0AB12/SER KB7402"; none of one that does not."""
+    """Return the named fields of a marking, "MFR 0AB12/SER KB7402"; empty without names."""
     return {field.key: field.value for field in fields_of(text) if field.key in ELEMENTS}
 
 

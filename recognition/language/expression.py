@@ -22,7 +22,7 @@ __all__ = ["MOST_PLACES", "ExpressionMachine", "FormatError", "expression_machin
 MOST_PLACES = 64
 """Longest serial that is thought of."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
-"""Of an expression's parts written out, and of the machine made of it."""
+"""Most parts of an expression written out, and most states of its automaton."""
 MOST_STEPS = 2_000_000
 """On the way to that machine: two seconds' work at most. `(A|B|C{2,9}){1,12}D` takes 180,000."""
 

@@ -50,7 +50,7 @@ class Kind:
         return Kind(self.chars | other.chars, False, written)
 
     def __invert__(self) -> Kind:
-        """All other characters; none of them is written."""
+        """The complement: all other characters, which the expression does not write out."""
         return Kind(self.chars, not self.others)
 
 

@@ -72,7 +72,7 @@ _OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", r
 
 
 def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
-    """What stands before the `+check=` and `+exclude=` at the end, and these."""
+    """Split a format into its body and the `+check=` and `+exclude=` at its end."""
     options = []
     while (match := _OPTION.fullmatch(text)) is not None:
         text = match["body"]
@@ -81,7 +81,7 @@ def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
 
 
 def _kind(body: str) -> tuple[str, str]:
-    """What kind of format a text gives, and what follows the colon."""
+    """Split a format into its kind and the text after the colon."""
     kind, colon, rest = body.partition(":")
     if body == "vin":
         return "vin", ",".join(

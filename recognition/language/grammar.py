@@ -1,4 +1,4 @@
-"""What a serial may be: masks, expressions, sets a place, lexicons and check digits, alone or together.
+"""Formats of serials: masks, expressions, sets a place, lexicons and check digits, alone or together.
 
 As text: see `recognition.language.format_text`.
 """
@@ -128,7 +128,7 @@ class Grammar:
         return tuple(check for check in self.checks if check.remainder is None)
 
     def lengths(self) -> frozenset[int] | None:
-        """How many characters, without blanks, a serial may have; None where nothing limits it.
+        """Possible lengths of a serial, without blanks; None where they are unlimited.
 
         A superset, of lengths up to `expression.MOST_PLACES`.
         """
@@ -155,7 +155,7 @@ class Grammar:
         return None if strings.empty else strings.places()
 
     def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
-        """The serials of a length, of these characters only (all that the grammar knows unless given).
+        """Return the serials of a length, of these characters only (default: all of the grammar).
 
         With a lexicon `opaque` check digits are seen to, without one they are not.
         """
@@ -166,7 +166,7 @@ class Grammar:
         return not self.objections(text)
 
     def objections(self, text: str) -> tuple[str, ...]:
-        """What speaks against a text: one clause for each part of the format that it breaks."""
+        """Return one clause for each part of the format that a text breaks."""
         plain = "".join(text.split())
         broken = []
         if self.lexicon is not None and plain not in self.lexicon:

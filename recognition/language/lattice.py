@@ -1,4 +1,4 @@
-"""What is believed of every place of a line, before a grammar has its say."""
+"""Posteriors of every place of a line, before a grammar is applied."""
 
 from __future__ import annotations
 

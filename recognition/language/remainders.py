@@ -52,11 +52,11 @@ class Remainder(Protocol):
 
     @property
     def least_places(self) -> int:
-        """Of the shortest text that has a check digit."""
+        """Length of the shortest text with a check digit."""
 
     @property
     def length(self) -> int | None:
-        """Of every text; None where it may be any."""
+        """The length of every text; None where it may be any."""
 
     def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
         """(modulus,): the next remainder of each one; None where the character may not stand there."""

@@ -1,1 +1,1 @@
-"""What is learned: the recogniser, the finder of lines, and the shapes of a die."""
+"""Training of the recogniser and the line finder; learning the shapes of a die."""

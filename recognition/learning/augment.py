@@ -1,4 +1,4 @@
-"""What may happen to a strip beyond what parts and scans were drawn with: of no model at all.
+"""Augmentation of strips beyond the models of parts and scans.
 
 Strips are cut again at another place, size, slant and bend; lines of a scan are missing, directions left out, spots
 covered or piled up; brightness turned round.
@@ -34,7 +34,7 @@ def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
 
 
 def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
-    """What a strip or a view may suffer where it is, (n, LAYERS, rows, columns)."""
+    """Add lumps, gaps and noise to strips or views, (n, LAYERS, rows, columns)."""
     n = strips.shape[0]
     felt = (strips[:, EDGES:KNOWN].abs().amax(dim=(1, 2, 3)) > 0).float()
     strips = _piled_up(strips, felt, rng)

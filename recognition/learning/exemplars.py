@@ -40,7 +40,7 @@ from whisker_array.estimation.relief import Relief
 LEAST_LIKELY = 0.15
 """Belief a character in the text as a whole, below which it does not fit the marks."""
 FULL_HEIGHT_TOLERANCE = 0.1
-"""Of the line's height, by which a character of full height may differ from it: others are placed by the line."""
+"""Share of the line's height by which a character of full height may differ; others are placed by the line."""
 GAP_PULL = 2.0
 """Ink, as a share of the fullest column's, that a gap may have rather than lie a whole spacing off the middle."""
 LEAST_KNOWN = 0.7
@@ -78,7 +78,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class _Line:
-    """What is known of a line before its characters are cut out."""
+    """A line before its characters are cut out."""
 
     height_mm: float
     raised: bool
@@ -188,7 +188,7 @@ def _bounds(
     *,
     raised: bool,
 ) -> list[tuple[float, float]]:
-    """How far each character's cell reaches to its left and right, mm: to where there is least ink between two."""
+    """Return the reach of each character's cell to its left and right, mm: to the least ink between two."""
     far = HALF_COLUMNS_HEIGHTS * height_mm
     left, right = [far] * len(places), [far] * len(places)
     for k in range(len(places) - 1):
@@ -215,7 +215,7 @@ def _cut_out(
     char: str,
     score: float,
 ) -> Cut | None:
-    """What was felt about a place; None where too little was."""
+    """Cut out the relief about a place; None where too little was felt."""
     from scipy.ndimage import map_coordinates
 
     height = line.height_mm

@@ -13,7 +13,7 @@ of one die reach 0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0
 SHIFT_PIXELS, TURNS_DEG = 3, (-3.0, -1.5, 0.0, 1.5, 3.0)
 ROUNDS = 2
 LEADERS = 7
-"""Of many siblings, those among which the one most like the others is looked for."""
+"""Most siblings among which the one most like the others is sought."""
 
 Patch = NDArray[np.float32]
 

@@ -31,9 +31,9 @@ TRUSTED_LIKENESS = 0.94
 """From this likeness on the nearest font is the die's own, worn or not, and characters never felt are no guesses:
 gothic worn to a third of its depth reaches 0.97, another maker's letters 0.9."""
 OUTLINE_SHARE = 0.3
-"""Of the depth, at which the outline is drawn."""
+"""Share of the depth at which the outline is drawn."""
 FLOOR_SHARE = 0.6
-"""Of the depth, which a stroke reaches somewhere."""
+"""Share of the depth that a stroke reaches somewhere."""
 RIM_HEIGHTS = 0.1
 """Land about the ink that is kept, burr and all, before the relief fades; what lies further off is the plate's."""
 SPECK_HEIGHTS = 0.05

@@ -1,4 +1,4 @@
-"""What a lot teaches itself: parts of one die that were read surely give the shapes by which the others are read again.
+"""Learn a lot's die from its own parts: those read surely give the shapes by which the others are read again.
 
     first readings --teachers--> parts to enrol --learn_font--> a font --second readings--> better, or as they were
 
@@ -25,7 +25,7 @@ _MOST_LOOKED_AT = 2000
 
 
 class ReadText(Protocol):
-    """What is known of a part that was read: a record or a row of it."""
+    """A part that was read: its record or row."""
 
     @property
     def part(self) -> str:

@@ -20,7 +20,7 @@ from recognition.learning.laid_over import Patch, likeness
 WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)
 GROWTHS, SOFTNESSES = (-0.03, -0.015, 0.0, 0.015, 0.03, 0.045, 0.06), (0.0, 0.015, 0.03, 0.05, 0.08)
 FIRST_GROWTHS, FIRST_SOFTNESSES = (-0.015, 0.03), (0.02, 0.07)
-"""What a known font is tried with, character heights but for the widths; the font and its width by few of them."""
+"""Changes of a known font that are tried, character heights except the widths; few of them find font and width."""
 COMPARED = 10
 """Characters, at most, by which font and width are found."""
 LEAST_DEPTH_HEIGHTS = 0.002

@@ -22,13 +22,13 @@ from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
 _RELIEF_HALF, _EDGE_HALF, _GREY_HALF = 0.02, 0.2, 1.0
-"""What is drawn half way to 1: heights in character heights, enhancement, brightness in spreads of what lies around."""
+"""Values drawn as one half: heights in character heights, enhancement, brightness in spreads of its surroundings."""
 _BROAD = 0.4
 """Sigma, character heights: what is broader is the plate, not the mark."""
 _COARSENESS = 6
-"""Of the pixels that it is blurred in: so many to a character."""
+"""Pixels to a character where it is blurred."""
 EARLY = 40
-"""Of the 57 convolutions of the body, those that count as early."""
+"""Early convolutions, of the 57 of the body."""
 COLUMNS = 20
 """Columns of a strip are a multiple of this: 24 of the picture, three steps."""
 
@@ -108,7 +108,7 @@ class Recogniser(nn.Module):
         return self.head(self.body(picture)).float().log_softmax(dim=2)
 
     def early(self) -> list[nn.Parameter]:
-        """What looks at edges and strokes, not at characters: the first two thirds of the convolutions."""
+        """Weights that look at edges and strokes, not at characters: the first two thirds of the convolutions."""
         kept = [*self.first.parameters()]
         for name, weights in self.body.named_parameters():
             number = re.fullmatch(r"Conv/(\d+)\.weight", name)

@@ -33,7 +33,7 @@ _FINE = 2
 _H = HEIGHT_ROWS * _FINE
 """Pixels to a character's height."""
 _PRELOAD = 0.2
-"""Of the default touch, character heights: lift by it doubles the moment."""
+"""Preload of the default touch, character heights: lift by it doubles the moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +323,7 @@ def _measure(made: _Sketch) -> Field:
 
 
 def _touch(made: _Sketch, rng: np.random.Generator) -> Field:
-    """What a ball finds that slides over the surface, and its slopes along the passes."""
+    """Return the path of a ball sliding over the surface, and its slopes along the passes."""
     layers = _measure(made)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)

@@ -1,4 +1,4 @@
-"""What lies around a line, and lines that are shown the wrong way.
+"""Surroundings of a line, and lines that are shown the wrong way.
 
     more land, the part's edge and nothing beyond it        upside down, mirrored
     ........|~~~~~~ K 7 B 2 9 ~~~~~~~~~|........            6 2 B 7 K turned: nothing can be read

@@ -1,4 +1,4 @@
-"""What was felt about one place of a line: sampled upright at one size, over its own land."""
+"""The relief about one place of a line: sampled upright at one size, over its own land."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from whisker_array.estimation.relief import Relief
 HALF_ROWS_HEIGHTS, HALF_COLUMNS_HEIGHTS = 0.66, 0.8
 """Half the size of a cut, in character heights: a W of a wide font and some land."""
 INK_SHARE = 0.5
-"""Of a character's depth, from which on a place is ink."""
+"""Share of a character's depth from which a sample is ink."""
 DEPTH_PERCENTILE = 97.0
 LAND_SHARE, LAND_ROUNDS, LEAST_LAND = 0.35, 4, 60
-"""Of a mark's depth, down to which a place is land; rounds of telling them apart; samples of land needed."""
+"""Share of a mark's depth down to which a sample is land; rounds of separation; samples of land needed."""
 
 Layer = NDArray[np.float64]
 

@@ -33,7 +33,7 @@ from recognition.views.view import LAYERS
 
 _LEAST_RATE = 1e-6
 _FIRST_SHARE = 0.03
-"""Of the time, in which the rate rises; then it falls."""
+"""Share of the time in which the rate rises; then it falls."""
 _AVERAGE_STEPS, _AVERAGE_SHARE = 8, 0.01
 """Steps between two looks of the running average at the weights, and what a look counts."""
 _REPORT_STEPS, _MEASURE_S = 50, 1500.0
@@ -45,12 +45,12 @@ _RANGED = 100
 _OF_NOTHING = 8
 """Characters as which a strip counts that says nothing."""
 _LOSSES = 100
-"""Of which a report gives the mean."""
+"""Losses of which a report gives the mean."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """How to train.
+    """Settings of a training.
 
     Attributes:
         minutes: by the clock.
@@ -96,7 +96,7 @@ def _size(weights: Tensor) -> float:
 
 
 def _rate(most: float, share: float) -> float:
-    """Of learning, when this share of the time is gone."""
+    """Return the learning rate when this share of the time is gone."""
     if share < _FIRST_SHARE:
         return max(most * share / _FIRST_SHARE, _LEAST_RATE)
     fallen = (share - _FIRST_SHARE) / (1 - _FIRST_SHARE)
@@ -132,7 +132,7 @@ def _step(
 
 
 class _Reports:
-    """What becomes of the training, a line of JSON at a time."""
+    """Reports of the training, a line of JSON each."""
 
     def __init__(self, log: Path) -> None:
         self.log = log

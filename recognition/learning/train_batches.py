@@ -20,7 +20,7 @@ from recognition.views.view import LAYERS
 _FILES = 12
 """Read at a time: some 4,000 strips, a gigabyte."""
 _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
-"""Of the strips of a kind that are learned from each time: of a part there are three photographs and one scan."""
+"""Share of the strips of a kind that are used each time: of a part there are three photographs and one scan."""
 _UNREADABLE, _UNREADABLE_SHARE = 0.45, 0.3
 """Severity from which dirt hides most of a photograph, and the share of these that is kept: they teach little."""
 

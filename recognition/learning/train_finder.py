@@ -27,7 +27,7 @@ _TIGHTEST, _TIGHT_SHARE = (16, 48), 0.5
 photographs be cut, close to the characters."""
 BATCH = 24
 _MIDDLE, _BESIDE = 0.25, 0.42
-"""Of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
+"""Shares of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
 _FITS, _LEAST = 0.45, 0.75
 """Octaves: lines whose height is so near to the scale's are to be found, those beyond are not; between, either."""
 _MOST_RATE = 2e-3
@@ -149,7 +149,7 @@ def _drawn_side(axis: int, rng: np.random.Generator) -> int:
 
 
 def loss_of(found: Tensor, truth: Tensor) -> Tensor:
-    """Of the middle where it is judged, and of the rest on the lines."""
+    """Loss of the middle where it is judged, and of the rest on the lines."""
     judged, on = truth[:, 0], truth[:, 1]
     middle = (
         f.binary_cross_entropy_with_logits(found[:, 0], truth[:, 2], weight=judged, reduction="sum")

@@ -1,4 +1,4 @@
-"""How much a network reads of strips whose text is known: the best class of every step, no format."""
+"""Accuracy of a network on strips of known text: the best class of every step, no format."""
 
 from __future__ import annotations
 

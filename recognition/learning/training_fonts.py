@@ -22,7 +22,7 @@ KEPT_OUT = (
 )  # fmt: skip
 """Families, as `family` writes them, that begin so are never learned from: the exam keeps them out."""
 HELD_OUT_SHARE = 0.1
-"""Of the families: never trained on, so that accuracy is told of fonts that were not seen."""
+"""Share of the families that are never trained on, so that accuracy is measured on unseen fonts."""
 MOST_OF_A_FAMILY = 8
 _NOT_LETTERS = re.compile(
     r"symbol|dingbat|emoji|math|icons?|braille|ornament|initial|border|music|chess|barcode|dseg|lastresort|smallcap|^alfa|^ellen|^elleb|d050000l|abogado|ocrb[ef]$|wasn_t|solidemirage|abecedario|ecolier|caps\b",

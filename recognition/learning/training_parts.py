@@ -35,7 +35,7 @@ SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
 _PRACTICES = ("press", "hand")
 _PHOTOS = 3
-"""Of a part: they cost little beside its scan."""
+"""Photographs of a part: they cost little beside its scan."""
 _POINTWISE = 0.4
 """Share of scans by the pointwise map: a fifth of the cost of contact."""
 _BUILTIN, _DOTTED = 0.2, 0.25

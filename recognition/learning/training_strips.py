@@ -26,7 +26,7 @@ Places = tuple[tuple[float, float], ...]
 
 TALL_ROWS = 64
 WIDE_MARGIN = 0.8
-"""Of land before and after the line in a file, character heights."""
+"""Land before and after the line in a file, character heights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def _line(text: str, boxes_mm: Sequence[Box], made: TrainingPart) -> TextLine:
 
 
 def views_of(made: TrainingPart) -> list[View]:
-    """What is felt of a part, what is seen, and what an instrument measures.
+    """Return the views of a part: felt, photographed and measured.
 
     Raises:
         MapError: nothing was felt.

@@ -146,7 +146,7 @@ def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
 
 
 def findings(views: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What the network finds in (n, LAYERS, rows, columns), whole cells: (n, FINDINGS, rows / CELL, columns / CELL)."""
+    """Run the finder on (n, LAYERS, rows, columns), whole cells: (n, FINDINGS, rows / CELL, columns / CELL)."""
     found: NDArray[np.float32] = _session().run(None, {"view": views})[0]
     return found
 
@@ -213,7 +213,7 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
     Args:
         one: a line.
         other: that has the band.
-        band_mm: either side of its middle; 0.6 of the greater height unless given.
+        band_mm: either side of its middle (default: 0.6 of the greater height).
     """
     band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
     points = points_along(one, np.linspace(0.05, 0.95, 15))

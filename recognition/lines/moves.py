@@ -22,12 +22,12 @@ MOVES = (
 LONGER = ((1.5, 0.0), (0.0, 1.5), (1.5, 1.5), (3.0, 0.0), (0.0, 3.0))
 """Heights before and after by which a line is made longer that says little."""
 CROPS = (0.85, 0.62)
-"""Of a view's height: what characters may have that fill it, a line cut out by somebody else."""
+"""Heights of characters that fill a view, as a line that was cut out before, in view heights."""
 BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
-"""Where a line may stand that dirt hides from who finds lines: its height and middle, of the view's height."""
+"""Fallback line positions when the finder fails: height and middle, in view heights."""
 
 BLIND_STEP, MOST_BLIND = 0.6, 10
-"""Of the height, if it is known, between such lines, and how many are tried."""
+"""Spacing of such lines, in heights where the height is known, and how many are tried."""
 
 
 def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
@@ -76,7 +76,7 @@ def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]
 
 
 def longer(line: TextLine) -> list[TextLine]:
-    """The line longer at either end or both: dirt hides characters from who finds lines."""
+    """Lengthen the line at either end or both: dirt hides characters from the finder."""
     return [lengthen(line, before, after) for before, after in LONGER]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 THREADS = 1
-"""Of every network; a reader's processes run side by side."""
+"""Threads of every network; a reader's processes run side by side."""
 
 
 def open_network(path: Path) -> Any:

@@ -9,7 +9,7 @@ from recognition.language.box import Box
 from recognition.views.text_line import HEIGHT_ROWS, ROWS, TextLine
 
 _WIDEST = 0.42
-"""Of a box to either side, character heights."""
+"""Reach of a box to either side, character heights."""
 
 
 def places_mm(line: TextLine, columns: NDArray[np.float64]) -> NDArray[np.float64]:

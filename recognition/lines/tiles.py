@@ -30,7 +30,7 @@ TILE_HEIGHTS, TILE_WIDTHS = 3.4, 10.0
 STEP_DOWN, STEP_ACROSS = 1.0, 4.0
 """From one tile to the next, character heights."""
 MOST_TILES = 2000
-"""Of a view, at all scales: some two seconds. Scales beyond, which are the finest, are left out."""
+"""Most tiles of a view, at all scales: some two seconds. Finer scales beyond are left out."""
 _BATCH = 64
 _MIDDLE = 0.5
 """Belief that a cell lies in the middle of a line, from which it does."""
@@ -112,12 +112,12 @@ def _surest(layers: Floats, tiles: list[tuple[int, int]]) -> Floats:
     rim_y, rim_x = (_ROWS // 2 - _DOWN) // CELL, FINDER_ROWS // 2 // CELL + 1
     for start in range(0, len(tiles), _BATCH):
         some = tiles[start : start + _BATCH]
-        told = findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some]))
+        found = findings(np.stack([fed[:, y : y + _ROWS, x : x + _COLUMNS] for y, x in some]))
         if surest is None:
             surest = np.full(
-                (told.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32
+                (found.shape[1], *(n // CELL + 1 for n in fed.shape[1:])), -20.0, dtype=np.float32
             )
-        inner = told[:, :, rim_y : told.shape[2] - rim_y, rim_x : told.shape[3] - rim_x]
+        inner = found[:, :, rim_y : found.shape[2] - rim_y, rim_x : found.shape[3] - rim_x]
         for (y, x), one in zip(some, inner, strict=True):
             top, first = y // CELL + rim_y, x // CELL + rim_x
             here = surest[:, top : top + one.shape[1], first : first + one.shape[2]]

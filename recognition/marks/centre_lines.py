@@ -21,7 +21,7 @@ STEP_HEIGHTS = 0.025
 """Distance of points along a stroke: that of the samples, 40 to the height."""
 RIDGE_PITCH_HEIGHTS = 0.02
 RIDGE_SHARE = 0.85
-"""Of the median half width, which a limb must reach: thinner are corners, and serifs too thin for a tip."""
+"""Share of the median half width that a limb must reach: thinner are corners, and serifs too thin for a tip."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-r"""How deep each character is struck, by touch: along its strokes' centre lines, from the land beside it.
+r"""Depth of each character, by touch: along its strokes' centre lines, from the land beside it.
 
           land, a plane through the samples beside the character (ink and burr left out)
     ______/\                   /\______
@@ -17,7 +17,7 @@ stamped parts, gothic, 32 characters each, default whisker and ball; micrometres
 Nothing of this is corrected. A place that stands above the land, filled over or heaped with dirt, has no depth: it
 counts as 0, never as less. In a V of 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom,
 13, 21, 29 and 54 micrometres here: that is the bias, but whether a groove is a V is not known from a reading.
-Such a mark is told too shallow, never too deep. Of a raised SHARP mark the crest is averaged away, a third of it.
+Such a mark is measured too shallow, never too deep. Of a raised SHARP mark the crest is averaged away, a third of it.
 
 The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off: of a rim 0.04 mm
 high, K804217 of 5 mm, the share felt is 0.19 where it is 0.1 mm wide, 0.42 at 0.225, 0.67 at 0.4, 0.78 at 0.6 and 0.81
@@ -52,18 +52,18 @@ from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
 SHALLOW_PERCENTILE = 10.0
-"""Of the depths along the centre line, which counts as the least: a shallow leg of a character is a quarter or more
-of its line and shows in full, a tenth is as short as a crossing, a stroke's end or a bad sample."""
+"""Quantile of the depths along the centre line that counts as the least: a shallow leg of a character is a quarter or
+more of its line and shows in full, a tenth is as short as a crossing, a stroke's end or a bad sample."""
 DEEP_PERCENTILE = 90.0
 SETTLE_HEIGHTS, SETTLE_STEPS = 0.05, 2
-"""How far a character may lie beside where it was read, either way, and the steps in which that is tried."""
+"""Search radius of a character beside where it was read, and its steps."""
 SETTLE_TURNS_DEG, SETTLE_SIZES = (-3.0, -1.5, 0.0, 1.5, 3.0), (0.96, 0.98, 1.0, 1.02, 1.04)
 """Turns and sizes tried about those read: cells are turned by 3 degrees or not at all, heights right to 5 percents."""
 SETTLE_EVERY = 3
 """Points of the centre line, one in so many, that settle where it lies."""
 SIDEWAYS_HEIGHTS = 0.03
 SIDEWAYS_STEPS = 13
-"""How far across a stroke its middle is looked for, either way, and in how many steps."""
+"""Search radius across a stroke for its middle, and the number of steps."""
 BURR_STEPS = 9
 """Places across the rim, from the stroke's edge to where land begins, of which the highest counts."""
 SMOOTHING_POINTS = 5
@@ -82,7 +82,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MarkDepth:
-    """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
+    """Depth of a character, or height of a raised one, from the land beside it, mm.
 
     Felt along the strokes' centre lines; positive either way, 0 where the surface runs the wrong way: what is filled
     over has no depth.

@@ -1,4 +1,4 @@
-"""How well a character is marked, and what to do about it, in the spirit of ISO/IEC 29158.
+"""Grade of a character's mark, and the action that it calls for, in the spirit of ISO/IEC 29158.
 
 That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0 and lets
 the worst one count; so here, but what is graded is what a whisker feels:
@@ -20,17 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 STROKE_SHARE = 0.3
-"""Of the strongest predicted edge, what counts as a stroke's edge."""
+"""Share of the strongest predicted edge that counts as a stroke's edge."""
 CONTRAST_PERCENTILE = 75.0
-"""Of the edge response along the strokes, which stands for the mark: a half-filled one is judged by its rest."""
+"""Quantile of the edge response along the strokes: a half-filled mark is judged by its rest."""
 FELT_SHARE, LEAST_FELT = 0.4, 0.1
-"""Of the contrast, and of the predicted edge, what an edge must reach to count as felt."""
+"""Share of the contrast, and of the predicted edge, from which an edge counts as felt."""
 FOREIGN_SHARE = 0.5
-"""Of the strongest predicted edge times the contrast, what is foreign where nothing is predicted."""
+"""Share of the strongest predicted edge times the contrast that is foreign where nothing is predicted."""
 LEAST_CONTRAST = 0.3
 """Contrast that contamination is measured against at least: noise about a faint mark is not dirt."""
 TOLERANCE_PIXELS = 1
-"""How far an edge may lie from where it is predicted."""
+"""Greatest distance of an edge from where it is predicted."""
 LEAST_VALID = 0.5
 """Share of the predicted edges that must have been felt over for a grade."""
 PASSING = 2
@@ -50,7 +50,7 @@ class GradeError(ValueError):
 
 
 class Action(StrEnum):
-    """What to do about a mark."""
+    """Action for a mark."""
 
     NONE = "none"
     CLEAN = "clean"
@@ -140,7 +140,7 @@ def grade_character(
         felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where
             the mark is as it should be.
         predicted: the same, of the template in its place.
-        valid: (rows, cols) weight of each pixel, 0 where nothing was measured; all 1 unless given.
+        valid: (rows, cols) weight of each pixel, 0 where nothing was measured (default: all 1).
         tolerance_px: how far an edge may lie from where it is predicted.
 
     Raises:

@@ -11,9 +11,9 @@ from recognition.marks.grade import GradeError, MarkGrade, grade_character
 from recognition.marks.laid_text import LaidText
 
 ALIKE_LETTERS = "AB"
-"""Grades of completeness from which strokes of a font that nobody named are those of the part."""
+"""Grade of completeness from which strokes of an unnamed font are those of the part."""
 TALL_HEIGHTS = 0.58
-"""What is graded with a character: rows about its middle."""
+"""Rows about a character's middle that are graded with it."""
 
 
 def grades_of(laid: LaidText) -> tuple[MarkGrade | None, ...]:

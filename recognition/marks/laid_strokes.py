@@ -24,14 +24,14 @@ STEP_HEIGHTS, SETTLE_EVERY = 0.05, 3
 ALIKE_HEIGHTS = 0.13
 """Between strokes of two characters below which they are the same one."""
 FELT_SHARE, FELT_NOISE = 0.4, 3.0
-"""Of a character's usual depth, and of the land's spread, from which a stroke is felt."""
+"""Share of a character's usual depth, and multiple of the land's spread, from which a stroke is felt."""
 HEAP_SHARE = 0.5
-"""Of the line's depth, height above the land from which dirt covers what is below."""
+"""Height above the land, as a share of the line's depth, from which dirt covers what is below."""
 BESIDE_HEIGHTS = 0.07
 """About a point of a stroke where its groove is looked for."""
 TURNS_DEG, WIDTHS, HEIGHTS = (-14.0, -7.0, 0.0, 7.0, 14.0), (0.78, 0.9, 1.0, 1.12, 1.28), (0.95, 1.05)
-"""How a character may stand against the font's: blows turn it, and so does an arc that was taken for a line; fonts are
-wider or narrower, lines are found so well."""
+"""Search ranges of a character against the font's: blows turn it, and so does an arc that was taken for a line;
+fonts are wider or narrower; lines are found so well."""
 SHIFT_HEIGHTS, SHIFT_STEPS = 0.16, 5
 TURN_COST, WIDTH_COST, HEIGHT_COST, SHIFT_COST = 0.006, 0.2, 0.4, 0.2
 """Share of the depth that a degree, a unit of the logarithms and a height of either shift must gain."""
@@ -41,7 +41,7 @@ WINDOW_HEIGHTS, CELL_HEIGHTS = 0.9, 0.6
 """About the middle of a place: what is looked at, and what is its own where no neighbour is nearer."""
 DEEP_PERCENT = 95.0
 CALM_PERCENT, CALM_SPREADS = 30.0, 0.385
-"""Of all depths, what is surely land, and the same of normal noise in standard deviations."""
+"""Quantile of all depths that is surely land, and the same of normal noise in standard deviations."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -76,7 +76,7 @@ class LaidCharacter:
     within: Bools
 
     def share_felt(self) -> float:
-        """Of its strokes, as far as they could be felt; 0 where none could be."""
+        """Share of its strokes that was felt, of those that could be; 0 where none could be."""
         return float((self.felt & self.open).sum() / max(self.open.sum(), 1))
 
 
@@ -137,7 +137,7 @@ class PlacesFelt:
         return _Window(deep, matrix, np.minimum(depth, deep), cut[1], open_, own)
 
     def depth_mm(self) -> float:
-        """Of the line's marks: the median of what is deepest about its places."""
+        """Depth of the line's marks: the median of the deepest samples about its places."""
         return float(np.median([window.deep for window in self._windows]))
 
     def best_font(self, place: int, char: str, fonts: Sequence[Font]) -> tuple[Font, LaidCharacter] | None:

@@ -33,13 +33,13 @@ from recognition.views.view import View
 from whisker_array.whisker.touch import Touch
 
 MARGIN_HEIGHTS = 1.0
-"""Of the strip before and after the line, and above and below its middle: room for a template at either end."""
+"""Margins of the strip along and across the line: room for a template at either end."""
 MOVED_HEIGHTS = 0.15
 """By which a character may lie off its place."""
 STRUCK_FIT = 0.7
 """Mean correlation with a flat die below which a dotted one is tried."""
 OWN_FIT = 0.75
-"""Mean correlation from which a font that nobody named is taken for the part's."""
+"""Mean correlation from which an unnamed font is taken for the part's."""
 MOST_SAG_HEIGHTS = 0.3
 """A line that bends more has each character turned otherwise than templates, which are straight."""
 COARSE_PIXELS = 20
@@ -85,14 +85,14 @@ class LaidText:
 
     @property
     def rotation_deg(self) -> float:
-        """Of the line through the middles of the characters."""
+        """Rotation of the line through the middles of the characters."""
         if len(self.fits) < 2:
             return self.line.turned_deg
         along = TextLine(self.places_mm(), self.line.height_mm)
         return along.turned_deg
 
     def correlations(self) -> list[NDArray[np.float64]]:
-        """Of every place, (T,) the best correlation of each template of the font with its cell."""
+        """Return for every place the (T,) best correlations of the font's templates with its cell."""
         known = self.glyphs.chars
         placed = [
             Placed(known.index(c) if c in known else 0, int(column), 0.0)
@@ -169,7 +169,7 @@ def laid_text(
 def _fit_size(
     view: View, line: TextLine, columns: NDArray[np.float64], text: Sequence[str], glyphs: GlyphImages
 ) -> tuple[float, float]:
-    """How well a text fits at the height at which it fits best, and that height in units of the line's."""
+    """Return the best fit of a text over heights, and that height in units of the line's."""
 
     def fit(size: float) -> float:
         return float(_lay(view, line, columns, text, glyphs, size)[-1].mean())
@@ -206,7 +206,7 @@ def _lay(
 
 
 def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple[Font, ...]:
-    """The font whose strokes suit most places, of those that stand for one that nobody named; all where none does."""
+    """Return the font whose strokes suit most places, of those that stand in for an unnamed one; all without any."""
     votes = Counter(place.font for place in places)
     best = max(fonts, key=lambda font: votes[font.name])
     return (best,) if votes[best.name] else tuple(fonts)

@@ -13,13 +13,13 @@ from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.marks.strokes_felt import FeltLine
 
 LEAST_DEPTH = 0.25
-"""Of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46 of it."""
+"""Share of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46 of it."""
 LEAST_FELT = 0.5
 """Share of strokes felt, mean of the characters: those lines had 0.8 at least."""
 
 
 def felt_others(part: PartLines, main: FeltLine) -> PartLines:
-    """The lines of a part without those that nobody asked for and that were not felt as marks are.
+    """Drop unassigned lines that were not felt as marks are.
 
     Args:
         part: its lines.

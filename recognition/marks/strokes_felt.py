@@ -39,7 +39,7 @@ much it must be better. Of the exam's lines, made half too high, 0.61 at most is
 SIZES = (0.66, 0.57, 0.76, 0.87)
 """Heights tried in place of the one found; the first tells whether it is worth while."""
 PIECE_HEIGHTS = 0.25
-"""Of a stroke, that is felt or filled as one: pieces speak for themselves."""
+"""Length of a piece of a stroke that is felt or filled as one."""
 MISLED = 0.05
 """Chance that a piece seems felt where none is: a scratch, or strokes that run otherwise in the part's font."""
 FILLED, FILLED_OF_MISSING = 0.03, 0.8
@@ -55,7 +55,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RivalStrokes:
-    """What strokes say of a rival at a place.
+    """Evidence of strokes against a rival at a place.
 
     Attributes:
         char: the rival.
@@ -75,13 +75,13 @@ class RivalStrokes:
 
     @property
     def excluded_nats(self) -> float:
-        """How far belief and strokes together speak for the character that was read."""
+        """Evidence of posterior and strokes together for the character that was read, nats."""
         return self.margin - math.log(max(self.belief, _LEAST))
 
 
 @dataclass(frozen=True)
 class PlaceStrokes:
-    """What was felt of the character read at a place.
+    """Strokes felt of the character read at a place.
 
     Attributes:
         felt: share of its strokes that was felt, in the font that suits it best; None where no font has it.
@@ -121,7 +121,7 @@ class FeltLine:
     def strokes(
         self, text: Sequence[str], lattice: Lattice, *, slope: float = 1.0
     ) -> tuple[PlaceStrokes, ...]:
-        """What was felt of the characters read, and of their rivals.
+        """Strokes felt of the characters read, and of their rivals.
 
         Args:
             text: a character a place.
@@ -149,7 +149,7 @@ class FeltLine:
         return tuple(made)
 
     def by_font(self, text: Sequence[str]) -> dict[str, float]:
-        """How well a text lies in what is deepest along the line, mean of its places, in each font that has it all."""
+        """Return how well a text fits the depths along the line, mean of its places, in each font that has it all."""
         return {
             font.name: float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
             for font in self.fonts

@@ -110,14 +110,14 @@ class VisionReader:
 
     @cached_property
     def prototypes(self) -> tuple[tuple[Prototypes, ...], ...]:
-        """Of each font that is named, under several lights."""
+        """Prototypes of each named font, under several lights."""
         if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
             return ()
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
         return tuple(lit_prototypes(font, chars) for font, chars in has if chars)
 
     def _templates(self, views: Sequence[View], main: ReadLine) -> dict[str, Lattice]:
-        """What the named fonts make of a line that the recogniser is not sure of."""
+        """Match the named fonts to a line that the recogniser is not sure of."""
         belief = main.belief
         if not self.prototypes or is_agreed(belief):
             return {}

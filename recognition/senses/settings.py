@@ -1,4 +1,4 @@
-"""How to read: the settings of a reader, and the characters that they let stand on a part."""
+"""Settings of a reader, and the characters that they allow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from recognition.language.remainders import ALPHANUMERIC
 from whisker_array.simulation.traces import Fidelity
 
 STAND_INS = ("gothic", "futuram", "timesr")
-"""Built-in fonts that stand for one that nobody named: depths are measured along their strokes."""
+"""Built-in fonts that stand in for an unnamed one: depths are measured along their strokes."""
 
 
 class ReaderOptions(TypedDict, total=False):
@@ -46,7 +46,7 @@ class ReaderOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ReaderSettings:
-    """How to read.
+    """Settings of a reader.
 
     Attributes:
         fonts: fonts, names of built-in fonts, paths of TTF/OTF files, if any is known: their templates have a say.
@@ -58,7 +58,7 @@ class ReaderSettings:
         accept_risk: share of wrong ones among the accepted that is to be expected at most; each sense has its own
             threshold for it (`recognition.decision.score.Score.threshold`).
         depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
-        experts: who has a say, of `EXPERTS`; empty for all there are.
+        experts: names of `EXPERTS` that read; empty for all.
         region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned;
             anywhere unless given.
         lines: other lines that stand on the part, by name: their formats, and where they stand.
@@ -125,7 +125,7 @@ class ReaderSettings:
 
     @cached_property
     def grammar(self) -> Grammar | None:
-        """What serials may be; None where nothing is known."""
+        """Format of the serials; None without one."""
         if not isinstance(self.format, str):
             return self.format
         if not self.format.strip():
@@ -140,7 +140,7 @@ class Repertoire:
     """The fonts of a reader, and the characters that it looks for at each place.
 
     Attributes:
-        fonts: loaded; of those that nobody named, a few that stand for them.
+        fonts: loaded; without named ones, a few that stand in.
         strokes_of: fonts whose strokes may be a part's: those, and the ones that stand for others.
         grammar: what serials may be.
         places: characters at each place; None where their number is open.

@@ -218,7 +218,7 @@ class TactileReader:
         return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
 
     def _templates(self, view: View, main: ReadLine, felt: FeltLine | None) -> dict[str, Lattice]:
-        """What the named fonts make of a line."""
+        """Match the named fonts to a line."""
         if not self.templates_judge or "templates" in main.belief.by_expert or not main.belief.columns.size:
             return {}
         line, columns = (main.line, main.belief.columns) if felt is None else (felt.line, felt.columns)
@@ -254,7 +254,7 @@ class TactileReader:
             reading = replace(reading, raised=laid.raised)
         elif all(c in laid.glyphs.chars for c in text):
             depths = mark_depths(felt.relief, laid)
-        # a font that only stands for one that nobody named grades nothing: strokes that it alone has are not missing
+        # a font that stands in for an unnamed one grades nothing: strokes that it alone has are not missing
         characters = tuple(
             replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
             for c, g, d in zip(reading.characters, grades, depths, strict=True)
@@ -313,7 +313,7 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
 
 
 def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
-    """What a recording says of whiskers and bench, as findings of its reading."""
+    """Return the faults of whiskers and bench in a recording, as findings of its reading."""
     return tuple(
         Finding(ReadingFlag.BENCH_FAULTY if f.whisker is None else ReadingFlag.WHISKER_FAULTY, f.text)
         for f in faults

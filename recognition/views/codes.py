@@ -22,7 +22,7 @@ from recognition.language.box import Box
 from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
 QUIET = 0.06
-"""Of a code's size, by which more than the code is filled: the blurred rim of its modules."""
+"""Margin filled around a code, as a share of its size: the blurred rim of its modules."""
 DOT_GAPS, DOTS_AT = (5, 9), 1_000_000
 """Pixels over which dots grow together, in a photograph of so many pixels at most. Of drawn codes, 4 to 10 pixels a
 module, all of dots from 0.6 of that across are decoded so, dark or bright; of 0.7 and less none without."""

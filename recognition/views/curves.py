@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Points = NDArray[np.float64]
 
 _LEAST_SAG = 0.04
-"""Of the height: an arc that bends less is a straight line."""
+"""Sagitta, in heights, below which an arc is a straight line."""
 _ARC_POINTS = 33
 
 

@@ -32,7 +32,7 @@ FIRST_LINES = 26
 
 
 class HeightSearch(Protocol):
-    """What looks for lines in a view."""
+    """A search for lines in a view."""
 
     height_mm: float | None
 

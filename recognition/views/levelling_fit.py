@@ -1,4 +1,4 @@
-"""What levelling is made of: the robust polynomial through the land, and medians of much that hardly moves."""
+"""Robust polynomial through the land, and medians of large arrays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Terms:
     """
 
     def __init__(self, u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> None:
-        """Of coordinates (cols,) and (rows,)."""
+        """Return the polynomial's terms at coordinates (cols,) and (rows,)."""
         pairs = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
         self.power_u, self.power_v = np.array(pairs).T
         self._u, self._v = (np.vander(a, 2 * degree + 1, increasing=True) for a in (u, v))

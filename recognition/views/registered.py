@@ -18,7 +18,7 @@ from recognition.views.view import GREY, KNOWN, View, photo_view
 
 Floats = NDArray[np.float32]
 _PIXELS = 480
-"""Of the longer side, at which photographs are compared."""
+"""Pixels of the longer side at which photographs are compared."""
 _DARK, _FOCUS, _CUT = 0.05, 1.2, 3.0
 """Brightness added before the logarithm; blur, pixels; gradients cut, in root mean squares: glints do not vote."""
 _STEPS, _LEAST_GAIN = 60, 1e-5

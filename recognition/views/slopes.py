@@ -1,10 +1,10 @@
-"""How steep a surface is, from photographs under several lights, wherever the lamps stood: one more view.
+"""Slopes of a surface from photographs under several lights, wherever the lamps stood: one more view.
 
     under lights 1 .. n --own brightness out, colour out--> changes --two main directions--> slopes --size--> view
 
 A flat plate is as bright under every light; a flank is bright under one and dark under another. What changes from light
 to light, in logarithms, is about linear in the two slopes, so that two components hold nearly all of it. Lamps that
-nobody measured leave these turned and stretched, but flat ground stays flat: the size shows the flanks, dark on light.
+that were not measured leave these turned and stretched, but flat ground stays flat: the size shows the flanks, dark.
 Stains, rust and paint, which are as dark under all lights, are gone. Glints and shadows are cut.
 Sources: R. Woodham, Opt. Eng. 19 (1980) 139; H. Hayakawa, JOSA A 11 (1994) 3079 (lights that are not known).
 """
@@ -19,21 +19,21 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 LEAST_LIGHTS = 4
 _NEAR = 1 / 50
-"""Of the longer side: blur of a light's own brightness over the part."""
+"""Blur of a light's own brightness over the part, as a share of the longer side."""
 _DARK, _CUT = 0.02, (0.1, 3.0)
 """Brightness added before the ratio; ratios to the ground about them at which shadows and glints are cut."""
 _FOCUS, _FULL_PERCENT = 1.0, 99.0
 """Blur, pixels; percentile of the steepest that is drawn black."""
 _ONE_CHANGE, _EXPOSED, _ALONG = 0.4, 0.15, 0.9
-"""Of exposures under one lamp: the second change's power by the first's (0.02 to 0.2 of simulated parts, of lights 0.6
-to 0.9, of grooves that all run one way 0.1), spread of log brightness, and how closely the first change follows it
-(0.94 to 1.00; of those grooves 0.07)."""
+"""Limit for exposures under one lamp: the second change's power by the first's (0.02 to 0.2 of simulated parts, of
+lights 0.6 to 0.9, of grooves that all run one way 0.1), spread of log brightness, and how closely the first change
+follows it (0.94 to 1.00; of those grooves 0.07)."""
 LEAST_SHARE = 0.75
-"""Of all changes, that two components hold from which it was the light that changed: of noise they hold 2 / (n - 1)."""
+"""Share of all changes in two components from which the light changed: of noise they hold 2 / (n - 1)."""
 
 
 def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
-    """Flanks dark on light, (rows, cols) 0 to 1; None of too few photographs, or all under one light.
+    """Flanks dark on light, (rows, cols) 0 to 1; None for too few photographs, or all under one light.
 
     Args:
         photographs: brightness of each, (rows, cols) 0 to 1, laid over each other.

@@ -17,11 +17,11 @@ from glyphs.surface.display import one_line
 Points = NDArray[np.float64]
 
 ROWS = 40
-"""Of a strip."""
+"""Rows of a strip."""
 HEIGHT_ROWS = 28
-"""Of them, the height of a character."""
+"""Rows of a strip that are a character's height."""
 MARGIN = 0.4
-"""Of a strip before and after its line, character heights."""
+"""Land of a strip before and after its line, character heights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class TextLine:
 
     @property
     def sag_mm(self) -> float:
-        """Of the curve's points from the line between its ends, at most."""
+        """Greatest distance of the curve's points from the line between its ends."""
         first, last = self.centre_mm[0], self.centre_mm[-1]
         along = (last - first) / np.linalg.norm(last - first)
         return float(np.abs((self.centre_mm - first) @ np.array([-along[1], along[0]])).max())
@@ -88,7 +88,7 @@ class TextLine:
         return TextLine(self.centre_mm[::-1], self.height_mm)
 
     def columns(self, *, margin: float = MARGIN) -> int:
-        """Of its strip."""
+        """Return the number of columns of its strip."""
         return max(8, math.ceil((self.length_mm / self.height_mm + 2 * margin) * HEIGHT_ROWS))
 
     def grid_mm(

@@ -42,7 +42,7 @@ DIRECTIONS = (
     TraceDirection.BACK_X,
     TraceDirection.BACK_Y,
 )
-"""Of the edge layers."""
+"""Trace directions of the edge layers."""
 _MOST_EDGE = 8.0
 
 
@@ -162,7 +162,7 @@ def turned_edges(edges: Layers, turned_deg: float) -> Layers:
 
 
 def felt_view(edges: EdgeMap, relief: Relief | None, touch: Touch | None = None) -> View:
-    """What was felt of a part; without its heights where friction or whisker tell none."""
+    """View of a felt part; without heights where friction or whisker give none."""
     layers = np.zeros((LAYERS, *edges.shape), dtype=np.float32)
     for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
         layers[EDGES + DIRECTIONS.index(direction)] = np.clip(layer, -_MOST_EDGE, _MOST_EDGE)
@@ -186,7 +186,7 @@ def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
 
 
 def heights_view(surface: HeightMap) -> View:
-    """What an instrument measured."""
+    """View of an instrument's height map."""
     layers = np.zeros((LAYERS, *surface.shape), dtype=np.float32)
     layers[KNOWN] = np.isfinite(surface.z_mm)
     layers[HEIGHTS] = np.nan_to_num(surface.z_mm)
@@ -194,7 +194,7 @@ def heights_view(surface: HeightMap) -> View:
 
 
 def photo_view(photo: Photo) -> View:
-    """What a camera saw, in grey, in the photo frame."""
+    """View of a photograph, in grey, in the photo frame."""
     layers = np.zeros((LAYERS, *photo.shape), dtype=np.float32)
     layers[GREY] = photo.grey()
     layers[KNOWN] = 1.0
