@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
-from pipeline.common.records import ReviewAction, ReviewRecord
+from pipeline.common.records import ReviewRecord
 from pipeline.common.shares import Share
 
 
@@ -48,29 +48,6 @@ class ClaimRecord:
     holder: str
     who: str
     until: datetime
-
-
-@dataclass(frozen=True)
-class AuditRecord:
-    """An accepted part that was drawn to be read by a person as well.
-
-    Attributes:
-        at: when it was drawn.
-        done_at: when a person has read it; None before.
-        who: the person.
-        token: name of the token used.
-        action: correct, with a text, or unreadable; None before.
-        text: what the person read, without seeing what was accepted.
-        same: whether that is the text accepted; None before.
-    """
-
-    at: datetime
-    done_at: datetime | None = None
-    who: str = ""
-    token: str = ""
-    action: ReviewAction | None = None
-    text: str = ""
-    same: bool | None = None
 
 
 @dataclass(frozen=True)

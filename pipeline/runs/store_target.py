@@ -70,8 +70,7 @@ class RunStore:
         from pipeline.common.records import PartState
         from pipeline.reading.triage import state_after
         from pipeline.store.errors import MAX_TEXT, cleaned
-        from pipeline.store.idempotency import run_key
-        from pipeline.store.store import AlreadyDoneError
+        from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 
         if read.record.error:
             return True
@@ -89,7 +88,7 @@ class RunStore:
                 evidence=self._kept(read.pictures),
                 expected=read.listed.expected,
                 database=read.record.database,
-                idempotency=run_key(self._run, name, read.sha256),
+                idempotency=IdempotencyKey.of_run(self._run, name, read.sha256),
             )
         except AlreadyDoneError:
             return False

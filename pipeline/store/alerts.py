@@ -1,4 +1,6 @@
-"""Alerts: raised once when something goes wrong, cleared once when it has gone right again, across restarts.
+"""Alerts, and the scans of golden parts that some of them come from.
+
+An alert is raised once when something goes wrong, and cleared once when it has gone right again, across restarts.
 
 rate of the last n parts    limit ------/----\\------------ raised above
                             clear -----/------\\------/\\--- cleared at or below; between the two nothing happens
@@ -13,25 +15,27 @@ from types import MappingProxyType
 
 import sqlalchemy as sa
 
+from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured
+from pipeline.common.reading_records import from_json, to_json
 from pipeline.common.records import AlertRecord, PartState
 from pipeline.store.database import Transaction
-from pipeline.store.errors import cleaned
+from pipeline.store.errors import cleaned, fit_limit
 from pipeline.store.outbox import put_in_outbox
-from pipeline.store.rows import part_by_id
-from pipeline.store.tables import alerts, parts
+from pipeline.store.rows import record_of
+from pipeline.store.tables import alerts, golden, parts
 
 REJECT_RATE, REVIEW_RATE, DRIFT = "reject_rate", "review_rate", "drift"
 _DECIDED = (PartState.ACCEPTED, PartState.REVIEW, PartState.REVIEWED)
 _WORDS = {REJECT_RATE: "rejected", REVIEW_RATE: "sent to a person"}
+# a rate is right again so many standard deviations of the window below its limit: less would be chance
 _SIGMAS = 2.0
-"""Below its limit by so many standard deviations of the window a rate is right again: less would be chance."""
+MOST_SCANS = 500
 
 
 def raised_alerts(tx: Transaction) -> tuple[AlertRecord, ...]:
-    """Those that are raised now, the eldest first."""
-    rows = tx.execute(sa.select(alerts).order_by(alerts.c.name))
-    found = (AlertRecord(row.name, row.part_id, row.at, row.message) for row in rows)
-    return tuple(sorted(found, key=lambda alert: alert.at))
+    """Those that are raised now, the oldest first."""
+    rows = tx.execute(sa.select(alerts).order_by(alerts.c.at, alerts.c.name))
+    return tuple(record_of(AlertRecord, row) for row in rows)
 
 
 def look_for_alerts(
@@ -87,12 +91,23 @@ def look_for_alerts(
             right.add(name)
     stands = {alert.name: alert for alert in raised_alerts(tx)}
     made = [AlertRecord(name, latest[0].id, tx.now, cleaned(why)) for name, why in wrong.items()]
-    new = [alert for alert in made if alert.name not in stands and tx.insert_if_new(alerts, alert.__dict__)]
-    for alert in new:
-        _send(tx, alert, "raised", targets)
-    for name in right & stands.keys():
-        if tx.execute(sa.delete(alerts).where(alerts.c.name == name)).rowcount:
-            _send(tx, stands[name], "cleared", targets)
+    new = [alert for alert in made if alert.name not in stands and tx.insert_if_new(alerts, vars(alert))]
+    over = [
+        stands[name]
+        for name in sorted(right & stands.keys())
+        if tx.execute(sa.delete(alerts).where(alerts.c.name == name)).rowcount
+    ]
+    # both are sent as the part's that raised it, for what is of one part arrives in its order
+    for alert, state in (*((one, "raised") for one in new), *((one, "cleared") for one in over)):
+        told = {
+            "alert": alert.name,
+            "state": state,
+            "message": alert.message,
+            "part_id": alert.part_id,
+            "raised_at": alert.at.isoformat(),
+            "at": tx.now.isoformat(),
+        }
+        put_in_outbox(tx, alert.part_id, targets, told)
     return tuple(new)
 
 
@@ -101,14 +116,21 @@ def clear_at(limit: float, window: int) -> float:
     return max(0.0, limit - _SIGMAS * math.sqrt(limit * (1.0 - limit) / window))
 
 
-def _send(tx: Transaction, alert: AlertRecord, state: str, targets: Sequence[str]) -> None:
-    """Both are sent as the part's that raised it, for what is of one part arrives in its order."""
-    payload = {
-        "alert": alert.name,
-        "state": state,
-        "message": alert.message,
-        "part_id": alert.part_id,
-        "raised_at": alert.at.isoformat(),
-        "at": tx.now.isoformat(),
-    }
-    put_in_outbox(tx, part_by_id(tx, alert.part_id), targets, payload=payload)
+def add_golden(
+    tx: Transaction, measures: Mapping[GoldenMeasure, Measured], *, line: str, reference: bool
+) -> GoldenRecord:
+    """Keep what a scan of a golden part has shown; the first of a line is its reference."""
+    first = tx.count(golden, golden.c.line == line) == 0
+    record = GoldenRecord(tx.now, line, reference or first, dict(measures))
+    row = {"line": line, "reference": record.reference, "record": to_json(record)}
+    tx.execute(sa.insert(golden).values(**row))
+    return record
+
+
+def golden_scans(tx: Transaction, line: str, *, limit: int = MOST_SCANS) -> tuple[GoldenRecord, ...]:
+    """The latest of a line, the newest first, and behind them the reference that they are compared with."""
+    of_line = sa.select(golden).where(golden.c.line == line).order_by(golden.c.id.desc())
+    rows = list(tx.execute(of_line.limit(fit_limit(limit))))
+    if not any(row.reference for row in rows):
+        rows += tx.execute(of_line.where(golden.c.reference).limit(1))
+    return tuple(from_json(GoldenRecord, row.record) for row in rows)

@@ -17,7 +17,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -29,21 +29,24 @@ from pipeline.common.file_lock import exclusively
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_file, private_folder
 from pipeline.common.version import file_sha256, program_version
-from pipeline.store.copying import copy_rows, is_empty, skip_deliveries
+from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.store import Store
-from pipeline.store.tables import METADATA, outbox, sessions
+from pipeline.store.tables import METADATA, evidence, outbox, sessions
 
 FORMAT_VERSION = 1
-_MANIFEST, _STORE, _EVIDENCE = "manifest.json", "store.db", "evidence"
+_MANIFEST, _STORE, _FILES = "manifest.json", "store.db", "evidence"
+# numbers that a store brought back gives to no delivery: those since the backup are known to the receivers
 SKIPPED_DELIVERIES = 1_000_000
-"""Numbers that a store brought back gives to no delivery: those since the backup are known to the receivers."""
+_CHUNK = 500
+# who has signed out since is not signed in again by a backup
+_TABLES = [table for table in METADATA.sorted_tables if table is not sessions]
 
 
 @dataclass(frozen=True)
 class Backup:
-    """What a backup's manifest tells.
+    """A backup's manifest.
 
     Attributes:
         made_at: when its rows were copied, ISO 8601.
@@ -63,12 +66,12 @@ class Backup:
     lost: Sequence[str]
 
 
-def back_up(store: Store, evidence: EvidenceFolder, to: Path, *, previous: Path | None = None) -> Backup:
+def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | None = None) -> Backup:
     """Copy a store and its files into a new folder; the service may run.
 
     Args:
         store: to be copied.
-        evidence: its files.
+        files: its evidence.
         to: the folder, not there yet.
         previous: backup on the same disk; files that it has are linked, not copied once more.
 
@@ -81,18 +84,18 @@ def back_up(store: Store, evidence: EvidenceFolder, to: Path, *, previous: Path 
     if previous is not None:
         read_manifest(previous)
     partial = to.with_name(to.name + ".partial")
-    with _told(partial), contextlib.ExitStack() as stack:
+    with _file_errors(partial), contextlib.ExitStack() as stack:
         private_folder(partial)
         if not stack.enter_context(exclusively(partial / ".lock", wait=False)):
             raise FileError(to, "is being written by another backup", "wait for it, or name another folder")
         for left in (_STORE, f"{_STORE}-wal", f"{_STORE}-shm", f"{_STORE}.lock"):
             (partial / left).unlink(missing_ok=True)
         made_at = _copy_store(store, partial / _STORE)
-        files = EvidenceFolder(partial / _EVIDENCE)
-        sources = [] if previous is None else [EvidenceFolder(previous / _EVIDENCE)]
+        linked = None if previous is None else EvidenceFolder(previous / _FILES)
         with _opened(partial / _STORE) as copied:
-            counts = _take_all(copied, files, [evidence], linked=sources, live=store)
-            rows = _rows(copied)
+            counts = _take_all(copied, EvidenceFolder(partial / _FILES), files, linked=linked, live=store)
+            with copied.database.reading() as tx:
+                rows = {table.name: tx.count(table) for table in _TABLES}
         made = Backup(made_at.isoformat(), program_version(), file_sha256(partial / _STORE), rows, *counts)
         manifest = {"format_version": FORMAT_VERSION, **asdict(made)}
         (partial / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
@@ -104,25 +107,25 @@ def back_up(store: Store, evidence: EvidenceFolder, to: Path, *, previous: Path 
     return made
 
 
-def restore(backup: Path, store: Store, evidence: EvidenceFolder) -> Backup:
+def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
     """Bring a backup back into an empty store, in whatever database, and its files into a folder.
 
     Raises:
         FileError: it is no backup, or damaged; a file cannot be written.
         ConflictError: the store is not empty.
-        StoreError: the store does not answer, or the backup was made by a newer version.
+        StoreError: the store does not answer, or the backup's version is not known.
     """
-    with unpacked(backup) as (told, copied):
+    with unpacked(backup) as (made, copied):
         with store.database.reading() as tx:
-            _refuse_unless_empty(is_empty(tx), store)
-        lost = _take_all(copied, evidence, [EvidenceFolder(backup / _EVIDENCE)])[2]
+            _refuse_unless_empty(tx, store)
+        _, _, lost = _take_all(copied, files, EvidenceFolder(backup / _FILES))
         _sync()
-        with copied.database.snapshot() as source, store.database.writing() as target:
-            _refuse_unless_empty(is_empty(target), store)
+        with copied.database.reading() as source, store.database.writing() as target:
+            _refuse_unless_empty(target, store)
             copy_rows(source, target)
             target.execute(sa.update(outbox).values(owner=None, leased_until=None))
-            skip_deliveries(target, SKIPPED_DELIVERIES)
-        return Backup(**{**asdict(told), "lost": lost})
+            _count_on(target, outbox.name, last_delivery(target) + SKIPPED_DELIVERIES)
+        return replace(made, lost=lost)
 
 
 @contextlib.contextmanager
@@ -131,16 +134,16 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
 
     Raises:
         FileError: it is no backup, or damaged.
-        StoreError: it was made by a newer version.
+        StoreError: its version is not known.
     """
-    told = read_manifest(backup)
+    made = read_manifest(backup)
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
-        with _told(backup):
+        with _file_errors(backup):
             copy = Path(shutil.copy(backup / _STORE, Path(folder) / _STORE))
-        if file_sha256(copy) != told.sha256:
+        if file_sha256(copy) != made.sha256:
             raise FileError(backup / _STORE, "is not as it was written", "take another backup")
         with _opened(copy) as copied:
-            yield told, copied
+            yield made, copied
 
 
 def read_manifest(backup: Path) -> Backup:
@@ -161,24 +164,58 @@ def read_manifest(backup: Path) -> Backup:
     raise FileError(path, f"has format version {version}; this program reads {FORMAT_VERSION}", "update it")
 
 
+def copy_rows(source: Transaction, target: Transaction) -> None:
+    """Copy all rows but sessions; row numbers stay, and the target goes on counting behind them."""
+    for table in _TABLES:
+        rows = source.connection.execution_options(yield_per=_CHUNK).execute(sa.select(table))
+        for chunk in rows.mappings().partitions():
+            target.execute(sa.insert(table), [dict(row) for row in chunk])
+        if target.postgresql and "id" in table.c and table.c.id.autoincrement is True:
+            _count_on(target, table.name, _highest(target, table))
+    _count_on(target, outbox.name, last_delivery(source))
+
+
+def last_delivery(tx: Transaction) -> int:
+    """The highest number that any delivery has had, also one that is gone."""
+    counted = (
+        "SELECT last_value FROM pg_sequences WHERE schemaname = current_schema()"
+        " AND format('%I.%I', schemaname, sequencename) = pg_get_serial_sequence('outbox', 'id')"
+        if tx.postgresql
+        else "SELECT seq FROM sqlite_sequence WHERE name = 'outbox'"
+    )
+    return max(int(tx.execute(sa.text(counted)).scalar() or 0), _highest(tx, outbox))
+
+
+def _highest(tx: Transaction, table: sa.Table) -> int:
+    return int(tx.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0)
+
+
+def _count_on(tx: Transaction, name: str, number: int) -> None:
+    if number and tx.postgresql:
+        tx.execute(sa.select(sa.func.setval(sa.func.pg_get_serial_sequence(name, "id"), number)))
+    elif number:
+        tx.execute(sa.text("DELETE FROM sqlite_sequence WHERE name = :name").bindparams(name=name))
+        counted = sa.text("INSERT INTO sqlite_sequence (name, seq) VALUES (:name, :seq)")
+        tx.execute(counted.bindparams(name=name, seq=number))
+
+
 def _copy_store(store: Store, to: Path) -> datetime:
     private_file(to)
-    with store.database.snapshot() as source:
-        made_at = source.now
+    with store.database.reading() as source:
         if source.postgresql:
             with _opened(to) as copied, copied.database.writing() as target:
                 copy_rows(source, target)
-            return made_at
-    store.database.copy_file(to)
-    return made_at
+        else:
+            store.database.copy_file(to)
+        return source.now
 
 
 def _take_all(
     copied: Store,
     files: EvidenceFolder,
-    sources: Sequence[EvidenceFolder],
+    source: EvidenceFolder,
     *,
-    linked: Sequence[EvidenceFolder] = (),
+    linked: EvidenceFolder | None = None,
     live: Store | None = None,
 ) -> tuple[int, int, list[str]]:
     """Every file that a store names; how many, their bytes, and the hashes of those that could not be had."""
@@ -186,29 +223,19 @@ def _take_all(
     while hashes := copied.needed_after(after):
         after = hashes[-1]
         for sha256 in hashes:
-            state = files.take(sha256, linked, link=True) if linked else FileState.MISSING
-            if state is not FileState.WHOLE:
-                state = files.take(sha256, sources)
-            if state is FileState.WHOLE:
+            whole = linked is not None and files.take(sha256, linked, link=True) is FileState.WHOLE
+            if whole or files.take(sha256, source) is FileState.WHOLE:
                 n_files, n_bytes = n_files + 1, n_bytes + files.path(sha256).stat().st_size
-            elif live is not None and not live.needed_hashes((sha256,)):
-                copied.forget_files((sha256,))  # its time was up meanwhile
+            elif live is not None and not live.needed_hashes((sha256,)):  # its time was up meanwhile
+                with copied.database.writing() as tx:
+                    tx.execute(sa.update(evidence).where(evidence.c.sha256 == sha256).values(gone=True))
             else:
                 lost.append(sha256)
     return n_files, n_bytes, lost
 
 
-def _rows(store: Store) -> dict[str, int]:
-    with store.database.reading() as tx:
-        return {
-            table.name: int(tx.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
-            for table in METADATA.sorted_tables
-            if table is not sessions
-        }
-
-
-def _refuse_unless_empty(empty: bool, store: Store) -> None:
-    if not empty:
+def _refuse_unless_empty(tx: Transaction, store: Store) -> None:
+    if any(tx.execute(sa.select(table).limit(1)).first() is not None for table in METADATA.sorted_tables):
         raise ConflictError(
             f"the store {store.database.shown} is not empty", hint="restore into a new one: --folder, --store"
         )
@@ -226,7 +253,7 @@ def _sync() -> None:
 
 
 @contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _file_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
@@ -18,19 +18,19 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.engine import Row
 
-from pipeline.common.records import PartState
+from pipeline.common.reading_records import from_json
+from pipeline.common.records import PartRecord, PartState
 from pipeline.store.backup import unpacked
 from pipeline.store.database import Transaction
-from pipeline.store.errors import cleaned
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
-from pipeline.store.seals import SEALED, broken_at
+from pipeline.store.rows import READ, REVIEWED, searched
 from pipeline.store.store import Store
-from pipeline.store.tables import outbox, parts, seals
+from pipeline.store.tables import events, evidence, outbox, parts
 
+# for which a result may wait to be sent, and a part for touch beyond its time
 LATE = timedelta(hours=1)
-"""For which a result may wait to be sent, and a part for touch beyond its time."""
+# a running service sweeps every hour what is an hour old
 _ORPHAN_S = 2 * 3600.0
-"""A running service sweeps every hour what is an hour old."""
 _PAGE = 200
 _MOST_TOLD = 1000
 
@@ -41,7 +41,6 @@ class Fault(StrEnum):
     DATABASE = "database"
     MISSING = "missing"
     DAMAGED = "damaged"
-    CHAIN = "chain"
     DERIVED = "derived"
     CHANGED = "changed"
     STUCK = "stuck"
@@ -53,7 +52,6 @@ WHAT_TO_DO: Mapping[Fault, str] = {
     Fault.DATABASE: "stop the service and restore the last good backup",
     Fault.MISSING: "copy the file of that name from a backup's evidence/files into the service's",
     Fault.DAMAGED: "copy the file of that name from a backup's evidence/files over the service's, and check the disk",
-    Fault.CHAIN: "something other than this program has written there: compare the part with a backup",
     Fault.DERIVED: "something other than this program has written there: compare the part with a backup",
     Fault.CHANGED: "what the backup holds of the part has been changed or removed since: find out who has written",
     Fault.STUCK: "start the service of its line, or send a scan of the part",
@@ -106,13 +104,13 @@ class CheckReport:
 
 
 def check(
-    store: Store, evidence: EvidenceFolder, *, read_files: bool = True, against: Path | None = None
+    store: Store, files: EvidenceFolder, *, read_files: bool = True, against: Path | None = None
 ) -> CheckReport:
     """Look through a store and its files.
 
     Args:
         store: to be looked through.
-        evidence: its files.
+        files: its evidence.
         read_files: compare what they hold with their hashes; else only see whether they are there.
         against: backup of this store: all that it holds must still be there, unchanged.
 
@@ -124,7 +122,7 @@ def check(
     _check_database(store, report)
     _check_parts(store, report)
     _check_outbox(store, report)
-    _check_files(store, evidence, report, read_files=read_files)
+    _check_files(store, files, report, read_files=read_files)
     if against is not None:
         _check_against(store, against, report)
     return report
@@ -144,64 +142,48 @@ def _check_database(store: Store, report: CheckReport) -> None:
 def _check_parts(store: Store, report: CheckReport) -> None:
     after = ""
     while True:
-        with store.database.snapshot() as tx:
+        with store.database.reading() as tx:
             page = _page(tx, after)
-        for part, chain, rows in page:
-            report.parts += 1
-            if broken := broken_at(part.id, chain, rows):
-                report.add(Fault.CHAIN, part.id, broken)
-            if wrong := _not_derived(part, rows):
-                report.add(
-                    Fault.DERIVED, part.id, f"its {' and '.join(wrong)} do not follow from its history"
-                )
-            due = part.touch_until or part.changed_at + timedelta(days=1)
-            if part.state == PartState.TOUCH_NEEDED and tx.now - due > LATE:
-                report.add(
-                    Fault.STUCK, part.id, f"waits for touch since {part.changed_at:%Y-%m-%d %H:%M} UTC"
-                )
         if not page:
             return
         after = page[-1][0].id
+        for row, happened in page:
+            report.parts += 1
+            part = from_json(PartRecord, row.record)
+            if wrong := _not_derived(part, row, happened):
+                what = f"its {' and '.join(wrong)} do not follow from its history"
+                report.add(Fault.DERIVED, row.id, what)
+            waits = part.touch.until if part.touch is not None else None
+            due = waits or part.changed_at + timedelta(days=1)
+            if row.state == PartState.TOUCH_NEEDED and tx.now - due > LATE:
+                what = f"waits for touch since {part.changed_at:%Y-%m-%d %H:%M} UTC"
+                report.add(Fault.STUCK, row.id, what)
 
 
-PartRows = tuple[Row[Any], Sequence[Row[Any]], Mapping[str, Sequence[Row[Any]]]]
-
-
-def _page(tx: Transaction, after: str) -> list[PartRows]:
-    """Parts with their seals, and their rows of every table that is sealed."""
+def _page(tx: Transaction, after: str) -> list[tuple[Row[*tuple[Any, ...]], list[Row[*tuple[Any, ...]]]]]:
+    """Parts with their events."""
     found = tx.execute(sa.select(parts).where(parts.c.id > after).order_by(parts.c.id).limit(_PAGE)).all()
-    if not found:
-        return []
-    of_all = {t.name: _by_part(tx, t, found[0].id, found[-1].id) for t in (*SEALED, seals)}
-    return [
-        (part, of_all[seals.name].get(part.id, ()), {t.name: of_all[t.name].get(part.id, ()) for t in SEALED})
-        for part in found
-    ]
+    happened = _by_part(tx, events, found[0].id, found[-1].id) if found else {}
+    return [(row, happened.get(row.id, [])) for row in found]
 
 
-def _by_part(tx: Transaction, table: sa.Table, first: str, last: str) -> dict[str, list[Row[Any]]]:
-    mine = sa.select(table).where(table.c.part_id.between(first, last)).order_by(table.c.part_id, table.c.id)
-    return {part_id: list(rows) for part_id, rows in groupby(tx.execute(mine), lambda row: row.part_id)}
+def _by_part(tx: Transaction, table: sa.Table, first: str, last: str) -> dict[str, list[Row[*tuple[Any, ...]]]]:
+    columns = [column for column in table.c if column.name != "gone"]  # which may change
+    mine = sa.select(*columns).where(table.c.part_id.between(first, last))
+    rows = tx.execute(mine.order_by(table.c.part_id, table.c.id))
+    return {part_id: list(of_part) for part_id, of_part in groupby(rows, lambda row: row.part_id)}
 
 
-def _not_derived(part: Row[Any], rows: Mapping[str, Sequence[Row[Any]]]) -> list[str]:
-    """Columns of a part that are not what its rows make of them."""
-    readings, reviews, events = rows["readings"], rows["reviews"], rows["events"]
-    given = events[0].data if events and events[0].kind == "received" else {}
-    wanted: dict[str, Any] = {name: given[name] for name in ("name", "expected", "database") if name in given}
-    wanted["reading_id"] = readings[-1].id if readings else None
-    # the review that counts: where two people must agree, the one that the event tells
-    agreed = [event for event in events if event.kind == "reviewed"]
-    counts = [r for r in reviews if agreed and (r.after, r.at) == (agreed[-1].data["after"], agreed[-1].at)]
-    wanted["review_id"] = counts[-1].id if counts else None
-    wanted["name_folded"], wanted["text_folded"] = part.name.casefold(), part.text.casefold()
-    if part.state == PartState.TOUCH_NEEDED:
-        wanted["text"] = ""
-    elif part.state == PartState.REVIEWED:
-        wanted["text"] = counts[-1].after if counts else None
-    elif not agreed:
-        wanted["text"] = cleaned(readings[-1].text) if readings else ""
-    return [name for name, value in wanted.items() if getattr(part, name) != value]
+def _not_derived(part: PartRecord, row: Row[*tuple[Any, ...]], happened: list[Row[*tuple[Any, ...]]]) -> list[str]:
+    """What a part's row holds that is not what its record and its events make of it."""
+    wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
+    last = {event.kind: event.data for event in happened}
+    wanted = {"reading": last.get(READ), "review": last.get(REVIEWED)}
+    given = {
+        name: value for event in happened if event.kind == "received" for name, value in event.data.items()
+    }
+    wanted |= {name: given.get(name) for name in ("name", "expected", "database", "job")}
+    return wrong + [name for name, value in wanted.items() if row.record[name] != value]
 
 
 def _check_outbox(store: Store, report: CheckReport) -> None:
@@ -219,20 +201,20 @@ def _check_outbox(store: Store, report: CheckReport) -> None:
             report.add(Fault.UNDELIVERED, row.target, what, n=row.n)
 
 
-def _check_files(store: Store, evidence: EvidenceFolder, report: CheckReport, *, read_files: bool) -> None:
-    look: Callable[[str], FileState] = evidence.state if read_files else evidence.presence
+def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, read_files: bool) -> None:
+    look: Callable[[str], FileState] = files.state if read_files else files.presence
     for sha256 in _needed(store):
         state = look(sha256)
         if state is FileState.WHOLE:
             report.files += 1
         elif store.needed_hashes((sha256,)):  # else its time was up meanwhile
             fault = Fault.MISSING if state is FileState.MISSING else Fault.DAMAGED
-            report.add(fault, sha256, f"is {state.value}: {evidence.path(sha256)}")
+            report.add(fault, sha256, f"is {state.value}: {files.path(sha256)}")
     orphans = 0
-    for names in evidence.kept(before_s=time.time() - _ORPHAN_S):
+    for names in files.kept(before_s=time.time() - _ORPHAN_S):
         orphans += len(set(names) - store.needed_hashes(names))
     if orphans:
-        report.add(Fault.ORPHANS, str(evidence.root), f"{orphans} files belong to no part", n=orphans)
+        report.add(Fault.ORPHANS, str(files.root), f"{orphans} files belong to no part", n=orphans)
 
 
 def _needed(store: Store) -> Iterator[str]:
@@ -244,17 +226,20 @@ def _needed(store: Store) -> Iterator[str]:
 
 def _check_against(store: Store, backup: Path, report: CheckReport) -> None:
     after = ""
-    with unpacked(backup) as (told, copied):
+    with unpacked(backup) as (made, copied):
         while True:
             with copied.database.reading() as tx:
                 page = _page(tx, after)
-            if not page:
-                return
-            after = page[-1][0].id
-            with store.database.snapshot() as tx:
-                found = _by_part(tx, seals, page[0][0].id, after)
-            for part, chain, _ in page:
-                now = {seal.number: seal.digest for seal in found.get(part.id, ())}
-                if any(now.get(seal.number) != seal.digest for seal in chain):
-                    what = "is not" if part.id in found else "is gone, and was"
-                    report.add(Fault.CHANGED, part.id, f"{what} as it was on {told.made_at[:16]}")
+                if not page:
+                    return
+                first, after = page[0][0].id, page[-1][0].id
+                then = [_by_part(tx, table, first, after) for table in (events, evidence)]
+            changed: dict[str, str] = {}
+            with store.database.reading() as tx:
+                now = [_by_part(tx, table, first, after) for table in (events, evidence)]
+            for old, new in zip(then, now, strict=True):
+                for part_id, rows in old.items():
+                    if any(row not in new.get(part_id, ()) for row in rows):
+                        changed.setdefault(part_id, "is not" if part_id in now[0] else "is gone, and was")
+            for part_id, what in sorted(changed.items()):
+                report.add(Fault.CHANGED, part_id, f"{what} as it was on {made.made_at[:16]}")

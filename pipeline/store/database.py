@@ -11,7 +11,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import close_to_others, private_file
 from pipeline.store.errors import StoreError, UnfitError, cleaned
+from pipeline.store.tables import METADATA
 
 if TYPE_CHECKING:
     from sqlalchemy.engine import URL, Connection, Engine
@@ -34,35 +35,51 @@ VERSION_TABLE = "tactile_marks_version"
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
-_HINT = "check that the database runs, that it may be written, and its address"
+_URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 
 # Alembic keeps what it runs in variables of its modules
 _migrating = threading.Lock()
 
 
+class JsonText(str):
+    """A value written as JSON; columns of JSON take it as it is."""
+
+
+def json_text(value: Any) -> JsonText:
+    """Write a value as JSON that every database can hold.
+
+    Raises:
+        UnfitError: it has no form in JSON.
+    """
+    if isinstance(value, JsonText):
+        return value
+    try:
+        return JsonText(json.dumps(cleaned(value), allow_nan=False, separators=(",", ":")))
+    except (TypeError, ValueError) as error:
+        raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error
+
+
 @dataclass(frozen=True)
 class Transaction:
-    """What an operation of the store works in.
+    """One transaction of the store.
 
     Attributes:
         connection: to the database.
-        now: time of all that the operation writes.
-        written: parts of which it has written what never changes.
-        filled: names of the tables that it has put rows into.
+        now: time of all that the operation writes, in UTC.
     """
 
     connection: Connection
     now: datetime
-    written: set[str] = field(default_factory=set)
-    filled: set[str] = field(default_factory=set)
 
     def execute(
         self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None
-    ) -> sa.CursorResult[Any]:
+    ) -> sa.CursorResult[*tuple[Any, ...]]:
         """Execute one statement."""
-        if isinstance(statement, sa.Insert):
-            self.filled.add(statement.table.name)
         return self.connection.execute(statement, rows)
+
+    def count(self, table: sa.Table, *where: sa.ColumnElement[bool]) -> int:
+        """Count the rows of a table."""
+        return int(self.execute(sa.select(sa.func.count()).select_from(table).where(*where)).scalar_one())
 
     @property
     def postgresql(self) -> bool:
@@ -79,8 +96,8 @@ class Transaction:
 class Database:
     """A database that has the tables of this version.
 
-    * A transaction of `reading` changes nothing; one of `writing` is on the disk when its block has ended, and undone
-      where the block raises.
+    * All that a transaction of `reading` sees is of one moment. One of `writing` is on the disk when its block has
+      ended, and undone where the block raises.
     * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
     * Threads may share it; a connection belongs to one transaction at a time.
 
@@ -96,25 +113,15 @@ class Database:
 
     @contextlib.contextmanager
     def reading(self) -> Iterator[Transaction]:
-        """A transaction that only looks.
+        """Begin a transaction that changes nothing.
 
         Raises:
             StoreError: the database cannot be reached.
         """
-        with self._store_errors(), self._engine.connect() as connection:
-            yield Transaction(connection, self._now())
-
-    @contextlib.contextmanager
-    def snapshot(self) -> Iterator[Transaction]:
-        """As `reading`, and all that it sees is of one moment, however many statements look.
-
-        Raises:
-            StoreError: the database cannot be reached.
-        """
-        with self._store_errors(), self._engine.connect() as connection:
-            if connection.dialect.name == "postgresql":  # SQLite's transactions see one moment anyway
+        with _store_errors(self.shown), self._engine.connect() as connection:
+            if self._writer is None:  # SQLite's transactions see one moment anyway
                 connection = connection.execution_options(isolation_level="REPEATABLE READ")
-            yield Transaction(connection, self._now())
+            yield Transaction(connection, self._now().astimezone(UTC))
 
     def copy_file(self, path: Path) -> None:
         """Copy a store in SQLite, as it is at one moment, into a new file; others go on writing.
@@ -122,10 +129,9 @@ class Database:
         Raises:
             StoreError: it cannot be copied.
         """
-        with self._store_errors(), contextlib.closing(self._engine.raw_connection()) as connection:
-            cursor = connection.cursor()
+        with _store_errors(self.shown), contextlib.closing(self._engine.raw_connection()) as connection:
             try:
-                cursor.execute("VACUUM INTO ?", (str(path),))
+                connection.cursor().execute("VACUUM INTO ?", (str(path),))
             except sqlite3.Error as error:  # bare, for SQLAlchemy has no part in it
                 raise StoreError(
                     f"the store {self.shown} cannot be copied ({error})", hint="make room on the disk"
@@ -133,12 +139,12 @@ class Database:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[Transaction]:
-        """A transaction: durable when the block has ended, undone where it raises.
+        """Begin a transaction that is durable when the block has ended, and undone where it raises.
 
         Raises:
             StoreError: the database cannot be reached, or is busy for too long.
         """
-        with self._store_errors(), contextlib.ExitStack() as held:
+        with _store_errors(self.shown), contextlib.ExitStack() as held:
             if self._writer is not None:
                 if not self._writer.acquire(timeout=_WAIT_S):
                     raise StoreError(f"the store {self.shown} is busy", hint="try again")
@@ -146,22 +152,11 @@ class Database:
             connection = held.enter_context(self._engine.connect())
             connection = connection.execution_options(tactile_marks_writes=True)
             held.enter_context(connection.begin())
-            yield Transaction(connection, self._now())
+            yield Transaction(connection, self._now().astimezone(UTC))
 
     def close(self) -> None:
-        """Let go of every connection."""
+        """Close every connection."""
         self._engine.dispose()
-
-    @contextlib.contextmanager
-    def _store_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except exc.StatementError as error:
-            if isinstance(error.orig, UnfitError):
-                raise error.orig from error
-            raise StoreError(_no_answer(self.shown, error)) from error
-        except exc.SQLAlchemyError as error:
-            raise StoreError(_no_answer(self.shown, error)) from error
 
 
 def utc_now() -> datetime:
@@ -178,130 +173,117 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: 
         as_it_is: neither make it nor bring it up to date.
 
     Raises:
-        StoreError: it cannot be opened, or was made by a newer version; with `as_it_is` also one that is not there, or
+        StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
             of an older version.
     """
     parsed = _checked(url)
     shown = parsed.render_as_string(hide_password=True)
+    with _store_errors(shown), contextlib.ExitStack() as held:
+        if parsed.get_backend_name() == "sqlite":
+            if as_it_is and not Path(str(parsed.database)).exists():
+                raise StoreError(f"there is no store {shown}", hint="name the service's --folder or --store")
+            held.enter_context(_file_locked(Path(str(parsed.database)), shown))
+        engine = _engine(parsed)
+        failed = held.enter_context(contextlib.ExitStack())
+        failed.callback(engine.dispose)
+        _bring_up_to_date(engine, shown, as_it_is=as_it_is)
+        failed.pop_all()
+    return Database(engine, shown, now)
+
+
+@contextlib.contextmanager
+def _file_locked(file: Path, shown: str) -> Iterator[None]:
     try:
         with contextlib.ExitStack() as held:
-            if parsed.get_backend_name() == "sqlite":
-                file = Path(str(parsed.database))
-                if as_it_is and not file.exists():
-                    raise StoreError(
-                        f"there is no store {shown}", hint="name the service's --folder or --store"
-                    )
-                file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                # also for the change to WAL, for which SQLite does not wait
-                held.enter_context(exclusively(file.with_name(file.name + ".lock")))
-                private_file(file)  # what SQLite makes beside it has its mode
-                for beside in ("-wal", "-shm"):
-                    close_to_others(file.with_name(file.name + beside))
-                engine = _sqlite(parsed)
-            else:
-                engine = _postgresql(parsed)
-            failed = held.enter_context(contextlib.ExitStack())
-            failed.callback(engine.dispose)
-            _bring_up_to_date(engine, shown, as_it_is=as_it_is)
-            failed.pop_all()
+            file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            # also for the change to WAL, for which SQLite does not wait
+            held.enter_context(exclusively(file.with_name(file.name + ".lock")))
+            private_file(file)  # what SQLite makes beside it has its mode
+            for beside in ("-wal", "-shm"):
+                close_to_others(file.with_name(file.name + beside))
+            yield
     except OSError as error:
         raise StoreError(
-            f"the store {shown} cannot be opened ({error.strerror or error})", hint=f"{_HINT}"
+            f"the store {shown} cannot be opened ({error.strerror or error})",
+            hint="check that its folder is there and may be written",
         ) from error
-    except exc.SQLAlchemyError as error:
-        raise StoreError(_no_answer(shown, error)) from error
-    return Database(engine, shown, now)
 
 
 def _checked(url: str) -> URL:
     try:
         parsed = sa.make_url(url)
     except exc.ArgumentError as error:
-        raise StoreError(
-            "the store's address is not a URL", hint="write sqlite:///file.db or postgresql://user@host/name"
-        ) from error
+        raise StoreError("the store's address is not a URL", hint=_URL_HINT) from error
     backend = parsed.get_backend_name()
     if backend in ("postgresql", "postgres"):
         return parsed.set(drivername="postgresql+psycopg")
     if backend != "sqlite":
-        raise StoreError(
-            f"the store cannot be {backend}", hint="write sqlite:///file.db or postgresql://user@host/name"
-        )
+        raise StoreError(f"the store cannot be {backend}", hint=_URL_HINT)
     if not parsed.database or ":memory:" in parsed.database or parsed.database.startswith("file:"):
         raise StoreError("a store in memory would forget everything", hint="name a file: sqlite:///file.db")
     return parsed.set(drivername="sqlite+pysqlite")
 
 
-def _json(value: Any) -> str:
-    try:
-        return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
-    except (TypeError, ValueError) as error:
-        raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error
-
-
-def _sqlite(url: URL) -> Engine:
-    engine = sa.create_engine(
-        url,
-        json_serializer=_json,
-        connect_args={"timeout": _WAIT_S, "check_same_thread": False},
-        pool_size=_POOL,
-        max_overflow=2 * _POOL,
-        pool_timeout=_WAIT_S,
-    )
-
-    @sa.event.listens_for(engine, "connect")
-    def _prepare(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-        # transactions begin where we say, not where the driver thinks fit
-        connection.isolation_level = None
-        cursor = connection.cursor()
-        cursor.execute("PRAGMA journal_mode = WAL")
-        cursor.execute("PRAGMA synchronous = FULL")
-        cursor.execute("PRAGMA foreign_keys = ON")
-        # else INSERT OR REPLACE would remove rows behind the triggers' back
-        cursor.execute("PRAGMA recursive_triggers = ON")
-        cursor.close()
-
-    @sa.event.listens_for(engine, "begin")
-    def _begin(connection: Connection) -> None:
-        writes = connection.get_execution_options().get("tactile_marks_writes", False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-
-    return engine
-
-
-def _postgresql(url: URL) -> Engine:
+def _engine(url: URL) -> Engine:
+    of_sqlite = url.get_backend_name() == "sqlite"
+    options = {"timeout": _WAIT_S, "check_same_thread": False} if of_sqlite else {}
+    if not of_sqlite and "connect_timeout" not in url.query:
+        options = {"connect_timeout": 10}
     try:
         engine = sa.create_engine(
             url,
-            json_serializer=_json,
-            connect_args={} if "connect_timeout" in url.query else {"connect_timeout": 10},
+            json_serializer=json_text,
+            connect_args=options,
             pool_size=_POOL,
             max_overflow=2 * _POOL,
             pool_timeout=_WAIT_S,
-            pool_pre_ping=True,
+            pool_pre_ping=not of_sqlite,
         )
     except ImportError as error:
         raise StoreError(
             f"PostgreSQL needs {error.name}",
             hint="install it with: pip install 'tactile-marks[postgres]', or use sqlite:///file.db",
         ) from error
-
-    @sa.event.listens_for(engine, "connect")
-    def _prepare(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-        cursor = connection.cursor()
-        cursor.execute("SET TIME ZONE 'UTC'")
-        # an answer means that it is on the disk, whatever the server's default
-        cursor.execute(
-            "SELECT set_config('synchronous_commit', 'on', false)"
-            " WHERE current_setting('synchronous_commit') = 'off'"
-        )
-        cursor.close()
-        connection.commit()
-
+    sa.event.listen(engine, "connect", _prepare_sqlite if of_sqlite else _prepare_postgresql)
+    if of_sqlite:
+        sa.event.listen(engine, "begin", _begin_in_sqlite)
     return engine
 
 
+def _prepare_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+    # transactions begin where we say, not where the driver thinks fit
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    # recursive triggers: else INSERT OR REPLACE would remove rows behind the triggers' back
+    for setting in (
+        "journal_mode = WAL",
+        "synchronous = FULL",
+        "foreign_keys = ON",
+        "recursive_triggers = ON",
+    ):
+        cursor.execute(f"PRAGMA {setting}")
+    cursor.close()
+
+
+def _begin_in_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get("tactile_marks_writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _prepare_postgresql(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+    cursor = connection.cursor()
+    cursor.execute("SET TIME ZONE 'UTC'")
+    # an answer means that it is on the disk, whatever the server's default
+    cursor.execute(
+        "SELECT set_config('synchronous_commit', 'on', false)"
+        " WHERE current_setting('synchronous_commit') = 'off'"
+    )
+    cursor.close()
+    connection.commit()
+
+
 def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
+    from alembic import command
     from alembic.config import Config
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
@@ -325,8 +307,8 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
             script.get_revision(found or "base")
         except CommandError as error:
             raise StoreError(
-                f"the store {shown} was made by a newer tactile-marks (its version is {found});"
-                " install that one, or name another store"
+                f"the store {shown} is of a version ({found}) that this tactile-marks does not know",
+                hint="install the one that made it, or name another store",
             ) from error
         if as_it_is:
             what = f"is of an older version ({found})" if found else "has no tables"
@@ -334,13 +316,24 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
                 f"the store {shown} {what}",
                 hint="start the service of this version once, or use the tactile-marks that made it",
             )
-        from alembic import command
+        if found is None:
+            METADATA.create_all(connection, checkfirst=False)
+            context.stamp(script, "head")
+        else:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
 
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
 
-
-def _no_answer(shown: str, error: Exception) -> str:
-    orig = getattr(error, "orig", None) or error
-    reason = " ".join(str(orig).split())[:300]
-    return f"the store {shown} does not answer ({reason}); {_HINT}"
+@contextlib.contextmanager
+def _store_errors(shown: str) -> Iterator[None]:
+    try:
+        yield
+    except exc.SQLAlchemyError as error:
+        orig = getattr(error, "orig", None) or error
+        if isinstance(orig, UnfitError):
+            raise orig from error
+        reason = " ".join(str(orig).split())[:300]
+        raise StoreError(
+            f"the store {shown} does not answer ({reason})",
+            hint="check that the database runs, that it may be written, and its address",
+        ) from error

@@ -72,7 +72,7 @@ class EvidenceFolder:
         self.incoming = root / "incoming"
         self._files = root / "files"
         self._lock = root / ".lock"
-        with _trouble_told(root):
+        with _file_errors(root):
             for folder in (root, self.incoming, self._files):
                 private_folder(folder)
             sync_folder(root)
@@ -91,7 +91,7 @@ class EvidenceFolder:
         Raises:
             FileError: it cannot be read or kept.
         """
-        with _trouble_told(path):
+        with _file_errors(path):
             sha256, n_bytes = _settle(path)
             target = self.path(sha256)
             # one that is there may be another thread's of this moment, or of a process that died at this place
@@ -107,7 +107,7 @@ class EvidenceFolder:
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
         """As `keep`, of a file that is not written yet."""
-        with _trouble_told(self.incoming):
+        with _file_errors(self.incoming):
             handle, name = tempfile.mkstemp(prefix="made-", dir=self.incoming)
             try:
                 with os.fdopen(handle, "wb") as stream:
@@ -151,42 +151,39 @@ class EvidenceFolder:
                 _log.error("the file %s kept as evidence is %s", name, state.value)
         return tuple(found)
 
-    def take(self, sha256: str, others: Sequence[EvidenceFolder], *, link: bool = False) -> FileState:
+    def take(self, sha256: str, other: EvidenceFolder, *, link: bool = False) -> FileState:
         """Have a file as well that another folder keeps; whoever takes files puts them on the disk (`os.sync`).
 
         Args:
             sha256: its hash.
-            others: tried in this order, until one has it whole.
-            link: to the file of another folder, where it is on the same disk; else it is copied.
+            other: that keeps it.
+            link: to the other's file, where it is on the same disk; else it is copied.
 
         Returns:
-            Of the file here; else what the last of the others has in its place.
+            The file's state here; else what the other has in its place.
 
         Raises:
             FileError: it cannot be written.
         """
-        target, state = self.path(sha256), FileState.MISSING
+        target = self.path(sha256)
         if target.exists() and self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE
-        with _trouble_told(target):
+        if (state := other.state(sha256)) is not FileState.WHOLE:
+            return state
+        with _file_errors(target):
             target.parent.mkdir(mode=0o700, exist_ok=True)
-            for other in others:
-                state = other.state(sha256)
-                if state is not FileState.WHOLE:
-                    continue
-                target.unlink(missing_ok=True)
-                if link:
-                    with contextlib.suppress(OSError):
-                        os.link(other.path(sha256), target)
-                        return state
-                part = self.incoming / sha256
-                shutil.copyfile(other.path(sha256), part)
-                part.chmod(0o600)
-                with part.open("rb") as copy:
-                    if hashlib.file_digest(copy, "sha256").hexdigest() != sha256:
-                        raise OSError(errno.EIO, "the copy is not what was copied")
-                os.replace(part, target)
-                return state
+            target.unlink(missing_ok=True)
+            if link:
+                with contextlib.suppress(OSError):
+                    os.link(other.path(sha256), target)
+                    return state
+            part = self.incoming / sha256
+            shutil.copyfile(other.path(sha256), part)
+            part.chmod(0o600)
+            with part.open("rb") as copy:
+                if hashlib.file_digest(copy, "sha256").hexdigest() != sha256:
+                    raise OSError(errno.EIO, "the copy is not what was copied")
+            os.replace(part, target)
         return state
 
     def check_room(self) -> None:
@@ -195,7 +192,7 @@ class EvidenceFolder:
         Raises:
             FileError: they cannot, and why.
         """
-        with _trouble_told(self.root):
+        with _file_errors(self.root):
             if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             with tempfile.TemporaryFile(dir=self.incoming) as probe:
@@ -209,7 +206,7 @@ class EvidenceFolder:
         Raises:
             FileError: it cannot be made.
         """
-        with _trouble_told(self.incoming):
+        with _file_errors(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
@@ -326,7 +323,7 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
 
 
 @contextlib.contextmanager
-def _trouble_told(path: Path) -> Iterator[None]:
+def _file_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

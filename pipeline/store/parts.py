@@ -1,11 +1,25 @@
-"""What is written of a part, each in one transaction: received, read, reviewed, noted."""
+"""What is written of a part, each in one transaction: received, read, waiting for touch, noted.
+
+received --camera is unsure--> touch_needed --felt, or a scan is sent-----> accepted, review     (`add_readings`)
+                                           \\-nobody has, until its time--> review               (`give_up_touch`)
+
+Idempotency keys: a request that is sent again, or a run that is given again, is carried out once.
+
+* A key is written in the transaction that writes the part it made: both are there, or neither.
+* Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
+* A key stands for one request: what it asked for is kept as its fingerprint, and whoever asks compares.
+* Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of runs
+  are kept for good.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from datetime import datetime
+from hashlib import sha256
+from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
@@ -15,16 +29,26 @@ from pipeline.common.records import EvidenceRecord, PartRecord, PartState, Shado
 from pipeline.common.serial_rules import SerialRules
 from pipeline.store import tables
 from pipeline.store.database import Transaction
-from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit
-from pipeline.store.idempotency import IdempotencyKey, claim, refuse_if_done
-from pipeline.store.outbox import put_in_outbox
-from pipeline.store.rows import check_id, no_part, part_by_id
-from pipeline.store.serials import ask_alone, objections, with_objections
-from pipeline.store.tables import events, parts
+from pipeline.store.errors import (
+    MAX_ROWS,
+    AlreadyDoneError,
+    ConflictError,
+    UnfitError,
+    cleaned,
+    fit,
+    fit_limit,
+)
+from pipeline.store.rows import READ, Event, add_events, listed, part_by_id, write_part
+from pipeline.store.serials import ask_alone, objections
+from pipeline.store.tables import idempotency as keys
+from pipeline.store.tables import parts
 
-_SHA256 = re.compile("[0-9a-f]{64}")
-Event = tuple[str, Mapping[str, Any]]
 ANY_SERIAL = SerialRules()
+AUDIT_WAITS = "waiting"
+_SHA256 = re.compile("[0-9a-f]{64}")
+_WAITS = parts.c.state == PartState.TOUCH_NEEDED
+# begins the fingerprint of a run's part; those of requests are hexadecimal
+_RUN = "run "
 
 
 def add_part(
@@ -78,48 +102,27 @@ def add_part(
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
     if rules.any:
         ask_alone(tx)
-    refuse_if_done(tx, idempotency)
-    row = {
-        "id": part_id,
+    given: dict[str, Any] = {
         "name": fit(name, "the name"),
-        "name_folded": name.casefold(),
-        "text": "",
-        "text_folded": "",
         "expected": fit(expected, "the text expected"),
         "database": fit(database, "the name of the database"),
         "job": fit(job, "the name of the job"),
         "line": fit(line, "the name of the line"),
-        "state": state,
-        "created_at": tx.now,
-        "changed_at": tx.now,
-        "fell_back": False,
-        "by_camera": False,
-        "rejected": False,
     }
-    if not tx.insert_if_new(parts, row):
-        raise ConflictError(f"there is a part {part_id} already", hint="take a new id")
-    claim(tx, idempotency, part_id)
-    given = {"name": name, "expected": expected, "database": database, "job": job, "line": line}
-    add_events(tx, part_id, [("received", given)])
-    if state is PartState.TOUCH_NEEDED and touch is not None:
-        waits = {"touch_by_stage": touch.by_stage, "touch_until": touch.until}
-        tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**waits))
-    after = (("not_felt", {"why": not_felt}),) if not_felt else ()
-    asked = plan is not None
-    return _add(
-        tx,
-        part_id,
-        state,
-        readings,
-        evidence,
-        plan,
-        targets,
-        shadow,
-        asked=asked,
-        after=after,
-        audit=audit,
-        rules=rules,
+    part = PartRecord(
+        id=part_id, state=state, text="", created_at=tx.now, changed_at=tx.now, touch=touch, **given
     )
+    came = _read(tx, part, state, readings, plan, shadow, audit, rules)
+    happened = [
+        ("received", given),
+        *came.happened,
+        *((("not_felt", {"why": not_felt}),) if not_felt else ()),
+    ]
+    figures = {"fell_back": False, "by_camera": False, "rejected": False, **came.figures}
+    part = write_part(tx, came.part, happened, targets=targets, new=True, figures=figures)
+    _keep_files(tx, part_id, evidence)
+    _claim_key(tx, idempotency, part_id)
+    return part
 
 
 def add_readings(
@@ -144,117 +147,75 @@ def add_readings(
     """
     if rules.any:
         ask_alone(tx)
-    lock_part(tx, part_id)
-    refuse_if_done(tx, idempotency)
-    part = part_by_id(tx, part_id)
+    part = part_by_id(tx, part_id, lock=True)
+    _claim_key(tx, idempotency, part_id)
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(
             f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review if it is wrong"
         )
-    claim(tx, idempotency, part_id)
-    asked = plan is not None or part.plan is not None
-    return _add(
-        tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, audit=audit, rules=rules
-    )
+    came = _read(tx, part, state, readings, plan, shadow, audit, rules)
+    if came.part.state is not PartState.ACCEPTED:  # nothing is left to audit
+        came.figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
+    _keep_files(tx, part_id, evidence)
+    return write_part(tx, came.part, came.happened, targets=targets, figures=came.figures)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
-    """Note that something happened to a part."""
-    lock_part(tx, part_id)
-    add_events(tx, part_id, [(fit(kind, "the kind of the event", limit=32), data)])
-    tx.execute(sa.update(parts).where(parts.c.id == part_id).values(changed_at=tx.now))
+    """Note that something has happened to a part."""
+    part = part_by_id(tx, part_id, lock=True)
+    write_part(tx, part, [(fit(kind, "the kind of the event", limit=32), data)])
 
 
-def lock_part(tx: Transaction, part_id: str) -> None:
-    """Keep every other writer from a part until the transaction ends.
-
-    A statement of its own: PostgreSQL would join the row that it waited for with readings of before the wait.
-
-    Raises:
-        NotFoundError: there is no such part.
-    """
-    check_id(part_id)
-    locked = sa.select(parts.c.id).where(parts.c.id == part_id).with_for_update()
-    if tx.execute(locked).one_or_none() is None:
-        raise no_part(part_id)
+class _Read(NamedTuple):
+    part: PartRecord
+    happened: list[Event]
+    figures: dict[str, Any]
 
 
-def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
-    """Write down what happened, in order; with it, all that the transaction writes of the part is sealed."""
-    tx.written.add(part_id)
-    rows = [{"part_id": part_id, "at": tx.now, "kind": kind, "data": dict(data)} for kind, data in happened]
-    if rows:
-        tx.execute(sa.insert(events), rows)
-
-
-def _add(
+def _read(
     tx: Transaction,
-    part_id: str,
+    part: PartRecord,
     state: PartState,
     readings: Sequence[ReadingRecord],
-    evidence: Sequence[EvidenceRecord],
     plan: ScanPlanRecord | None,
-    targets: Sequence[str],
     shadow: ShadowRecord | None,
-    *,
-    asked: bool,
     audit: bool,
     rules: SerialRules,
-    after: Sequence[Event] = (),
-) -> PartRecord:
+) -> _Read:
+    """A part as it stands after readings, what has happened, and the figures that have changed."""
+    readings, alarms = [replace(reading, at=tx.now) for reading in readings], list[Event]()
     if state is PartState.ACCEPTED and readings and rules.any:
-        state, readings, alarms = _among_serials(tx, part_id, readings, rules)
-        after = (*after, *alarms)
-    touch_needed = state is PartState.TOUCH_NEEDED
-    felt = any(reading.source != "vision" for reading in readings)
-    changes: dict[str, Any] = {"state": state, "changed_at": tx.now, "plan": None}
-    if plan is not None and not felt:
-        changes["plan"] = to_json(plan)
-    if touch_needed or (asked and felt):
-        changes["fell_back"] = True
-    for reading in readings:
-        changes["reading_id"] = _insert_reading(tx, part_id, reading)
-    if readings:
-        last = readings[-1]
-        changes |= text_columns("" if touch_needed else last.text)
-        changes["by_camera"] = state is PartState.ACCEPTED and last.source == "vision"
-        changes["rejected"] = last.decision == "reject"
-    if shadow is not None:
-        changes |= {"agreement": shadow.agreement, "would_be": shadow.would_be}
-    tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**changes))
-    for file in evidence:
-        tx.execute(sa.insert(tables.evidence).values(part_id=part_id, at=tx.now, **_evidence_row(file)))
-    add_events(tx, part_id, [*_events(state, readings, plan, shadow), *after])
+        against = objections(tx, rules, replace(part, text=cleaned(readings[-1].text)))
+        for one in against:
+            alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
+            if one.of:  # of two that bear one serial either may be the wrong one
+                part_by_id(tx, one.of, lock=True)
+                add_events(tx, one.of, [("serial_again", {"part": part.id, "text": readings[-1].text})])
+        if against:
+            state = PartState.REVIEW
+            messages = (*readings[-1].messages, *(one.why for one in against))
+            readings[-1] = replace(readings[-1], messages=messages)
+    waits, felt = state is PartState.TOUCH_NEEDED, any(reading.source != "vision" for reading in readings)
+    figures: dict[str, Any] = {}
+    if waits or (felt and (plan is not None or part.plan is not None)):
+        figures["fell_back"] = True
     if audit and state is PartState.ACCEPTED:
         # nothing is said of it in the history, which whoever audits it may look at
-        tx.insert_if_new(tables.audits, {"part_id": part_id, "at": tx.now})
-    part = part_by_id(tx, part_id)
-    put_in_outbox(tx, part, targets)
-    return part
-
-
-def _among_serials(
-    tx: Transaction, part_id: str, readings: Sequence[ReadingRecord], rules: SerialRules
-) -> tuple[PartState, Sequence[ReadingRecord], list[Event]]:
-    """Where a part goes that is read surely, by its serial among the others; and what happened."""
-    *before, last = readings
-    part = part_by_id(tx, part_id)
-    against = objections(tx, rules, part_id, cleaned(last.text), name=part.name, line=part.line, job=part.job)
-    if not against:
-        return PartState.ACCEPTED, readings, []
-    for one in against:
-        if one.of:  # of two that bear one serial either may be the wrong one
-            lock_part(tx, one.of)
-            add_events(tx, one.of, [("serial_again", {"part": part_id, "text": last.text})])
-    alarms: list[Event] = [("serial_alarm", {"alarm": one.alarm, "why": one.why}) for one in against]
-    return PartState.REVIEW, (*before, with_objections(last, against)), alarms
-
-
-def text_columns(text: str) -> dict[str, str]:
-    """The serial as it stands, and as it is searched."""
-    text = cleaned(text)
-    return {"text": text, "text_folded": text.casefold()}
+        figures["audit"] = AUDIT_WAITS
+    part = replace(
+        part,
+        state=state,
+        plan=None if felt else plan,
+        touch=part.touch or TouchWait(False, None) if waits else None,
+        shadow=shadow or part.shadow,
+    )
+    if readings:
+        last = readings[-1]
+        part = replace(part, reading=last, text="" if waits else last.text)
+        figures["by_camera"] = state is PartState.ACCEPTED and last.source == "vision"
+        figures["rejected"] = last.decision == "reject"
+    return _Read(part, [*_events(state, readings, plan, shadow), *alarms], figures)
 
 
 def _events(
@@ -263,51 +224,139 @@ def _events(
     plan: ScanPlanRecord | None,
     shadow: ShadowRecord | None,
 ) -> list[Event]:
-    happened: list[Event] = [
-        ("read", {"source": r.source, "text": r.text, "decision": r.decision, "confidence": r.confidence})
-        for r in readings
-    ]
+    happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
     if plan is not None:
         # what came after the camera's reading was scanned because of it
-        by_touch = [k for k, r in enumerate(readings) if r.source != "vision"]
-        place = by_touch[0] if by_touch else len(happened)
-        happened.insert(place, ("touch_needed", {"reason": plan.reason, "seconds": plan.seconds}))
+        by_touch = (k for k, reading in enumerate(readings) if reading.source != "vision")
+        touched = ("touch_needed", {"reason": plan.reason, "seconds": plan.seconds})
+        happened.insert(next(by_touch, len(happened)), touched)
     elif state is PartState.TOUCH_NEEDED:
         happened.append(("touch_needed", {}))
     if shadow is not None:
-        happened.append(("compared", {"agreement": shadow.agreement, "would_be": shadow.would_be}))
+        happened.append(("compared", to_json(shadow)))
     return happened
 
 
-def _insert_reading(tx: Transaction, part_id: str, reading: ReadingRecord) -> int:
-    made = tx.execute(
-        sa.insert(tables.readings).values(
-            part_id=part_id,
-            at=tx.now,
-            source=reading.source,
-            text=cleaned(reading.text),
-            decision=reading.decision,
-            confidence=reading.confidence,
-            seconds=reading.seconds,
-            record=to_json(replace(reading, at=None)),
-        )
-    )
-    key = made.inserted_primary_key
-    assert key is not None
-    return int(key[0])
+def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) -> None:
+    for file in files:
+        if _SHA256.fullmatch(file.sha256) is None:
+            raise UnfitError(
+                f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 hexadecimal digits in lower case"
+            )
+        texts = {"name": cleaned(file.name), "media_type": cleaned(file.media_type)}
+        row = {**vars(file), **texts, "meta": dict(file.meta), "part_id": part_id, "at": tx.now}
+        tx.execute(sa.insert(tables.evidence).values(**row))
 
 
-def _evidence_row(file: EvidenceRecord) -> dict[str, Any]:
-    if _SHA256.fullmatch(file.sha256) is None:
-        raise UnfitError(
-            f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 hexadecimal digits in lower case"
+# ---- parts that wait for touch
+
+
+class Waiting(NamedTuple):
+    """A part that waits for touch.
+
+    Attributes:
+        part_id: of the part.
+        changed_at: when anything last happened to it.
+        until: when its time is up; None where no time was set.
+    """
+
+    part_id: str
+    changed_at: datetime
+    until: datetime | None
+
+
+def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
+    """All parts that wait for touch, whoever is to feel them, oldest first."""
+    asked = sa.select(parts.c.id, parts.c.changed_at, parts.c.touch_until).where(_WAITS)
+    return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(fit_limit(limit))))
+
+
+def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[PartRecord, ...]:
+    """Parts of a line that its stage is to feel, oldest first."""
+    ids = sa.select(parts.c.id).where(_WAITS, parts.c.touch_by_stage.is_(True), parts.c.line == line)
+    return listed(tx, ids.order_by(parts.c.id).limit(fit_limit(limit)))
+
+
+def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:
+    """Have the stage of a line feel a part that waits for touch, whoever was to.
+
+    Raises:
+        ConflictError: it does not wait for touch.
+    """
+    part = _locked_waiting(tx, part_id)
+    return write_part(tx, replace(part, line=line, touch=TouchWait(True, until)))
+
+
+def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
+    """Leave a part to a person, for nobody has felt it; it keeps its plan, and a scan may still be sent.
+
+    Raises:
+        ConflictError: it does not wait for touch.
+    """
+    part = _locked_waiting(tx, part_id)
+    text = part.text if part.reading is None else part.reading.text
+    part = replace(part, state=PartState.REVIEW, text=text, touch=None)
+    return write_part(tx, part, [("not_felt", {"why": why})], targets=targets)
+
+
+def _locked_waiting(tx: Transaction, part_id: str) -> PartRecord:
+    part = part_by_id(tx, part_id, lock=True)
+    if part.state is not PartState.TOUCH_NEEDED:
+        raise ConflictError(
+            f"the part {part_id} does not wait for touch; it is {part.state.value}", hint="look at it again"
         )
-    return {
-        "kind": file.kind,
-        "sha256": file.sha256,
-        "n_bytes": file.n_bytes,
-        "name": cleaned(file.name),
-        "media_type": cleaned(file.media_type),
-        "meta": dict(file.meta),
-        "gone": file.gone,
-    }
+    return part
+
+
+# ---- idempotency keys
+
+
+@dataclass(frozen=True)
+class IdempotencyKey:
+    """How a request that is sent again is known.
+
+    Attributes:
+        key: of the request, with whose it is.
+        fingerprint: of what it asks for: another one under the same key is another request.
+    """
+
+    key: str
+    fingerprint: str
+
+    @classmethod
+    def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
+        """The key of a part of a run.
+
+        Args:
+            run: hash of what the run's readings depend on.
+            part: name of the part.
+            digest: SHA-256 of what its files hold.
+        """
+        return cls(f"run {run} {digest} {part}", f"{_RUN}{digest}")
+
+
+def remembered(tx: Transaction, key: str) -> tuple[str, str] | None:
+    """(fingerprint, part id) of the request with that idempotency key; None if there was none."""
+    asked = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == _hash(key))
+    row = tx.execute(asked).one_or_none()
+    return None if row is None else (row.fingerprint, row.part_id)
+
+
+def forget_keys(tx: Transaction, before: datetime) -> int:
+    """Forget idempotency keys of requests of before a time, and say how many."""
+    of_request = keys.c.fingerprint.not_like(f"{_RUN}%")
+    return tx.execute(sa.delete(keys).where(keys.c.at < before, of_request)).rowcount
+
+
+def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> None:
+    """Take the key for a part; waits for a racing request with that key until it is known whether it is done."""
+    if asked is None:
+        return
+    fingerprint = fit(asked.fingerprint, "the fingerprint")
+    row = {"key_hash": _hash(asked.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
+    if not tx.insert_if_new(keys, row) and (done := remembered(tx, asked.key)) is not None:
+        raise AlreadyDoneError(part_id=done[1], fingerprint=done[0])
+
+
+def _hash(key: str) -> str:
+    return sha256(key.encode("utf-8", "surrogatepass")).hexdigest()

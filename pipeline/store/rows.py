@@ -1,142 +1,220 @@
-"""Rows of the store's tables as records."""
+"""A part's row and what belongs to it: read, locked, written, with the files that parts need."""
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import Any
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Row
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord, from_json
-from pipeline.common.records import (
-    Agreement,
-    EventRecord,
-    EvidenceKind,
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-    ReviewAction,
-    ReviewRecord,
-    ShadowRecord,
-    TouchWait,
-)
-from pipeline.store.database import Transaction
-from pipeline.store.errors import NotFoundError
-from pipeline.store.tables import events, evidence, parts, readings, reviews
+from pipeline.common.reading_records import ReadingRecord, from_json, to_json
+from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
+from pipeline.store.database import Transaction, json_text
+from pipeline.store.errors import ConflictError, NotFoundError, fit_limit
+from pipeline.store.outbox import put_in_outbox
+from pipeline.store.tables import events, evidence, parts
+
+T = TypeVar("T")
+Event = tuple[str, Mapping[str, Any]]
+READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "audited"
+# an event of these kinds keeps a whole record, of which the history tells this much
+_TOLD = {
+    READ: ("source", "text", "decision", "confidence"),
+    REVIEWED: ("action", "before", "after", "who"),
+    HALF_REVIEWED: ("who",),  # not what was said: the next person is not to know
+    AUDITED: ("who", "before", "after", "note"),
+}
 
 
-def select_parts() -> sa.Select[Any]:
-    """Parts with their last reading and review, as `part_of` wants them."""
-    read = parts.outerjoin(readings, parts.c.reading_id == readings.c.id)
-    return sa.select(
-        parts,
-        readings.c.record.label("read_record"),
-        readings.c.at.label("read_at"),
-        *(reviews.c[name].label(f"review_{name}") for name in _REVIEW),
-    ).select_from(read.outerjoin(reviews, parts.c.review_id == reviews.c.id))
-
-
-_REVIEW = ("action", "before", "after", "who", "token", "note", "at")
-
-
-def part_of(row: Row[Any]) -> PartRecord:
-    """The part of a row of `select_parts`."""
-    return PartRecord(
-        id=row.id,
-        name=row.name,
-        state=PartState(row.state),
-        text=row.text,
-        created_at=row.created_at,
-        changed_at=row.changed_at,
-        reading=None if row.read_record is None else _reading(row.read_record, row.read_at),
-        expected=row.expected,
-        database=row.database,
-        job=row.job or "",
-        line=row.line or "",
-        plan=None if row.plan is None else from_json(ScanPlanRecord, row.plan),
-        touch=TouchWait(bool(row.touch_by_stage), row.touch_until)
-        if row.state == PartState.TOUCH_NEEDED
-        else None,
-        review=None if row.review_id is None else review_of(row, "review_"),
-        shadow=None
-        if row.agreement is None
-        else ShadowRecord(Agreement(row.agreement), PartState(row.would_be)),
-    )
-
-
-def part_by_id(tx: Transaction, part_id: str) -> PartRecord:
+def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartRecord:
     """A part as it stands.
+
+    Args:
+        tx: the transaction.
+        part_id: of which part.
+        lock: keep every other writer from it until the transaction ends.
 
     Raises:
         NotFoundError: there is none of that id.
     """
-    check_id(part_id)
-    row = tx.execute(select_parts().where(parts.c.id == part_id)).one_or_none()
-    if row is None:
-        raise no_part(part_id)
-    return part_of(row)
+    asked = sa.select(parts.c.record).where(parts.c.id == part_id)
+    found = (
+        tx.execute(asked.with_for_update() if lock else asked).one_or_none() if is_part_id(part_id) else None
+    )
+    if found is None:
+        raise _no_part(part_id)
+    return from_json(PartRecord, found.record)
 
 
-def check_id(part_id: str) -> None:
-    """Check that a part may have that id.
+def listed(tx: Transaction, ids: sa.Select[Any], *, newest_first: bool = False) -> tuple[PartRecord, ...]:
+    """The parts whose ids a query gives, by their ids."""
+    found = tx.execute(sa.select(parts.c.record).where(parts.c.id.in_(ids))).scalars()
+    records = (from_json(PartRecord, record) for record in found)
+    return tuple(sorted(records, key=lambda part: part.id, reverse=newest_first))
+
+
+def searched(part: PartRecord) -> dict[str, Any]:
+    """The columns of a part's row that follow from its record."""
+    touch, shadow = part.touch, part.shadow
+    return {
+        "id": part.id,
+        "state": part.state,
+        "created_at": part.created_at,
+        "changed_at": part.changed_at,
+        "name_folded": part.name.casefold(),
+        "text_folded": part.text.casefold(),
+        "job": part.job,
+        "line": part.line,
+        "touch_by_stage": None if touch is None else touch.by_stage,
+        "touch_until": None if touch is None else touch.until,
+        "agreement": None if shadow is None else shadow.agreement,
+        "would_be": None if shadow is None else shadow.would_be,
+    }
+
+
+def write_part(
+    tx: Transaction,
+    part: PartRecord,
+    happened: Sequence[Event] = (),
+    *,
+    targets: Sequence[str] = (),
+    new: bool = False,
+    figures: Mapping[str, Any] = MappingProxyType({}),
+) -> PartRecord:
+    """Write a part as it stands and what has happened to it, and have it sent; its record is serialised once.
+
+    Args:
+        tx: the transaction; it has the part locked unless it is new.
+        part: as it stands now.
+        happened: in order.
+        targets: where it is published.
+        new: insert it.
+        figures: columns that do not follow from its record.
+
+    Returns:
+        The part as it is stored: characters that no database holds are replaced.
 
     Raises:
-        NotFoundError: it has not the form of one.
+        ConflictError: it is not new.
     """
-    if not is_part_id(part_id):
-        raise no_part(part_id)
+    part = replace(part, changed_at=tx.now)
+    record = json_text(to_json(part))
+    if "\\ufffd" in record:
+        part = from_json(PartRecord, json.loads(record))
+    row = {**searched(part), **figures, "record": record}
+    if not new:
+        tx.execute(sa.update(parts).where(parts.c.id == part.id).values(**row))
+    elif not tx.insert_if_new(parts, row):
+        raise ConflictError(f"there is a part {part.id} already", hint="take a new id")
+    add_events(tx, part.id, happened)
+    put_in_outbox(tx, part.id, targets, record)
+    return part
 
 
-def no_part(part_id: str) -> NotFoundError:
-    """What to raise where a part is asked for that is not there."""
-    return NotFoundError(f"there is no part {part_id[:40]!r}", hint="check the id")
+def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
+    """Write down what has happened to a part, in order."""
+    rows = [
+        {
+            "part_id": part_id,
+            "at": tx.now,
+            "kind": kind,
+            "actor": data["source"] if kind == READ else signature(**data) if kind == HALF_REVIEWED else None,
+            "seconds": data["seconds"] if kind == READ else None,
+            "data": dict(data),
+        }
+        for kind, data in happened
+    ]
+    if rows:
+        tx.execute(sa.insert(events), rows)
 
 
-def readings_of(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
-    """A part's readings, the first one first."""
-    return tuple(_reading(row.record, row.at) for row in _rows_of(tx, part_id, readings))
+def signature(*, who: str, token: str, **_: Any) -> str:
+    """By what a person is known again: the token, without one the name."""
+    return f"token {token}" if token else f"name {who}"
 
 
-def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
-    """A part's files, the first one first, also those that are gone."""
-    return tuple(evidence_record(row) for row in _rows_of(tx, part_id, evidence))
-
-
-def reviews_of(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
-    """What people said of a part, the first one first."""
-    return tuple(review_of(row) for row in _rows_of(tx, part_id, reviews))
-
-
-def events_of(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
-    """What happened to a part, in order."""
-    return tuple(EventRecord(row.at, row.kind, row.data) for row in _rows_of(tx, part_id, events))
-
-
-def _rows_of(tx: Transaction, part_id: str, table: sa.Table) -> list[Row[Any]]:
-    """A part's rows in a table, in the order they were written.
+def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[Row[*tuple[Any, ...]]]:
+    """A part's events, in order; of these kinds, if any are given.
 
     Raises:
         NotFoundError: there is no such part.
     """
-    check_id(part_id)
-    if tx.execute(sa.select(parts.c.id).where(parts.c.id == part_id)).one_or_none() is None:
-        raise no_part(part_id)
-    return list(tx.execute(sa.select(table).where(table.c.part_id == part_id).order_by(table.c.id)))
+    asked = sa.select(events).where(events.c.part_id == part_id).order_by(events.c.id)
+    rows = tx.execute(asked).all() if is_part_id(part_id) else ()
+    if not rows:  # every part was received
+        raise _no_part(part_id)
+    return [row for row in rows if not kinds or row.kind in kinds]
 
 
-def _reading(record: Any, at: Any) -> ReadingRecord:
-    return replace(from_json(ReadingRecord, record), at=at)
+def history(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
+    """What has happened to a part, in order."""
+    rows = happened_to(tx, part_id)
+    told = ({name: row.data[name] for name in _TOLD.get(row.kind, row.data)} for row in rows)
+    return tuple(EventRecord(row.at, row.kind, data) for row, data in zip(rows, told, strict=True))
 
 
-def review_of(row: Row[Any], prefix: str = "") -> ReviewRecord:
-    """The review of a row whose columns bear that prefix."""
-    values = {name: getattr(row, prefix + name) for name in _REVIEW}
-    return ReviewRecord(**{**values, "action": ReviewAction(values["action"])})
+def readings(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
+    """A part's readings, the first one first."""
+    return tuple(from_json(ReadingRecord, row.data) for row in happened_to(tx, part_id, READ))
 
 
-def evidence_record(row: Row[Any]) -> EvidenceRecord:
-    """The file of a row of its table."""
-    values = {field.name: getattr(row, field.name) for field in fields(EvidenceRecord)}
-    return EvidenceRecord(**{**values, "kind": EvidenceKind(row.kind)})
+def reviews(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
+    """What people have said of a part, the first one first."""
+    rows = happened_to(tx, part_id, REVIEWED, HALF_REVIEWED)
+    return tuple(from_json(ReviewRecord, row.data) for row in rows)
+
+
+def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
+    """A part's files, the first one first, also those that are gone."""
+    asked = sa.select(evidence).where(evidence.c.part_id == part_id).order_by(evidence.c.id)
+    rows = tx.execute(asked).all() if is_part_id(part_id) else ()
+    if not rows:
+        part_by_id(tx, part_id)
+    return tuple(record_of(EvidenceRecord, row) for row in rows)
+
+
+def evidence_before(
+    tx: Transaction, when: datetime, limit: int = 200
+) -> tuple[tuple[str, EvidenceRecord], ...]:
+    """(part id, file) of files from before a time that are still kept, oldest first."""
+    kept = sa.select(evidence).where(evidence.c.gone.is_(False), evidence.c.at < when)
+    rows = tx.execute(kept.order_by(evidence.c.at, evidence.c.id).limit(fit_limit(limit)))
+    return tuple((row.part_id, record_of(EvidenceRecord, row)) for row in rows)
+
+
+def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> bool:
+    """Note that a part's file is no longer kept; True if no part needs that file any more."""
+    part = part_by_id(tx, part_id, lock=True)
+    mine = sa.and_(evidence.c.part_id == part_id, evidence.c.sha256 == sha256, evidence.c.gone.is_(False))
+    if kinds := sorted(set(tx.execute(sa.select(evidence.c.kind).where(mine)).scalars())):
+        tx.execute(sa.update(evidence).where(mine).values(gone=True))
+        write_part(tx, part, [("evidence_expired", {"sha256": sha256, "kinds": kinds})])
+    return not needed_hashes(tx, (sha256,))
+
+
+def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
+    """Which of the files of these hashes are still needed."""
+    kept = evidence.c.gone.is_(False)
+    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256.in_(list(hashes)), kept)
+    return frozenset(tx.execute(asked.distinct()).scalars())
+
+
+def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple[str, ...]:
+    """Hashes of files that are still needed, in order, from one on."""
+    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
+    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(fit_limit(limit))).scalars())
+
+
+def record_of(kind: type[T], row: Row[*tuple[Any, ...]]) -> T:
+    """The record whose fields are columns of a row."""
+    return from_json(kind, dict(row._mapping))
+
+
+def _no_part(part_id: str) -> NotFoundError:
+    return NotFoundError(f"there is no part {part_id[:40]!r}", hint="check the id")

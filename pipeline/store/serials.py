@@ -6,20 +6,19 @@ a lock of its own until its transaction ends, so that of two services one is fir
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import sqlalchemy as sa
 
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import PartState
+from pipeline.common.records import PartRecord, PartState
 from pipeline.common.serial_rules import WINDOW, Objection, SerialAlarm, SerialRules
 from pipeline.store.database import Transaction
-from pipeline.store.tables import parts, readings
+from pipeline.store.tables import parts
 
 _LOCK = 0x5E81A1
+# parts among which those are looked for that were read surely
 _LOOKED_BACK = 4 * WINDOW
-"""Parts among which those are looked for that were read surely."""
 _BEARS = (PartState.ACCEPTED, PartState.REVIEWED)
+_NAME, _TEXT = parts.c.record["name"].as_string(), parts.c.record["text"].as_string()
+_READ, _DECISION = (parts.c.record["reading", name].as_string() for name in ("text", "decision"))
 
 
 def ask_alone(tx: Transaction) -> None:
@@ -29,51 +28,39 @@ def ask_alone(tx: Transaction) -> None:
         tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
 
 
-def objections(
-    tx: Transaction, rules: SerialRules, part_id: str, text: str, *, name: str, line: str, job: str
-) -> tuple[Objection, ...]:
+def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[Objection, ...]:
     """What speaks against the serial of a part that is read surely.
 
     Args:
         tx: the transaction that writes it.
         rules: what is asked.
-        part_id: of the part.
-        text: its serial.
-        name: what the line calls it; a part that is read again under its name is no second one.
-        line: that it comes from.
-        job: that it was read by.
+        part: with its serial; a part that is read again under its name is no second one.
     """
-    found = [rules.by_order(text)]
+    found = [rules.by_order(part.text)]
     if rules.duplicates:
-        found.append(_read_before(tx, part_id, text, name))
+        found.append(_read_before(tx, part))
     if rules.jump:
-        found.append(rules.by_place(text, _before(tx, part_id, line, job)))
+        found.append(rules.by_place(part.text, _before(tx, part)))
     return tuple(one for one in found if one is not None)
 
 
-def with_objections(reading: ReadingRecord, against: tuple[Objection, ...]) -> ReadingRecord:
-    """The reading with what speaks against its serial among its messages."""
-    return replace(reading, messages=(*reading.messages, *(one.why for one in against)))
-
-
-def _read_before(tx: Transaction, part_id: str, text: str, name: str) -> Objection | None:
-    bears = sa.select(parts.c.id, parts.c.name, parts.c.text).where(
-        parts.c.text_folded == text.casefold(), parts.c.state.in_(_BEARS), parts.c.id != part_id
+def _read_before(tx: Transaction, part: PartRecord) -> Objection | None:
+    bears = sa.select(parts.c.id, _NAME.label("name"), _TEXT.label("text")).where(
+        parts.c.text_folded == part.text.casefold(), parts.c.state.in_(_BEARS), parts.c.id != part.id
     )
     for row in tx.execute(bears.order_by(parts.c.id.desc()).limit(WINDOW)):
-        if row.text == text and not (name and row.name == name):
+        if row.text == part.text and not (part.name and row.name == part.name):
             of = row.name if row.name else f"the part {row.id}"
-            return Objection(SerialAlarm.READ_BEFORE, f"{text} was read before, of {of}", row.id)
+            return Objection(SerialAlarm.READ_BEFORE, f"{part.text} was read before, of {of}", row.id)
     return None
 
 
-def _before(tx: Transaction, part_id: str, line: str, job: str) -> list[tuple[int, str]]:
+def _before(tx: Transaction, part: PartRecord) -> list[tuple[int, str]]:
     """(how many parts before, serial) of the latest parts of a line and job that were read surely."""
-    same = (sa.func.coalesce(parts.c.line, "") == line, sa.func.coalesce(parts.c.job, "") == job)
     query = (
-        sa.select(parts.c.state, parts.c.text, readings.c.decision, readings.c.text.label("read"))
-        .select_from(parts.outerjoin(readings, parts.c.reading_id == readings.c.id))
-        .where(parts.c.id < part_id, parts.c.state != PartState.SHADOW, *same)
+        sa.select(parts.c.state, _TEXT.label("text"), _READ.label("read"), _DECISION.label("decision"))
+        .where(parts.c.id < part.id, parts.c.state != PartState.SHADOW)
+        .where(parts.c.line == part.line, parts.c.job == part.job)
         .order_by(parts.c.id.desc())
         .limit(_LOOKED_BACK)
     )

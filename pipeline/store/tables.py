@@ -1,13 +1,12 @@
 """The tables of the store.
 
-    idempotency >--- parts ---< readings   (*)
-        outbox >-----/  | \\---< reviews    (*)     tokens stand alone
-        claims >-----/  |  |--< events     (*)
-        audits >-----/  |  \\--< seals      (*)     golden stands alone; (*) triggers refuse every change and removal
-        alerts >-----/   \\---< evidence
+    parts ---< events     (read, reviewed, ...: only added to, triggers refuse every change)
+          ---< evidence   (files, each named by its hash)
+          ---< outbox     (results that wait to be sent)
+          ---< idempotency, alerts
+    golden, tokens, sessions
 
-What a part's row holds beside its own (its last reading and review, the columns of the statistics) all follows from the
-rows that never change; it stands there so that lists and figures need no more than an index.
+A part's row holds its record as JSON, as it is answered and published, and the columns that lists and figures search.
 """
 
 from __future__ import annotations
@@ -38,11 +37,9 @@ class UtcTime(sa.TypeDecorator[datetime]):
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
         """To the database."""
-        if value is None:
-            return None
-        if value.tzinfo is None:
+        if value is not None and value.tzinfo is None:
             raise UnfitError(f"the time {value} has no zone", hint="give it in UTC")
-        return value.astimezone(UTC)
+        return None if value is None else value.astimezone(UTC)
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:
         """From the database."""
@@ -52,14 +49,20 @@ class UtcTime(sa.TypeDecorator[datetime]):
         return made.astimezone(UTC)
 
 
+TEXT, FLAG, NUMBER, JSON = sa.Text(), sa.Boolean(), sa.Integer(), sa.JSON()
+WORD, HASH = sa.String(16), sa.String(64)
 # SQLite counts rows by INTEGER PRIMARY KEY alone
 _ROW = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 # ids sort by their bytes, whatever the language of the server
 _PART_ID = sa.String(26).with_variant(sa.String(26, collation="C"), "postgresql")
 
 
-def _row_id() -> sa.Column[int]:
-    return sa.Column("id", _ROW, primary_key=True, autoincrement=True)
+def _key(name: str, kind: sa.types.TypeEngine[Any] = _ROW) -> sa.Column[Any]:
+    return sa.Column(name, kind, primary_key=True, autoincrement=kind is _ROW)
+
+
+def _filled(name: str, kind: sa.types.TypeEngine[Any] | type[UtcTime] = TEXT) -> sa.Column[Any]:
+    return sa.Column(name, kind, nullable=False)
 
 
 def _of_part() -> sa.Column[str]:
@@ -69,150 +72,105 @@ def _of_part() -> sa.Column[str]:
 parts = sa.Table(
     "parts",
     METADATA,
-    sa.Column("id", _PART_ID, primary_key=True),
-    sa.Column("name", sa.Text, nullable=False),
-    sa.Column("state", sa.String(16), nullable=False),
-    sa.Column("text", sa.Text, nullable=False),
+    _key("id", _PART_ID),
+    _filled("state", WORD),
+    _filled("created_at", UtcTime),
+    _filled("changed_at", UtcTime),
     # casefolded, to be searched: the databases differ in what lower case is
-    sa.Column("name_folded", sa.Text, nullable=False),
-    sa.Column("text_folded", sa.Text, nullable=False),
-    sa.Column("expected", sa.Text, nullable=False),
-    sa.Column("database", sa.Text, nullable=False),
-    sa.Column("job", sa.Text),
-    sa.Column("line", sa.Text),
-    sa.Column("plan", sa.JSON(none_as_null=True)),
+    _filled("name_folded"),
+    _filled("text_folded"),
+    _filled("job"),
+    _filled("line"),
     # while it waits for touch: whether the stage of its line is to feel it, and when a person gets it all the same
-    sa.Column("touch_by_stage", sa.Boolean),
+    sa.Column("touch_by_stage", FLAG),
     sa.Column("touch_until", UtcTime),
-    sa.Column("created_at", UtcTime, nullable=False),
-    sa.Column("changed_at", UtcTime, nullable=False),
-    # no foreign keys, for those rows name this one; they are never removed
-    sa.Column("reading_id", _ROW),
-    sa.Column("review_id", _ROW),
-    sa.Column("fell_back", sa.Boolean, nullable=False),
-    sa.Column("by_camera", sa.Boolean, nullable=False),
-    sa.Column("rejected", sa.Boolean, nullable=False),
+    _filled("fell_back", FLAG),
+    _filled("by_camera", FLAG),
+    _filled("rejected", FLAG),
     # after review: whether the reading was right, of how many characters, and how many of them
-    sa.Column("was_right", sa.Boolean),
-    sa.Column("characters", sa.Integer),
-    sa.Column("characters_right", sa.Integer),
+    sa.Column("was_right", FLAG),
+    sa.Column("characters", NUMBER),
+    sa.Column("characters_right", NUMBER),
     # of a part read in shadow mode: whether the line's own reader has said the same, and where it would stand
-    sa.Column("agreement", sa.String(16)),
-    sa.Column("would_be", sa.String(16)),
+    sa.Column("agreement", WORD),
+    sa.Column("would_be", WORD),
+    # of an accepted part drawn to be read by a person as well: waiting, or what came of it
+    sa.Column("audit", WORD),
+    # the person who has it open, and until when the others leave it alone
+    sa.Column("claim_holder", TEXT),
+    sa.Column("claim_who", TEXT),
+    sa.Column("claim_until", UtcTime),
+    # last: SQLite reads a row from its beginning, and lists need not read as far
+    _filled("record", JSON),
+    sa.Index("ix_parts_search", "id", "state", "name_folded", "text_folded", "job", "line", "created_at"),
     sa.Index(None, "state", "id"),
     sa.Index(None, "text_folded"),
     sa.Index(None, "agreement", "id"),
     sa.Index(None, "agreement", "created_at", "would_be"),
+    sa.Index(None, "audit", "id"),
+    sa.Index(None, "audit", "created_at"),
     sa.Index(
         "ix_parts_figures",
-        "created_at",
-        "state",
-        "fell_back",
-        "by_camera",
-        "rejected",
-        "was_right",
-        "characters",
-        "characters_right",
+        *("created_at", "state", "fell_back", "by_camera", "rejected"),
+        *("was_right", "characters", "characters_right"),
     ),
-)
-
-readings = sa.Table(
-    "readings",
-    METADATA,
-    _row_id(),
-    _of_part(),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("source", sa.String(16), nullable=False),
-    sa.Column("text", sa.Text, nullable=False),
-    sa.Column("decision", sa.String(16), nullable=False),
-    sa.Column("confidence", sa.Double, nullable=False),
-    sa.Column("seconds", sa.Double, nullable=False),
-    sa.Column("record", sa.JSON, nullable=False),
-    sa.Index(None, "part_id"),
-    sa.Index(None, "at", "source", "seconds"),
-)
-
-evidence = sa.Table(
-    "evidence",
-    METADATA,
-    _row_id(),
-    _of_part(),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("kind", sa.String(32), nullable=False),
-    sa.Column("sha256", sa.String(64), nullable=False),
-    sa.Column("n_bytes", sa.BigInteger, nullable=False),
-    sa.Column("name", sa.Text, nullable=False),
-    sa.Column("media_type", sa.Text, nullable=False),
-    sa.Column("meta", sa.JSON, nullable=False),
-    sa.Column("gone", sa.Boolean, nullable=False),
-    sa.Index(None, "part_id"),
-    sa.Index(None, "sha256", "gone"),
-    sa.Index(None, "gone", "at"),
-)
-
-reviews = sa.Table(
-    "reviews",
-    METADATA,
-    _row_id(),
-    _of_part(),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("action", sa.String(16), nullable=False),
-    sa.Column("before", sa.Text, nullable=False),
-    sa.Column("after", sa.Text, nullable=False),
-    sa.Column("who", sa.Text, nullable=False),
-    sa.Column("token", sa.Text, nullable=False),
-    sa.Column("note", sa.Text, nullable=False),
-    sa.Index(None, "part_id"),
 )
 
 events = sa.Table(
     "events",
     METADATA,
-    _row_id(),
+    _key("id"),
     _of_part(),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("kind", sa.String(32), nullable=False),
-    sa.Column("data", sa.JSON, nullable=False),
+    _filled("at", UtcTime),
+    _filled("kind", sa.String(32)),
+    # of readings their source and duration, of a first reader's opinion who it was
+    sa.Column("actor", TEXT),
+    sa.Column("seconds", sa.Double),
+    _filled("data", JSON),
     sa.Index(None, "part_id"),
+    sa.Index(None, "kind", "at", "actor", "seconds"),
 )
 
-seals = sa.Table(
-    "seals",
+evidence = sa.Table(
+    "evidence",
     METADATA,
-    _row_id(),
+    _key("id"),
     _of_part(),
-    sa.Column("number", sa.Integer, nullable=False),
-    # the last row that it covers, 0 where there is none
-    *(
-        sa.Column(f"last_{name}", _ROW, nullable=False)
-        for name in ("readings", "reviews", "evidence", "events")
-    ),
-    sa.Column("digest", sa.String(64), nullable=False),
-    sa.UniqueConstraint("part_id", "number"),
+    _filled("at", UtcTime),
+    _filled("kind", sa.String(32)),
+    _filled("sha256", HASH),
+    _filled("n_bytes", sa.BigInteger()),
+    _filled("name"),
+    _filled("media_type"),
+    _filled("meta", JSON),
+    _filled("gone", FLAG),
+    sa.Index(None, "part_id"),
+    sa.Index(None, "sha256", "gone"),
+    sa.Index(None, "gone", "at"),
 )
 
 idempotency = sa.Table(
     "idempotency",
     METADATA,
     # the key's SHA-256: callers choose keys of any length and alphabet
-    sa.Column("key_hash", sa.String(64), primary_key=True),
-    sa.Column("fingerprint", sa.Text, nullable=False),
-    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False),
-    sa.Column("at", UtcTime, nullable=False),
+    _key("key_hash", HASH),
+    _filled("fingerprint"),
+    _of_part(),
+    _filled("at", UtcTime),
     sa.Index(None, "at"),
 )
 
 outbox = sa.Table(
     "outbox",
     METADATA,
-    _row_id(),
+    _key("id"),
     _of_part(),
-    sa.Column("target", sa.String(32), nullable=False),
-    sa.Column("payload", sa.JSON, nullable=False),
-    sa.Column("attempts", sa.Integer, nullable=False),
-    sa.Column("error", sa.Text, nullable=False),
-    sa.Column("created_at", UtcTime, nullable=False),
-    sa.Column("due_at", UtcTime, nullable=False),
+    _filled("target", sa.String(32)),
+    _filled("payload", JSON),
+    _filled("attempts", NUMBER),
+    _filled("error"),
+    _filled("created_at", UtcTime),
+    _filled("due_at", UtcTime),
     # the dispatcher that is at it, and until when the others leave it alone
     sa.Column("owner", sa.String(32)),
     sa.Column("leased_until", UtcTime),
@@ -222,57 +180,28 @@ outbox = sa.Table(
     sqlite_autoincrement=True,
 )
 
-claims = sa.Table(
-    "claims",
-    METADATA,
-    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), primary_key=True),
-    sa.Column("holder", sa.Text, nullable=False),
-    sa.Column("who", sa.Text, nullable=False),
-    sa.Column("until", UtcTime, nullable=False),
-)
-
-audits = sa.Table(
-    "audits",
-    METADATA,
-    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), primary_key=True),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("done_at", UtcTime),
-    sa.Column("who", sa.Text),
-    sa.Column("token", sa.Text),
-    sa.Column("action", sa.String(16)),
-    sa.Column("text", sa.Text),
-    sa.Column("same", sa.Boolean),
-    sa.Index(None, "at"),
-)
-
 # those that are raised now
 alerts = sa.Table(
-    "alerts",
-    METADATA,
-    sa.Column("name", sa.Text, primary_key=True),
-    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("message", sa.Text, nullable=False),
+    "alerts", METADATA, _key("name", TEXT), _of_part(), _filled("at", UtcTime), _filled("message")
 )
 
 golden = sa.Table(
     "golden",
     METADATA,
-    _row_id(),
-    sa.Column("at", UtcTime, nullable=False),
-    sa.Column("line", sa.Text, nullable=False),
-    sa.Column("reference", sa.Boolean, nullable=False),
-    sa.Column("measures", sa.JSON, nullable=False),
+    _key("id"),
+    _filled("line"),
+    _filled("reference", FLAG),
+    _filled("record", JSON),
     sa.Index(None, "line", "id"),
 )
 
 tokens = sa.Table(
     "tokens",
     METADATA,
-    sa.Column("name", sa.Text, primary_key=True),
-    sa.Column("secret_hash", sa.String(64), nullable=False),
-    sa.Column("scopes", sa.JSON, nullable=False),
-    sa.Column("created_at", UtcTime, nullable=False),
+    _key("name", TEXT),
+    _filled("secret_hash", HASH),
+    _filled("scopes", JSON),
+    _filled("created_at", UtcTime),
     sa.Column("expires_at", UtcTime),
     sa.Column("revoked_at", UtcTime),
     sa.UniqueConstraint("secret_hash"),
@@ -281,7 +210,32 @@ tokens = sa.Table(
 sessions = sa.Table(
     "sessions",
     METADATA,
-    sa.Column("cookie_hash", sa.String(64), primary_key=True),
-    sa.Column("token_hash", sa.String(64), nullable=False),
-    sa.Column("created_at", UtcTime, nullable=False),
+    _key("cookie_hash", HASH),
+    _filled("token_hash", HASH),
+    _filled("created_at", UtcTime),
 )
+
+_REFUSED = "events are never changed"
+_GUARDS = {
+    "sqlite": (
+        *(
+            f"CREATE TRIGGER events_no_{verb} BEFORE {verb} ON events BEGIN SELECT RAISE(ABORT, '{_REFUSED}'); END"
+            for verb in ("update", "delete")
+        ),
+        # INSERT OR REPLACE removes a row without telling the trigger above
+        "CREATE TRIGGER events_no_replace BEFORE INSERT ON events WHEN EXISTS"
+        f" (SELECT 1 FROM events WHERE id = NEW.id) BEGIN SELECT RAISE(ABORT, '{_REFUSED}'); END",
+    ),
+    "postgresql": (
+        "CREATE FUNCTION tactile_marks_never_changed() RETURNS trigger LANGUAGE plpgsql AS"
+        f" $$ BEGIN RAISE EXCEPTION '{_REFUSED}'; END $$",
+        "CREATE TRIGGER events_never_changed BEFORE UPDATE OR DELETE ON events"
+        " FOR EACH ROW EXECUTE FUNCTION tactile_marks_never_changed()",
+        "CREATE TRIGGER events_never_emptied BEFORE TRUNCATE ON events"
+        " FOR EACH STATEMENT EXECUTE FUNCTION tactile_marks_never_changed()",
+    ),
+}
+for _dialect, _statements in _GUARDS.items():
+    for _statement in _statements:
+        _guard = sa.DDL(_statement)  # type: ignore[no-untyped-call]
+        sa.event.listen(events, "after_create", _guard.execute_if(dialect=_dialect))

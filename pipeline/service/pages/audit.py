@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.people_records import Person
-from pipeline.common.records import PartRecord, PartState, ReviewAction, Scope
+from pipeline.common.records import PartRecord, ReviewAction, Scope
 from pipeline.service.pages.blind import blind_page
 from pipeline.service.pages.frame import A_YEAR_S, WHO_COOKIE, Frame, PageError, see
 from pipeline.service.pages.people import person_at, taken_by_another
@@ -30,7 +30,7 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
     @router.get("/audit/next")
     def next_part(request: Request, after: str = "") -> Response:
         caller = frame.access.caller(request, Scope.REVIEW)
-        found = frame.store.next_audit(person_at(request, caller), after or None)
+        found = frame.store.next_in_queue(after or None, person=person_at(request, caller), audits=True)
         return see(request, "/review" if found is None else f"/audit/{found.id}")
 
     @router.get("/audit/{part_id}")
@@ -66,12 +66,21 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
             return _page(frame, request, part, person, said=said, fault=fault, status=422)
         asked = ReviewAction.UNREADABLE if action == "unreadable" else ReviewAction.CORRECT
         try:
-            frame.store.add_audit(part_id, action=asked, text=said.text, note=said.note, person=person)
+            frame.store.review(
+                part_id,
+                action=asked,
+                text=said.text,
+                who=person.name,
+                token=person.token,
+                seat=person.seat,
+                note=said.note,
+                audit=True,
+            )
         except ClaimedError as error:
             return _page(frame, request, part, person, said=said, fault=f"{error.what}.", status=409)
         except ConflictError as error:
             raise PageError(409, str(error)) from error
-        found = frame.store.next_audit(person, part_id)
+        found = frame.store.next_in_queue(part_id, person=person, audits=True)
         answer = see(request, f"/audit/{found.id}?done={part_id}" if found else f"/review?audited={part_id}")
         frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
         return answer
@@ -80,21 +89,21 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
 def audited_words(frame: Frame, part_id: str) -> str:
     """What came of the audit just done; empty where the address names none."""
     found = frame.store.audit(part_id) if part_id else None
-    if found is None or found.done_at is None:
+    if found is None:
         return ""
     if found.action is ReviewAction.UNREADABLE:
         return "Noted as unreadable; the part stays accepted, and is not counted."
     part = frame.store.part(part_id)
-    if found.same:
-        return f"{found.text} is what was accepted."
-    return f"{found.text} is not what was accepted, so the part {part.name} went to review.".replace(
+    if found.after == found.before:
+        return f"{found.after} is what was accepted."
+    return f"{found.after} is not what was accepted, so the part {part.name} went to review.".replace(
         "  ", " "
     )
 
 
 def _waiting(frame: Frame, part_id: str) -> PartRecord:
-    part, drawn = frame.store.part(part_id), frame.store.audit(part_id)
-    if drawn is None or drawn.done_at is not None or part.state is not PartState.ACCEPTED:
+    part = frame.store.part(part_id)
+    if not frame.store.awaits_audit(part_id):
         raise PageError(409, "This part does not wait for an audit; somebody may have been quicker.")
     return part
 

@@ -17,7 +17,7 @@ from pipeline.service.connections import Connection
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, PageError
 from pipeline.store.alerts import DRIFT
-from pipeline.store.statistics import DAY, HOUR
+from pipeline.store.figures import DAY, HOUR
 
 SPANS = {
     "hour": timedelta(hours=1),

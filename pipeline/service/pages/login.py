@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.service.pages.frame import Frame, see
-from pipeline.store.sessions import SIGNED_IN_S
+from pipeline.store.access import SIGNED_IN_S
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:

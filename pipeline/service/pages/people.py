@@ -52,7 +52,7 @@ def add_claims(router: APIRouter, frame: Frame) -> None:
     ) -> Response:
         caller = frame.access.caller(request, Scope.REVIEW)
         frame.check_form(request, form_value)
-        frame.store.take_over_part(part_id, person_at(request, caller))
+        frame.store.claim_part(part_id, person_at(request, caller), take_over=True)
         return see(request, f"/audit/{part_id}" if to == "audit" else f"/review/{part_id}")
 
     @router.post("/review/{part_id}/claim")

@@ -43,7 +43,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         caller = frame.reader(request)
         person = person_at(request, caller)
         parts, held = frame.store.queue(limit=QUEUE_SHOWN), frame.store.claimed()
-        audits = len(frame.store.audit_queue(limit=MOST_COUNTED + 1))
+        audits = len(frame.store.queue(audits=True, limit=MOST_COUNTED + 1))
         return frame.page(
             request,
             "queue.html.j2",
@@ -224,6 +224,6 @@ def _review_page(
 def _why_again(frame: Frame, part: PartRecord) -> str:
     """Why a part that was accepted waits for review."""
     audit = frame.store.audit(part.id) if part.state is PartState.REVIEW else None
-    if audit is None or audit.same is not False:
+    if audit is None or audit.after == audit.before:
         return ""
-    return f"This part was accepted; {audit.who} read {audit.text} in an audit. Say which is right."
+    return f"This part was accepted; {audit.who} read {audit.after} in an audit. Say which is right."

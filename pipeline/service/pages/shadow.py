@@ -121,7 +121,7 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
             raise PageError(422, f"There is no list {show!r}; choose other or nothing.")
         since = datetime.now(UTC) - SPANS[span]
         days = frame.store.agreement_by_day(since)
-        found = frame.store.compared_parts(SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
+        found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
         shown = found[:PARTS_SHOWN]
         asked = {"span": span, "show": show}
         older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}

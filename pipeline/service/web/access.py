@@ -73,7 +73,7 @@ class Tokens(Protocol):
 class Access:
     """Tells who calls, by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
-    * The cookie names a session that the store keeps (`pipeline.store.sessions`); signing out ends it.
+    * The cookie names a session that the store keeps (`pipeline.store.access`); signing out ends it.
     * `token_of` is asked once a request, at the door; the routes ask `caller`, which remembers.
     """
 

@@ -12,7 +12,7 @@ from pipeline.cli import tokens as command_tokens
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.store.store import ConflictError, NotFoundError, Store, UnfitError
-from pipeline.store.token_secrets import new_token, token_hash
+from pipeline.store.access import new_token, token_hash
 from tests.support.store_samples import START, Clock
 
 

@@ -225,7 +225,7 @@ def test_a_session_ends_after_a_shift(tmp_path: Path, monkeypatch: pytest.Monkey
     found = store.session_token(cookie)
     assert found is not None
     assert found.name == "anna"
-    monkeypatch.setattr("pipeline.store.sessions.SIGNED_IN_S", 0)
+    monkeypatch.setattr("pipeline.store.access.SIGNED_IN_S", 0)
     assert store.session_token(cookie) is None
     store.close()
 

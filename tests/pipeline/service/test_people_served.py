@@ -67,7 +67,7 @@ def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_pat
     with inline_service(tmp_path / "service", audit_per_thousand=1000.0) as (service, client):
         part = client.post("/v1/parts", files=photo).json()
         assert part["state"] == "accepted"
-        assert [p.id for p in service.store.audit_queue()] == [part["id"]]
+        assert [p.id for p in service.store.queue(audits=True)] == [part["id"]]
         told = client.get(f"{part['links']['history']}").text
         assert "audit" not in told  # who audits it may look there
         assert client.get("/v1/figures").json()["audits"] == {

@@ -10,8 +10,8 @@ import pytest
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.common.shares import share
-from pipeline.store.claims import CLAIM_S
 from pipeline.store.errors import ClaimedError, ConflictError, NotFoundError
+from pipeline.store.review import CLAIM_S
 from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock, reading, received
 
@@ -137,28 +137,30 @@ def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store
     audited(store, audit=False)
     received(store, PartState.REVIEW, audit=True)  # not accepted: nothing to audit
     part_id = audited(store)
-    assert [p.id for p in store.audit_queue()] == [part_id]
+    assert [p.id for p in store.queue(audits=True)] == [part_id]
     store.claim_part(part_id, GRACE)
-    assert store.next_audit(ADA) is None
+    assert store.next_in_queue(person=ADA, audits=True) is None
     with pytest.raises(ClaimedError):
-        store.add_audit(part_id, action=ReviewAction.CORRECT, text="KX4", person=ADA)
-    found = store.add_audit(part_id, action=ReviewAction.CORRECT, text="KX4", person=GRACE)
-    assert (found.same, found.who, store.audit(part_id)) == (True, "Grace", found)
+        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
+    store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Grace", token="Grace", audit=True)
+    found = store.audit(part_id)
+    assert found is not None
+    assert (found.after, found.before, found.who) == ("KX4", "KX4", "Grace")
     assert store.part(part_id).state is PartState.ACCEPTED
-    assert (store.audit_queue(), store.undelivered(), store.claimed()) == ((), 0, {})
+    assert (store.queue(audits=True), store.undelivered(), store.claimed()) == ((), 0, {})
     with pytest.raises(ConflictError, match="does not wait for an audit"):
-        store.add_audit(part_id, action=ReviewAction.CORRECT, text="KX4", person=ADA)
+        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
 
 
 def test_the_estimate_counts_what_reviews_have_said_of_those_read_otherwise(store: Store) -> None:
     right = [audited(store) for _ in range(3)]
     mistyped, wrong, disputed, unreadable, waiting, found_before = (audited(store) for _ in range(6))
     for part_id in right:
-        store.add_audit(part_id, action=ReviewAction.CORRECT, text="KX4", person=ADA)
+        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
     for part_id in (mistyped, wrong, disputed):
-        store.add_audit(part_id, action=ReviewAction.CORRECT, text="KX7", person=ADA)
+        store.review(part_id, action=ReviewAction.CORRECT, text="KX7", who="Ada", token="Ada", audit=True)
         assert store.part(part_id).state is PartState.REVIEW
-    store.add_audit(unreadable, action=ReviewAction.UNREADABLE, text="", person=ADA)
+    store.review(unreadable, action=ReviewAction.UNREADABLE, text="", who="Ada", token="Ada", audit=True)
     assert store.part(unreadable).state is PartState.ACCEPTED
     said(store, mistyped, GRACE, "KX4", readers=1)
     said(store, wrong, GRACE, "KX7", readers=1)
@@ -166,12 +168,12 @@ def test_the_estimate_counts_what_reviews_have_said_of_those_read_otherwise(stor
     figures = store.audit_figures(START)
     assert (figures.drawn, figures.waiting, figures.disputed, figures.not_judged) == (9, 1, 1, 1)
     assert figures.accepted_wrong == share(2, 6, exact=True)
-    assert [p.id for p in store.audit_queue()] == [waiting]
+    assert [p.id for p in store.queue(audits=True)] == [waiting]
     assert store.audit_figures(START + timedelta(hours=1)).drawn == 0
 
 
 def test_a_part_read_anew_and_no_longer_accepted_is_dropped(store: Store) -> None:
     part_id = audited(store)
     store.add_readings(part_id, readings=(reading("KX5", "fused", "review"),), state=PartState.REVIEW)
-    assert store.audit_queue() == ()
+    assert store.queue(audits=True) == ()
     assert store.audit_figures(START).drawn == 0

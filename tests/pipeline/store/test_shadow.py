@@ -17,7 +17,7 @@ WOULD_BE = (PartState.ACCEPTED, PartState.TOUCH_NEEDED, PartState.REVIEW)
 
 def test_nothing_yet(store: Store) -> None:
     assert store.agreement_by_day(START) == ()
-    assert store.compared_parts(Agreement.OTHER) == ()
+    assert store.parts(agreement=Agreement.OTHER) == ()
     with pytest.raises(UnfitError, match="time with its zone"):
         store.agreement_by_day(START.replace(tzinfo=None))
 
@@ -73,8 +73,8 @@ def test_disagreements_are_listed_newest_first_page_by_page(store: Store, clock:
         kind = Agreement.SAME if k == 3 else Agreement.OTHER
         part = received(store, PartState.SHADOW, shadow=ShadowRecord(kind, PartState.REVIEW))
         ids += [part.id] * (kind is Agreement.OTHER)
-    first = store.compared_parts(Agreement.OTHER, limit=4)
-    rest = store.compared_parts(Agreement.OTHER, before=first[-1].id, limit=4)
+    first = store.parts(agreement=Agreement.OTHER, limit=4)
+    rest = store.parts(agreement=Agreement.OTHER, before=first[-1].id, limit=4)
     assert [p.id for p in (*first, *rest)] == sorted(ids, reverse=True)
     with pytest.raises(UnfitError):
-        store.compared_parts(Agreement.OTHER, before="x")
+        store.parts(agreement=Agreement.OTHER, before="x")

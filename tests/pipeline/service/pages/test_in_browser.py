@@ -493,7 +493,7 @@ def test_an_audit_is_read_from_the_pictures_alone(
     page.keyboard.press("Alt+u")
     page.wait_for_url("**/review?audited=*")
     found = service.store.audit(ids[0])
-    assert (found.text, found.same, found.who) == ("KX407251", True, "Ada")
+    assert (found.before, found.after, found.who) == ("KX407251", "KX407251", "Ada")
 
 
 def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:

@@ -152,4 +152,4 @@ def test_somebody_at_an_audit_is_left_alone(shop: Shop) -> None:
     assert goes_to(shop.client.get("/audit/next")) == "/review"
     assert "Eve is at this part" in shop.client.get(f"/audit/{part_id}").text
     assert shop.say(part_id, SERIAL, at="/audit") == 409
-    assert shop.store.audit_queue() != ()
+    assert shop.store.queue(audits=True) != ()

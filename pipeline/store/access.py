@@ -1,0 +1,131 @@
+"""Tokens of callers, and sessions of browsers that are signed in: of their secrets the store keeps the hashes alone.
+
+A session belongs to one token, not to its name; it ends with the token, by signing out, or after a shift.
+"""
+
+from __future__ import annotations
+
+import secrets
+import unicodedata
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+from hashlib import sha256
+
+import sqlalchemy as sa
+
+from pipeline.common.records import Scope, TokenRecord
+from pipeline.store.database import Transaction
+from pipeline.store.errors import ConflictError, NotFoundError, UnfitError, fit
+from pipeline.store.rows import record_of
+from pipeline.store.tables import sessions, tokens
+
+# programs find leaked secrets by it
+PREFIX = "tm_"
+# a shift
+SIGNED_IN_S = 12 * 3600
+
+
+def new_token() -> str:
+    """A secret of 256 random bits."""
+    return PREFIX + secrets.token_urlsafe(32)
+
+
+def token_hash(secret: str) -> str:
+    """What is kept of a secret: its SHA-256. It needs no salt, for nobody can guess 256 random bits."""
+    return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def add_token(
+    tx: Transaction,
+    name: str,
+    scopes: Iterable[Scope],
+    *,
+    expires_at: datetime | None = None,
+) -> str:
+    """Make a token.
+
+    Returns:
+        Its secret, which is kept nowhere.
+
+    Raises:
+        ConflictError: the name, or one that looks like it, was given before; a revoked token keeps its name.
+    """
+    granted = sorted({Scope(scope) for scope in scopes})
+    if not granted:
+        raise UnfitError(
+            "a token without a scope allows nothing", hint=f"give {', '.join(Scope)} or some of them"
+        )
+    if not name.strip() or not name.isprintable():
+        raise UnfitError("a token needs a name of printable characters", hint="give one, such as line-3")
+    if expires_at is not None and (expires_at.tzinfo is None or expires_at <= tx.now):
+        raise UnfitError(
+            "the token would have expired already or has no time zone", hint="give a time to come in UTC"
+        )
+    wanted = _spelt(fit(name, "the token's name"))
+    for known in tx.execute(sa.select(tokens.c.name)).scalars():
+        if _spelt(known) == wanted:
+            raise ConflictError(
+                f"there is or was a token {known!r}, and reviews are signed with it",
+                hint="choose another name",
+            )
+    secret = new_token()
+    row = {"name": name, "secret_hash": token_hash(secret), "scopes": granted, "created_at": tx.now}
+    tx.execute(sa.insert(tokens).values(**row, expires_at=expires_at))
+    return secret
+
+
+def _spelt(name: str) -> str:
+    """A name as a person takes it in: "Anna " and "anna" are one."""
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
+
+
+def token(tx: Transaction, secret: str) -> TokenRecord | None:
+    """The token with that secret; None if it is unknown, expired or revoked."""
+    return _token_of_hash(tx, token_hash(secret))
+
+
+def _token_of_hash(tx: Transaction, secret_hash: str) -> TokenRecord | None:
+    valid = sa.or_(tokens.c.expires_at.is_(None), tokens.c.expires_at > tx.now)
+    asked = sa.select(tokens).where(tokens.c.secret_hash == secret_hash, tokens.c.revoked_at.is_(None), valid)
+    row = tx.execute(asked).one_or_none()
+    return None if row is None else record_of(TokenRecord, row)
+
+
+def all_tokens(tx: Transaction) -> tuple[TokenRecord, ...]:
+    """Every token, oldest first, also those that are refused."""
+    rows = tx.execute(sa.select(tokens).order_by(tokens.c.created_at, tokens.c.name))
+    return tuple(record_of(TokenRecord, row) for row in rows)
+
+
+def revoke(tx: Transaction, name: str) -> None:
+    """Refuse a token from now on; nothing happens where it was revoked before."""
+    known = tokens.c.name == fit(name, "the token's name")
+    if not tx.count(tokens, known):
+        raise NotFoundError(f"there is no token {name[:40]!r}", hint="`tactile-marks tokens list` names them")
+    tx.execute(sa.update(tokens).where(known, tokens.c.revoked_at.is_(None)).values(revoked_at=tx.now))
+
+
+def open_session(tx: Transaction, secret: str) -> str | None:
+    """The cookie of a new session; None where no token with that secret holds."""
+    if token(tx, secret) is None:
+        return None
+    tx.execute(sa.delete(sessions).where(sessions.c.created_at <= tx.now - timedelta(seconds=SIGNED_IN_S)))
+    cookie = new_token()
+    row = {"cookie_hash": token_hash(cookie), "token_hash": token_hash(secret), "created_at": tx.now}
+    tx.execute(sa.insert(sessions).values(**row))
+    return cookie
+
+
+def session_token(tx: Transaction, cookie: str) -> TokenRecord | None:
+    """The token of the session with that cookie; None if there is none now."""
+    found = sa.select(sessions.c.token_hash).where(
+        sessions.c.cookie_hash == token_hash(cookie),
+        sessions.c.created_at > tx.now - timedelta(seconds=SIGNED_IN_S),
+    )
+    kept = tx.execute(found).scalar_one_or_none()
+    return None if kept is None else _token_of_hash(tx, kept)
+
+
+def close_session(tx: Transaction, cookie: str) -> None:
+    """End the session with that cookie, if there is one."""
+    tx.execute(sa.delete(sessions).where(sessions.c.cookie_hash == token_hash(cookie)))

@@ -1,0 +1,305 @@
+"""People at parts: who has a part open, what they say of it, who must agree, and accepted parts read as a check.
+
+review --opened, claimed--> said by one --said the same by `readers`--> reviewed --undone--> review
+                                        \\-otherwise-------------------> review, for the next person
+accepted --drawn--> waiting --read the same--> right
+                            \\-otherwise------> disputed, in review: a review says whether it was accepted wrong
+                            \\-unreadable-----> not judged
+
+* A claim keeps a part from others for `CLAIM_S`; an open page renews it.
+* Where two must agree, nobody is told what the others have said, and nobody agrees with himself.
+* The line does not wait for an audit: the part stays accepted, and what was sent of it stands, until a review says
+  otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta
+from typing import Any
+
+import sqlalchemy as sa
+
+from pipeline.common.people_records import AuditFigures, ClaimRecord, Person
+from pipeline.common.reading_records import from_json, to_json
+from pipeline.common.records import PartRecord, PartState, ReviewAction, ReviewRecord
+from pipeline.common.shares import share
+from pipeline.store.database import Transaction
+from pipeline.store.errors import MAX_NOTE, MAX_ROWS, MAX_TEXT, ClaimedError, ConflictError, UnfitError, fit
+from pipeline.store.parts import AUDIT_WAITS
+from pipeline.store.rows import (
+    AUDITED,
+    HALF_REVIEWED,
+    REVIEWED,
+    happened_to,
+    part_by_id,
+    signature,
+    write_part,
+)
+from pipeline.store.tables import events, parts
+
+CLAIM_S = 300.0
+_NOT_CLAIMED = {"claim_holder": None, "claim_who": None, "claim_until": None}
+_RIGHT, _WRONG, _DISPUTED, _NOT_JUDGED = "right", "wrong", "disputed", "not judged"
+
+
+# ---- claims
+
+
+def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool = False) -> ClaimRecord:
+    """Take a part, or renew what one has of it; where another has it, say who.
+
+    Args:
+        tx: the transaction.
+        part_id: of which part.
+        person: who wants it.
+        take_over: take it from whoever has it, for a person who has seen that nobody is at it.
+
+    Returns:
+        Whose the part now is.
+    """
+    part_by_id(tx, part_id, lock=True)
+    values = {
+        "claim_holder": fit(person.holder, "the holder of a claim", limit=300),
+        "claim_who": fit(person.name, "the person's name"),
+        "claim_until": tx.now + timedelta(seconds=CLAIM_S),
+    }
+    may = sa.or_(_free(tx), parts.c.claim_holder == person.holder, sa.literal(take_over))
+    tx.execute(sa.update(parts).where(parts.c.id == part_id, may).values(**values))
+    return _claims(tx, parts.c.id == part_id)[part_id]
+
+
+def release_part(tx: Transaction, part_id: str, person: Person) -> None:
+    """Let go of a part; nothing happens where it is not the person's."""
+    mine = sa.and_(parts.c.id == part_id, parts.c.claim_holder == person.holder)
+    tx.execute(sa.update(parts).where(mine).values(**_NOT_CLAIMED))
+
+
+def claimed(tx: Transaction) -> Mapping[str, ClaimRecord]:
+    """The claims that hold now, by part."""
+    return _claims(tx, ~_free(tx))
+
+
+def held_by_another(tx: Transaction, person: Person) -> sa.ColumnElement[bool]:
+    """Whether somebody else has a part."""
+    return sa.and_(~_free(tx), parts.c.claim_holder != person.holder)
+
+
+def _free(tx: Transaction) -> sa.ColumnElement[bool]:
+    """Whether nobody has a part; a claim beyond any claim's time was made by a clock that was set back since."""
+    until = parts.c.claim_until
+    return sa.or_(until.is_(None), until <= tx.now, until > tx.now + timedelta(seconds=2.0 * CLAIM_S))
+
+
+def _claims(tx: Transaction, which: sa.ColumnElement[bool]) -> dict[str, ClaimRecord]:
+    asked = sa.select(parts.c.id, parts.c.claim_holder, parts.c.claim_who, parts.c.claim_until).where(which)
+    rows = tx.execute(asked.order_by(parts.c.id).limit(MAX_ROWS))
+    return {row[0]: ClaimRecord(*row) for row in rows}
+
+
+# ---- reviews and audits
+
+
+def review(
+    tx: Transaction,
+    part_id: str,
+    *,
+    action: ReviewAction,
+    text: str,
+    who: str,
+    token: str = "",
+    seat: str = "",
+    note: str = "",
+    before: str | None = None,
+    targets: Sequence[str] = (),
+    readers: int = 1,
+    audit: bool = False,
+) -> PartRecord:
+    """Write down what a person says of a part; it may be said anew, and what was said before stays.
+
+    With two readers a part is reviewed when two people have said the same of it; until then it waits for review, its
+    text as it was read.
+
+    Args:
+        tx: the transaction.
+        part_id: of which part.
+        action: what the person did; an unreadable part has no text, whatever is given.
+        text: right one; to confirm, the text as it stands or none.
+        who: the person.
+        token: name of the token used.
+        seat: where the person sits, as `Person.seat`.
+        note: anything.
+        before: the text that the person looked at.
+        targets: where the part is published, once it is reviewed.
+        readers: people who must agree, 1 or 2.
+        audit: the person has not seen what was accepted; only where it is something else the part goes to review.
+
+    Raises:
+        ConflictError: the text is no longer what the person looked at, or the part does not wait for an audit.
+        ClaimedError: another person is at the part.
+    """
+    person, part = Person(who, token, seat), part_by_id(tx, part_id, lock=True)
+    if audit and not awaits_audit(tx, part_id):
+        raise ConflictError(f"part {part_id} does not wait for an audit", hint="take the next one")
+    _refuse_if_held(tx, part_id, person)
+    if before is not None and before != part.text:
+        quicker = part.review.who if part.review is not None else "a reader"
+        raise ConflictError(
+            f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}",
+            hint="look at it again",
+        )
+    after = _text_after(part, action, text)
+    if not who.strip():
+        raise UnfitError("no name is given", hint="say who reviews the part")
+    texts = {"who": fit(who, "the person's name"), "token": fit(token, "the token's name")}
+    said = ReviewRecord(
+        action, part.text, after, **texts, note=fit(note, "the note", limit=MAX_NOTE), at=tx.now
+    )
+    unreadable = action is ReviewAction.UNREADABLE
+    if audit:
+        found = _NOT_JUDGED if unreadable else _RIGHT if after == part.text else _DISPUTED
+        part = replace(part, state=PartState.REVIEW if found == _DISPUTED else part.state)
+        return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
+    agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
+    if not agrees and not any(
+        other.after == after and not person.said(other) for other in opinions(tx, part_id)
+    ):
+        part = replace(part, state=PartState.REVIEW, touch=None)
+        return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
+    figures = _how_right(part, action, after)
+    judged = _NOT_JUDGED if unreadable else _RIGHT if figures["was_right"] else _WRONG
+    figures["audit"] = sa.case((parts.c.audit.is_not(None), judged))
+    part = replace(part, state=PartState.REVIEWED, text=after, plan=None, touch=None, review=said)
+    return write_part(tx, part, [(REVIEWED, to_json(said))], targets=targets, figures=figures | _NOT_CLAIMED)
+
+
+def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
+    """Take a person's own review back: the part waits for review again, with the text that it had before.
+
+    The review stays in the part's history.
+
+    Args:
+        tx: the transaction.
+        part_id: of which part.
+        person: who has reviewed it.
+        targets: where the part is published.
+
+    Raises:
+        ConflictError: the part is not reviewed, or by somebody else.
+    """
+    part = part_by_id(tx, part_id, lock=True)
+    said = part.review
+    if part.state is not PartState.REVIEWED or said is None:
+        raise ConflictError(f"part {part_id} is not reviewed", hint="there is nothing to undo")
+    if not person.said(said):
+        raise ConflictError(
+            f"part {part_id} was reviewed by {said.who}",
+            hint="who reviewed it can undo it; or review it anew",
+        )
+    figures: dict[str, Any] = {"was_right": None, "characters": None, "characters_right": None}
+    figures |= {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}
+    undone = ("review_undone", {"who": person.name, "text": said.before})
+    part = replace(part, state=PartState.REVIEW, text=said.before)
+    return write_part(tx, part, [undone], targets=targets, figures=figures)
+
+
+def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
+    """What people have said of a part since it was last reviewed, each person's last word, the first one first."""
+    last: dict[str, ReviewRecord] = {}
+    for row in happened_to(tx, part_id, REVIEWED, HALF_REVIEWED):
+        if row.kind == REVIEWED:
+            last.clear()
+        else:
+            last.pop(row.actor, None)
+            last[row.actor] = from_json(ReviewRecord, row.data)
+    return tuple(last.values())
+
+
+def half_reviewed(tx: Transaction) -> Mapping[str, int]:
+    """Parts that wait for another person's reading, and how many people have read them."""
+    people = sa.func.count(sa.distinct(events.c.actor))
+    asked = sa.select(parts.c.id, people).join(events, events.c.part_id == parts.c.id)
+    asked = asked.where(parts.c.state == PartState.REVIEW, is_open_opinion()).group_by(parts.c.id)
+    return {row[0]: row[1] for row in tx.execute(asked)}
+
+
+def said_by(person: Person) -> sa.ColumnElement[bool]:
+    """Whether a person has read a part that waits for another's reading."""
+    mine = events.c.actor == signature(who=person.name, token=person.token)
+    return sa.exists().where(events.c.part_id == parts.c.id, mine, is_open_opinion()).correlate(parts)
+
+
+def is_open_opinion() -> sa.ColumnElement[bool]:
+    """Whether an event is a person's reading since the part was last reviewed."""
+    later = events.alias()
+    reviewed = sa.exists().where(
+        later.c.part_id == events.c.part_id, later.c.id > events.c.id, later.c.kind == REVIEWED
+    )
+    return sa.and_(events.c.kind == HALF_REVIEWED, ~reviewed.correlate(events))
+
+
+def awaits_audit(tx: Transaction, part_id: str) -> bool:
+    """Whether an accepted part was drawn to be read by a person as well, and nobody has."""
+    return tx.count(parts, parts.c.id == part_id, IS_AUDITED) > 0
+
+
+IS_AUDITED = sa.and_(parts.c.audit == AUDIT_WAITS, parts.c.state == PartState.ACCEPTED)
+
+
+def audit_of(tx: Transaction, part_id: str) -> ReviewRecord | None:
+    """What was accepted and what a person has read in the last audit of a part; None before any."""
+    rows = happened_to(tx, part_id, AUDITED)
+    return from_json(ReviewRecord, rows[-1].data) if rows else None
+
+
+def audit_figures(tx: Transaction, since: datetime) -> AuditFigures:
+    """Figures of the parts received since a time that were drawn; one reviewed before its audit counts by that."""
+    drawn = sa.select(parts.c.audit, sa.func.count()).where(parts.c.audit.is_not(None))
+    counted = tx.execute(drawn.where(parts.c.created_at >= since).group_by(parts.c.audit))
+    n: dict[str, int] = {row[0]: row[1] for row in counted}
+    return AuditFigures(
+        drawn=sum(n.values()),
+        waiting=n.get(AUDIT_WAITS, 0),
+        disputed=n.get(_DISPUTED, 0),
+        not_judged=n.get(_NOT_JUDGED, 0),
+        accepted_wrong=share(n.get(_WRONG, 0), n.get(_RIGHT, 0) + n.get(_WRONG, 0), exact=True),
+    )
+
+
+def _refuse_if_held(tx: Transaction, part_id: str, person: Person) -> None:
+    held = _claims(tx, sa.and_(parts.c.id == part_id, held_by_another(tx, person))).get(part_id)
+    if held is not None and person.holder:
+        raise ClaimedError(
+            f"{held.who or 'somebody else'} is at part {part_id} until {held.until:%H:%M:%S} UTC",
+            hint="take another, or wait",
+        )
+
+
+def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
+    if action is ReviewAction.UNREADABLE:
+        return ""
+    if action is ReviewAction.CORRECT:
+        if not text:
+            raise UnfitError("the correction has no text", hint="give it, or say that the part is unreadable")
+        return fit(text, "the text")
+    if not part.text:
+        raise UnfitError("there is no text to confirm", hint="correct it, or say that the part is unreadable")
+    if text not in ("", part.text):
+        raise ConflictError(
+            f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}",
+            hint="correct it instead",
+        )
+    return part.text
+
+
+def _how_right(part: PartRecord, action: ReviewAction, after: str) -> dict[str, Any]:
+    read = part.reading.text[: 2 * MAX_TEXT] if part.reading is not None else ""
+    if action is ReviewAction.UNREADABLE:
+        # nobody knows the characters, so none is counted
+        return {"was_right": False, "characters": 0, "characters_right": 0}
+    from pipeline.common.texts import align
+
+    wrong = 0 if read == after else sum(not pair.right for pair in align(after, read))
+    n = len(after)
+    return {"was_right": read == after, "characters": n, "characters_right": max(0, n - wrong)}
