@@ -26,8 +26,8 @@ from pipeline.store.errors import ConflictError, StoreError
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
-    from pipeline.store.store import Store
     from pipeline.store.parts import Waiting
+    from pipeline.store.store import Store
 
 AT_ONCE = 4
 """Attempts that no request waits for; a real stage feels one part at a time in any case."""

@@ -167,14 +167,18 @@ def _page(tx: Transaction, after: str) -> list[tuple[Row[*tuple[Any, ...]], list
     return [(row, happened.get(row.id, [])) for row in found]
 
 
-def _by_part(tx: Transaction, table: sa.Table, first: str, last: str) -> dict[str, list[Row[*tuple[Any, ...]]]]:
+def _by_part(
+    tx: Transaction, table: sa.Table, first: str, last: str
+) -> dict[str, list[Row[*tuple[Any, ...]]]]:
     columns = [column for column in table.c if column.name != "gone"]  # which may change
     mine = sa.select(*columns).where(table.c.part_id.between(first, last))
     rows = tx.execute(mine.order_by(table.c.part_id, table.c.id))
     return {part_id: list(of_part) for part_id, of_part in groupby(rows, lambda row: row.part_id)}
 
 
-def _not_derived(part: PartRecord, row: Row[*tuple[Any, ...]], happened: list[Row[*tuple[Any, ...]]]) -> list[str]:
+def _not_derived(
+    part: PartRecord, row: Row[*tuple[Any, ...]], happened: list[Row[*tuple[Any, ...]]]
+) -> list[str]:
     """What a part's row holds that is not what its record and its events make of it."""
     wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}

@@ -11,8 +11,8 @@ import pytest
 from pipeline.cli import tokens as command_tokens
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.common.records import Scope, TokenRecord
-from pipeline.store.store import ConflictError, NotFoundError, Store, UnfitError
 from pipeline.store.access import new_token, token_hash
+from pipeline.store.store import ConflictError, NotFoundError, Store, UnfitError
 from tests.support.store_samples import START, Clock
 
 
