@@ -72,6 +72,19 @@ class CharacterRecord:
 
 
 @dataclass(frozen=True)
+class ReasonRecord:
+    """One thing to know about a reading, for programs; `ReadingRecord.messages` say it to people.
+
+    Attributes:
+        code: which, such as low_confidence, too_shallow, senses_disagree, not_in_order.
+        places: that it is about, from 1.
+    """
+
+    code: str
+    places: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class RivalRecord:
     """Another serial that the format allows.
 
@@ -199,6 +212,7 @@ class ReadingRecord:
         stage_s: stage seconds that they took; None where the part was not felt so.
         stopped: why no more were felt: sure, no gain, budget, all felt, nothing found, stage failed.
         faults: what the recording says is wrong with whiskers and bench, in words.
+        reasons: `messages` for programs: why it is not accepted, and what else was found, with places.
     """
 
     source: str
@@ -231,6 +245,7 @@ class ReadingRecord:
     stage_s: float | None = None
     stopped: str = ""
     faults: tuple[str, ...] = ()
+    reasons: tuple[ReasonRecord, ...] = ()
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:

@@ -20,6 +20,7 @@ from pipeline.common.reading_records import (
     LineRecord,
     PassRecord,
     ReadingRecord,
+    ReasonRecord,
     RivalRecord,
 )
 from pipeline.common.row import WORTH_SHOWING
@@ -75,12 +76,13 @@ def reading_record(
         seconds: it took.
     """
     from recognition.decision.flags import bench_faults
+    from recognition.decision.reasons import reasons_of
 
     verification, scaled = reading.trace.verification, reading.scaled
     scan = None if reading.touch is None else reading.touch.trace.scan
     log = None if scan is None else scan.log
     more = verification.messages() if verification is not None else ()
-    height = _finite(reading.height_mm) or None
+    height, reasons = _finite(reading.height_mm) or None, reasons_of(reading)
     return ReadingRecord(
         source=reading.source,
         text=reading.text,
@@ -90,7 +92,8 @@ def reading_record(
             _character(c, action, scaled)
             for c, action in zip(reading.characters, reading.actions, strict=True)
         ),
-        messages=tuple(dict.fromkeys((*reading.messages(), *more))),
+        messages=tuple(dict.fromkeys((*(reason.text for reason in reasons), *more))),
+        reasons=tuple(ReasonRecord(reason.code, reason.places) for reason in reasons if reason.code),
         font=reading.font,
         height_mm=height if scaled else None,
         rotation_deg=_finite(reading.rotation_deg),

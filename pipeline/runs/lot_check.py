@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.serial_rules import ProductionOrder
 
 
@@ -33,12 +33,13 @@ class LotCheck:
         if record.decision != "accept":
             return record
         if not self.order.holds(record.text):
-            why = f"{record.text} is not in {self.order.name}"
+            why, code = f"{record.text} is not in {self.order.name}", "not_in_order"
         elif (first := self.bearers.setdefault(_plain(record.text), record.part)) != record.part:
-            why = f"{record.text} was read before, of {first}"
+            why, code = f"{record.text} was read before, of {first}", "read_before"
         else:
             return record
-        return replace(record, decision="review", messages=(*record.messages, why))
+        reasons = (*record.reasons, ReasonRecord(code))
+        return replace(record, decision="review", messages=(*record.messages, why), reasons=reasons)
 
 
 def _plain(text: str) -> str:

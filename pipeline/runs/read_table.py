@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 
@@ -27,7 +26,6 @@ _COLOUR = {
 _GAP = "  "
 _LEAST_WIDTH = 20
 _SHORT_NAME = 8
-_PLACES = re.compile(r"\bplaces? ((?:\d+(?:, | and | to )?)+)")
 
 
 def print_table(records: Sequence[ReadingRecord]) -> None:
@@ -124,25 +122,16 @@ def _cells(record: ReadingRecord) -> dict[str, str]:
     }
 
 
-def _places_in(text: str) -> set[str]:
-    """Numbers of the places that a message names: "places 1, 2 and 4 to 8"."""
-    named: set[str] = set()
-    for found in _PLACES.findall(text):
-        for first, last in re.findall(r"(\d+)(?: to (\d+))?", found):
-            named.update(map(str, range(int(first), int(last or first) + 1)))
-    return named
-
-
 def notes(record: ReadingRecord) -> str:
     """What a person should know of a part that was read."""
     found = list(record.messages)
     if not record.verdict:  # a verification names its places itself
         # a place that the messages ask about is not asked about twice
-        asked = _places_in("; ".join(record.messages))
+        asked = {k for reason in record.reasons for k in reason.places}
         states = (
             f"place {k}: {_state(c)}"
             for k, c in enumerate(record.characters, start=1)
-            if c.state not in ("", "read") and str(k) not in asked
+            if c.state not in ("", "read") and k not in asked
         )
         found.append(", ".join(states))
     row = row_of(record)

@@ -15,12 +15,8 @@ DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "
 MOST_REASONS = 8
 _MOST_KINDS = 500
 _SLOWEST = 5
-_NUMBER = re.compile(r"(?P<kept>\bformat \S+|(?<!\w)\w or \w(?!\w))|\d+(?:[.,]\d+)*")
-"""A number; digits of a format, and those that stand for characters (0 or O), are kept."""
-_OTHER_TEXT = re.compile(r"(?<=\w): \S+(?= \(set )")  # what a part reads as well, mirrored or upside down
-_PLACES = re.compile(
-    r"(?<=low confidence): .*|(?<=\d): (?:.*\?|.* least sure)$|: [^“]*\bplaces? \d.*"
-)  # which characters, where, by how much
+# what differs from part to part in an error: numbers, and names in quotes
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 
@@ -62,9 +58,9 @@ class Summary:
         if record.verdict:
             self.verdicts[record.verdict] += 1
         if record.decision != "accept":
-            for reason in dict.fromkeys(map(_kind, record.messages)):
-                _count(self.reasons, reason)
-            if not record.messages:
+            for code in dict.fromkeys(reason.code for reason in record.reasons):
+                _count(self.reasons, _words(code))
+            if not record.reasons:
                 _count(self.reasons, "not sure enough")
 
     @property
@@ -117,10 +113,17 @@ class Summary:
         }
 
 
-def _kind(message: str) -> str:
-    """A message without what differs from part to part."""
-    message = _QUOTED.sub("'...'", _OTHER_TEXT.sub("", _PLACES.sub("", message)))
-    return _NUMBER.sub(lambda match: match["kept"] or "#", message)[:160].strip()
+def _words(code: str) -> str:
+    """A reason in general words."""
+    from recognition.decision.flags import ReadingFlag
+
+    flag = ReadingFlag.__members__.get(code.upper())
+    return flag.messages()[0] if flag else code.replace("_", " ")
+
+
+def _kind(error: str) -> str:
+    """An error without what differs from part to part."""
+    return _NUMBER.sub("#", _QUOTED.sub("'...'", error))[:160].strip()
 
 
 def _count(counter: Counter[str], kind: str) -> None:

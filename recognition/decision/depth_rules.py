@@ -199,55 +199,46 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
     """The reading with what was found for every rule that its mark breaks; such a part is not accepted."""
     if not reading.characters:
         return reading
-    broken = [Finding(flag, text) for rule in rules for flag, text in _violations(reading, rule)]
-    if not broken:
-        return reading
-    return reading.with_findings(*broken)
+    return reading.with_findings(*(finding for rule in rules for finding in _violations(reading, rule)))
 
 
-def _violations(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
-    """Return the limits that a mark breaks, in words; a limit that could not be measured is broken."""
+def _violations(reading: Reading, rule: DepthRule) -> Iterable[Finding]:
+    """Return the limits that a mark breaks; a limit that could not be measured is broken."""
     places = tuple(enumerate(reading.characters, start=1))
     height = reading.height_mm
     window = rule.window(height)
     if window is not None:
-        shallow = [
-            _at(k, c, c.depth.min_mm) for k, c in places if c.depth and c.depth.min_mm < window.least_mm
-        ]
+        least, most = window.least_mm, window.most_mm
+        shallow = {k: _at(k, c, c.depth.min_mm) for k, c in places if c.depth and c.depth.min_mm < least}
         if shallow:
-            yield (
-                ReadingFlag.TOO_SHALLOW,
-                f"too shallow for {rule.name}: {', '.join(shallow)} (at least {window.least_mm:g})",
-            )
-        deep = [_at(k, c, c.depth.max_mm) for k, c in places if c.depth and c.depth.max_mm > window.most_mm]
+            what = f"too shallow for {rule.name}: {', '.join(shallow.values())} (at least {least:g})"
+            yield Finding(ReadingFlag.TOO_SHALLOW, what, tuple(shallow))
+        deep = {k: _at(k, c, c.depth.max_mm) for k, c in places if c.depth and c.depth.max_mm > most}
         if deep:
-            yield (
-                ReadingFlag.TOO_DEEP,
-                f"too deep for {rule.name}: {', '.join(deep)} (at most {window.most_mm:g})",
-            )
+            what = f"too deep for {rule.name}: {', '.join(deep.values())} (at most {most:g})"
+            yield Finding(ReadingFlag.TOO_DEEP, what, tuple(deep))
     elif rule.windows:
         known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
-        yield (
+        yield Finding(
             ReadingFlag.NO_DEPTH_RULE,
             f"{rule.name} has no depth for characters {height:.2f} mm high (only for {known} mm)",
         )
     burrs = [(k, c, c.depth.burr_mm) for k, c in places if c.depth and c.depth.burr_mm is not None]
-    high = [_at(k, c, burr) for k, c, burr in burrs if burr > rule.most_burr_mm]
+    high = {k: _at(k, c, burr) for k, c, burr in burrs if burr > rule.most_burr_mm}
     if high:
-        yield (
-            ReadingFlag.BURR_TOO_HIGH,
-            f"burr too high for {rule.name}: {', '.join(high)} (at most {rule.most_burr_mm:g})",
-        )
+        what = f"burr too high for {rule.name}: {', '.join(high.values())} (at most {rule.most_burr_mm:g})"
+        yield Finding(ReadingFlag.BURR_TOO_HIGH, what, tuple(high))
     wants_burr = math.isfinite(rule.most_burr_mm)
-    unknown = [
-        f"{c.char} at place {k}" for k, c in places if _is_unmeasured(c, window, wants_burr=wants_burr)
-    ]
+    unknown = {
+        k: f"{c.char} at place {k}" for k, c in places if _is_unmeasured(c, window, wants_burr=wants_burr)
+    }
     if unknown:
         todo = "scan it again" if reading.font else "name the font"
-        yield ReadingFlag.DEPTH_UNKNOWN, f"depth not measured for {rule.name}: {', '.join(unknown)} ({todo})"
+        what = f"depth not measured for {rule.name}: {', '.join(unknown.values())} ({todo})"
+        yield Finding(ReadingFlag.DEPTH_UNKNOWN, what, tuple(unknown))
     size = print_size_mm(reading)
     if size < rule.least_height_mm:
-        yield (
+        yield Finding(
             ReadingFlag.TOO_SMALL,
             f"too small for {rule.name}: about {size:.2f} mm high at the bottoms (at least {rule.least_height_mm:g})",
         )

@@ -49,7 +49,11 @@ class ReadingFlag(Flag):
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
-        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
+        return tuple(finding.text for finding in self.findings())
+
+    def findings(self) -> tuple[Finding, ...]:
+        """The flags in their general words."""
+        return tuple(Finding(flag, text) for flag, text in _MESSAGES.items() if flag in self)
 
 
 _MESSAGES = {
@@ -102,10 +106,25 @@ EXPLANATIONS = ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED
 
 @dataclass(frozen=True)
 class Finding:
-    """A flag on one part, in words with places and numbers: "too shallow for R: 7 at place 2 0.06 mm"."""
+    """A flag on one part.
+
+    Attributes:
+        flag: what is the matter; none of a note.
+        text: in words, with places and numbers: "too shallow for R: 7 at place 2 0.06 mm".
+        places: that it is about, from 1.
+    """
 
     flag: ReadingFlag
     text: str
+    places: tuple[int, ...] = ()
+
+    @property
+    def code(self) -> str:
+        """Name of the flag for programs: low_confidence; empty of a note."""
+        return (self.flag.name or "").lower() if self.flag else ""
+
+    def __str__(self) -> str:
+        return self.text
 
 
 BENCH_FLAGS = ReadingFlag.WHISKER_FAULTY | ReadingFlag.BENCH_FAULTY

@@ -102,8 +102,8 @@ def _fuse_lines(touch: Reading, vision: Reading, settings: FusionSettings) -> Re
 
 def fused_lattice(
     touch: Reading, vision: Reading, *, openly: bool = False
-) -> tuple[Lattice, tuple[str, ...]] | None:
-    """The beliefs of both, and where they contradict each other in words; None where vision has nothing to say.
+) -> tuple[Lattice, tuple[Finding, ...]] | None:
+    """The beliefs of both, and where they contradict each other; None where vision has nothing to say.
 
     Both have read the line that the format means, or the only one: as many places are taken for the same ones.
 
@@ -115,11 +115,13 @@ def fused_lattice(
     felt, seen = (r.trace.open_lattice if openly else r.trace.lattice for r in (touch, vision))
     if felt is None or seen is None or felt.n_places != seen.n_places:
         return None
-    words = tuple(
-        f"place {k + 1}: touch has {ours}, the camera {theirs}"
+    found = tuple(
+        Finding(
+            ReadingFlag.SENSES_DISAGREE, f"place {k + 1}: touch has {ours}, the camera {theirs}", (k + 1,)
+        )
         for k, ours, theirs in contradictions(felt, seen)
     )
-    return fuse_lattices(felt, seen), words
+    return fuse_lattices(felt, seen), found
 
 
 def _reading(
@@ -127,7 +129,7 @@ def _reading(
     felt: Lattice,
     lattice: Lattice,
     choice: Choice,
-    contradicted: tuple[str, ...],
+    contradicted: tuple[Finding, ...],
     settings: FusionSettings,
     vision: Reading,
 ) -> Reading:
@@ -148,7 +150,7 @@ def _reading(
     ).with_findings(
         *_beyond_format(tactile, vision),
         *doubts_of_lines(others, settings),
-        *(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted),
+        *contradicted,
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
@@ -186,19 +188,20 @@ def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:
     return tuple(f for f in tactile.findings if f.flag & overruled and vision.flags & overruled)
 
 
-def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:
+def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[Finding, ...]]:
     """Join the other lines of both senses, the surer one of each, and say where they disagree."""
     joined = {(line.name, line.name or line.text): line for line in touch.others}
-    named, words = {line.text for line in (*touch.others, *vision.others) if line.name}, []
+    named, found = {line.text for line in (*touch.others, *vision.others) if line.name}, []
     for line in vision.others:
         own = joined.get((line.name, line.name or line.text))
         box = line.box if vision.unit == touch.unit else None
         if own is not None and own.text != line.text:
-            words.append(f"{line.name}: touch has {own.text}, the camera {line.text}")
+            what = f"{line.name}: touch has {own.text}, the camera {line.text}"
+            found.append(Finding(ReadingFlag.SENSES_DISAGREE, what))
         if own is None or line.confidence > own.confidence:
             joined[line.name, line.name or line.text] = replace(line, box=box if own is None else own.box)
     # what one has only read, the other may have read for the line that was asked for
-    return tuple(line for line in joined.values() if line.name or line.text not in named), tuple(words)
+    return tuple(line for line in joined.values() if line.name or line.text not in named), tuple(found)
 
 
 def _by_vision_alone(touch: Reading, vision: Reading) -> Reading:

@@ -325,9 +325,9 @@ class Reading:
 
     def messages(self) -> tuple[str, ...]:
         """Return the reasons in words, the one or two that decide first (`recognition.decision.reasons`)."""
-        from recognition.decision.reasons import messages_of
+        from recognition.decision.reasons import reasons_of
 
-        return messages_of(self)
+        return tuple(reason.text for reason in reasons_of(self))
 
     @property
     def actions(self) -> tuple[Action, ...]:

@@ -172,9 +172,9 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
         flags |= ReadingFlag.FORMAT_OVERRULED
     if ChoiceFlag.EXHAUSTED in choice.flags:
         flags |= ReadingFlag.SEARCH_EXHAUSTED
-    blind = () if grammar is None else blind_warnings(choice, grammar)
+    blind = {} if grammar is None else blind_warnings(choice, grammar)
     made = replace(reading, flags=reading.flags | flags)
-    return made.with_findings(*(Finding(ReadingFlag.CHECK_BLIND, text) for text in blind))
+    return made.with_findings(*(Finding(ReadingFlag.CHECK_BLIND, text, (k,)) for k, text in blind.items()))
 
 
 def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
@@ -204,10 +204,10 @@ def _beyond_format(
     if changed or line.belief.evidence_of(grammar, alike=TWINS) >= least:
         return changed
     k = line.belief.least_read()
-    sign = (
-        f"{text[k]} at place {k + 1} may be another sign" if k < len(text) else "another sign may stand there"
-    )
-    return (Finding(ReadingFlag.FORMAT_OVERRULED, f"{sign} than the format's (compare it with the part)"),)
+    there = k < len(text)
+    sign = f"{text[k]} at place {k + 1} may be another sign" if there else "another sign may stand there"
+    what = f"{sign} than the format's (compare it with the part)"
+    return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
 
 
 def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
@@ -237,17 +237,19 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
     )
     if np.prod(same) >= UNCHANGED:
         return ()
-    changes = [
-        f"{was} to {char} at place {k}"
+    changes = {
+        k: f"{was} to {char} at place {k}"
         for k, (was, char) in enumerate(zip(openly, text, strict=True), start=1)
         if was not in _twins(char) and not _is_allowed(line, k - 1, was)
-    ]
-    least = int(same.argmin())
-    what = ", ".join(changes) or f"{text[least]} at place {least + 1} is not sure without it"
+    }
+    if not changes:
+        least = int(same.argmin())
+        changes = {least + 1: f"{text[least]} at place {least + 1} is not sure without it"}
     return (
         Finding(
             ReadingFlag.FORMAT_OVERRULED,
-            f"the format changed what was read: {what} (compare it with the part)",
+            f"the format changed what was read: {', '.join(changes.values())} (compare it with the part)",
+            tuple(changes),
         ),
     )
 
@@ -316,7 +318,7 @@ def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: st
         return ()
     k = int(small[0])
     words = f"{text[k]} at place {k + 1} may be a small letter (a format says which: A or a)"
-    return (Finding(ReadingFlag.CASE_UNKNOWN, words),)
+    return (Finding(ReadingFlag.CASE_UNKNOWN, words, (k + 1,)),)
 
 
 def _greatest_between(

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING
 
-from recognition.decision.flags import MEASURE_FLAGS, ReadingFlag, flags_of
+from recognition.decision.flags import MEASURE_FLAGS, Finding, ReadingFlag, flags_of
 from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState
 
@@ -56,13 +57,13 @@ COUNT_SHARE = 0.9
 """Share of the product of the characters' confidences, below which their number is in doubt."""
 
 
-def messages_of(reading: Reading) -> tuple[str, ...]:
-    """Return the reasons of a reading in words, then other findings."""
-    reasons = [words for flag in IMPORTANCE if (words := _words(reading, flag))]
+def reasons_of(reading: Reading) -> tuple[Finding, ...]:
+    """Return the reasons of a reading, then other findings, then notes."""
+    reasons = [found for flag in IMPORTANCE if (found := _findings(reading, flag))]
     about_serial = reduce(or_, IMPORTANCE)
-    rules = _words(reading, reading.flags & MEASURE_FLAGS)
-    scan = _words(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
-    named = [text for words in reasons[:MOST_REASONS] for text in words]
+    rules = _findings(reading, reading.flags & MEASURE_FLAGS)
+    scan = _findings(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
+    named = [one for found in reasons[:MOST_REASONS] for one in found]
     beside = (
         f"another line reads “{line.text}”, which is not what the serial's format allows"
         for line in reading.others
@@ -71,60 +72,67 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
     same = (
         f"the {code.kind} holds the same serial" for code in reading.codes if holds(code.text, reading.text)
     )
-    return (*named, *rules, *scan, *beside, *same, *reading.notes)
+    notes = (Finding(ReadingFlag.NONE, text) for text in (*beside, *same, *reading.notes))
+    return (*named, *rules, *scan, *notes)
 
 
-def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
-    """Return the words for a flag, or for several that mean one reason; empty where none is set."""
+def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
+    """Return the findings of a flag, or of several that mean one reason; empty where none is set."""
     if not reading.flags & flag:
         return ()
-    found = tuple(dict.fromkeys(finding.text for finding in reading.findings if finding.flag & flag))
+    found = tuple({finding.text: finding for finding in reading.findings if finding.flag & flag}.values())
     if flag & ReadingFlag.LOW_CONFIDENCE:
-        found = (*found, *_doubts(reading, found))
-    unsaid = flag & reading.flags & ~flags_of(reading.findings)
-    return found if flag & ReadingFlag.LOW_CONFIDENCE and found else (*_merge(found), *unsaid.messages())
+        found = (*found, *_doubts(reading, said=bool(found)))
+        if found:
+            return found
+    return (*_merge(found), *(flag & reading.flags & ~flags_of(reading.findings)).findings())
 
 
-def _merge(texts: Sequence[str]) -> tuple[str, ...]:
+def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Findings at several places with one explanation as one: "P or W at place 1, 3 or 2 at place 3: ..."."""
-    heads: dict[str, list[str]] = {}
-    for text in texts:
-        head, colon, why = text.partition(": ")
-        heads.setdefault(colon + why if colon else text, []).append(head if colon else "")
-    return tuple(", ".join(found) + why for why, found in heads.items())
+    made: dict[str, Finding] = {}
+    for finding in findings:
+        head, colon, why = finding.text.partition(": ")
+        before = made.get(key := colon + why or finding.text)
+        if before is not None:
+            text = f"{before.text.removesuffix(colon + why)}, {head}{colon}{why}" if colon else before.text
+            finding = replace(before, text=text, places=before.places + finding.places)
+        made[key] = finding
+    return tuple(made.values())
 
 
-def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
+def _doubts(reading: Reading, *, said: bool) -> Iterator[Finding]:
     """Name the doubtful characters: rivals, unreadable places, their number; else the least sure one."""
-    why = reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
+    low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
     rivals = _rivals(reading)
     if rivals:
-        yield f"{why}: {rivals}?"
+        yield Finding(low, f"{why}: {', '.join(rivals.values())}?", tuple(rivals))
     if unread:
-        yield f"no character can be made out: {_ranges(unread)} (look at the part)"
+        text = f"no character can be made out: {_ranges(unread)} (look at the part)"
+        yield Finding(low, text, tuple(unread))
     if rivals or unread or said or not places:
         return
     if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
-        yield f"{why}: are there {len(places)} characters?"
+        yield Finding(low, f"{why}: are there {len(places)} characters?")
     elif len(places) > 1:
         k, least = min(places, key=lambda place: place[1].confidence)
-        yield f"{why}: {least.char} at place {k} is the least sure"
+        yield Finding(low, f"{why}: {least.char} at place {k} is the least sure", (k,))
     elif reading.shortfall:
-        yield why
+        yield Finding(low, why)
 
 
-def _rivals(reading: Reading) -> str:
-    """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
+def _rivals(reading: Reading) -> dict[int, str]:
+    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5"."""
     places = [
-        (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
+        (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
         for k, c in enumerate(reading.characters, start=1)
         if len(c.candidates) > 1
         and c.candidates[1].probability >= DOUBTED
         and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
     ]
-    return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
+    return {k: text for _, text, k in sorted(places)[:MOST_DOUBTS]}
 
 
 def places_text(reading: Reading, places: Sequence[int]) -> str:

@@ -6,7 +6,7 @@ The prior does not count here: a J whose hook is filled looks like an I.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from recognition.decision.decide import BROKEN, Decision
@@ -75,9 +75,9 @@ def no_text(reading: Reading) -> Reading:
         reading.without_flags(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE),
     )
     sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(READ_OPENLY)
-    outside = [f.text for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
+    outside = [f for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
     return replace(
-        bare.with_findings(*(Finding(ReadingFlag.NO_CHARACTERS, text) for text in outside)),
+        bare.with_findings(*(replace(f, flag=ReadingFlag.NO_CHARACTERS) for f in outside)),
         characters=(),
         confidence=0.0,
         flags=bare.flags | ReadingFlag.NO_CHARACTERS,
@@ -92,8 +92,14 @@ def _places_cut(reading: Reading) -> Iterator[Finding]:
     if places:
         where = places_text(reading, places)
         yield Finding(
-            ReadingFlag.NOT_WHOLE, f"not felt to the edge: {where} (scan a longer or wider stretch)"
+            ReadingFlag.NOT_WHOLE,
+            f"not felt to the edge: {where} (scan a longer or wider stretch)",
+            _from_1(places),
         )
+
+
+def _from_1(places: Iterable[int]) -> tuple[int, ...]:
+    return tuple(k + 1 for k in places)
 
 
 def only_whole(reading: Reading) -> Reading:
@@ -125,11 +131,13 @@ def _missing(reading: Reading) -> Iterator[Finding]:
     if lacking:
         remedy = _REMEDIES[max(lacking.values(), key=list(lacking.values()).count)]
         where = places_text(reading, list(lacking))
-        yield Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})")
+        yield Finding(
+            ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})", _from_1(lacking)
+        )
     if len(foreign) >= LEAST_FOREIGN and _another_font(reading):
         where = places_text(reading, foreign)
         what = f"another font than {reading.font} explains the marks better"
-        yield Finding(ReadingFlag.FOREIGN_SHAPES, f"{what}: {where} (name the right font)")
+        yield Finding(ReadingFlag.FOREIGN_SHAPES, f"{what}: {where} (name the right font)", _from_1(foreign))
 
 
 def _another_font(reading: Reading) -> bool:
@@ -146,12 +154,14 @@ def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
         if place.untold:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
-            yield Finding(ReadingFlag.UNTOLD, f"{pair} at place {k + 1}: {place.untold} (feel more lines)")
+            what = f"{pair} at place {k + 1}: {place.untold} (feel more lines)"
+            yield Finding(ReadingFlag.UNTOLD, what, (k + 1,))
         elif rivals:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(
                 ReadingFlag.STROKES_UNDECIDED,
                 f"{c.char} or {rival.char} at place {k + 1}: {_why(rival)}",
+                (k + 1,),
             )
 
 

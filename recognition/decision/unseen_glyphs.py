@@ -29,16 +29,18 @@ def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | No
     guessed = {c for c in known if laid.font.glyphs[c].guessed}
     if not guessed:
         return reading
-    doubted = []
+    doubted: dict[int, str] = {}
     for k, (character, scores) in enumerate(zip(reading.characters, laid.correlations(), strict=True)):
         best = dict(zip(known, scores.tolist(), strict=True))
         allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
         own = best.get(character.char, -1.0)
         near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - NEAR_SCORE]
         if character.char in guessed:
-            doubted.append(f"place {k + 1}: {character.char} was never enrolled in {reading.font}")
+            doubted[k + 1] = f"place {k + 1}: {character.char} was never enrolled in {reading.font}"
         elif near:
-            doubted.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
+            doubted[k + 1] = f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}"
     if not doubted:
         return reading
-    return reading.with_findings(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted))
+    return reading.with_findings(
+        *(Finding(ReadingFlag.FOREIGN_SHAPES, text, (k,)) for k, text in doubted.items())
+    )

@@ -243,8 +243,8 @@ def _log(value: float) -> float:
     return math.log(value) if value > 0.0 else -math.inf
 
 
-def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> tuple[str, ...]:
-    """A sentence for each character read that no check digit tells from another one that is believed in.
+def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> dict[int, str]:
+    """A sentence, by place, for each character read that no check digit tells from another one that is believed in.
 
     Args:
         choice: what was chosen.
@@ -253,7 +253,7 @@ def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WAR
     """
     rules = [check for check in grammar.checks if check.remainder is not None]
     if not choice.text or not rules:
-        return ()
+        return {}
     beliefs = [choice.place(k) for k in range(len(choice.text))]
     allowed = ["".join(belief) for belief in beliefs]
     blind = [
@@ -261,11 +261,11 @@ def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WAR
         for rule in rules
     ]
     names = " and ".join(str(rule) for rule in rules)
-    return tuple(
-        f"place {k}: {char} may be {other} ({believed:.0%}), which the check digit {names} cannot tell apart"
+    return {
+        k: f"place {k}: {char} may be {other} ({believed:.0%}), which the check digit {names} cannot tell apart"
         for k, (char, belief) in enumerate(zip(choice.text, beliefs, strict=True), start=1)
         for other, believed in belief.items()
         if other != char
         and believed >= least
         and all((min(char, other), max(char, other), k) in pairs for pairs in blind)
-    )
+    }

@@ -16,6 +16,7 @@ from pipeline.common.reading_records import (
     CharacterRecord,
     LineRecord,
     ReadingRecord,
+    ReasonRecord,
     RivalRecord,
 )
 from pipeline.formats.npz import write_npz
@@ -99,11 +100,13 @@ def test_doubts_stand_below_their_row() -> None:
     asked = replace(
         DOUBT,
         messages=("low confidence: B or 8 at place 2?",),
+        reasons=(ReasonRecord("low_confidence", (2,)),),
         characters=(first, second, replace(third, state="not read"), fourth),
     )
     named = replace(
         DOUBT,
         messages=("unread: places 1 to 3 (look at the part)",),
+        reasons=(ReasonRecord("low_confidence", (1, 2, 3)),),
         characters=(first, second, third, replace(fourth, state="not read")),
     )
     assert notes(named).startswith("unread: places 1 to 3 (look at the part); place 4: not read; may")

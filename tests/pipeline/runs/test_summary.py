@@ -10,20 +10,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.runs.summary import MOST_REASONS, Summary
 
 
 def read(
-    part: str, text: str = "", decision: str = "", confidence: float = 0.0, *messages: str, **more: Any
+    part: str, text: str = "", decision: str = "", confidence: float = 0.0, *codes: str, **more: Any
 ) -> ReadingRecord:
-    return ReadingRecord("tactile", text, decision, confidence, part=part, messages=messages, **more)
+    reasons = tuple(ReasonRecord(code, (len(text),)) for code in codes)
+    return ReadingRecord("tactile", text, decision, confidence, part=part, reasons=reasons, **more)
 
 
 RECORDS = (
     read("a", "A1", "accept", 0.99, seconds=0.5),
-    read("b", "B2", "review", 0.50, "weak character 3", "marks are dirty", seconds=4.0),
-    read("c", "C3", "review", 0.60, "weak character 5", seconds=1.5),
+    read("b", "B2", "review", 0.50, "low_confidence", "not_in_order", "low_confidence", seconds=4.0),
+    read("c", "C3", "review", 0.60, "low_confidence", seconds=1.5),
     read("d", "", "reject", seconds=0.1),
     read("e", error="/x/e.npz: is empty; copy or record it again", seconds=0.01),
 )
@@ -40,49 +41,23 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     lines = counted(*RECORDS).lines(elapsed_s=2.0, read_now=4, workers=2)
     assert lines[0] == "5 parts, 1 accept, 2 review, 1 reject, 1 with an error"
     told = "\n".join(lines)
-    # what differs from part to part is one reason
-    assert "     2  weak character #" in told
-    assert "     1  marks are dirty" in told
+    assert "     2  low confidence" in told
+    assert "     1  not in order" in told
     assert "     1  not sure enough" in told
     assert "     1  is empty; copy or record it again" in told
     assert "4 read in 2.0 s with 2 workers: 2.00 a second, 1.22 s of work each" in told
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
-def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
-    messages = ("place 1: I or J (one upright; serifs are missing in some fonts)", "marks are dirty")
-    reasons = counted(read("a", "I1", "review", 0.5, *messages)).reasons
-    assert counted(read("a", "I1", "review", 0.5, "low confidence: 1 or I at place 1?")).reasons == {
-        "low confidence": 1
-    }
-    assert dict(reasons) == {
-        "place #: I or J (one upright; serifs are missing in some fonts)": 1,
-        "marks are dirty": 1,
-    }
-
-
 @pytest.mark.parametrize(
-    ("message", "kind"),
+    ("error", "kind"),
     [
-        ("low confidence: lot LOT77?", "low confidence"),
-        ("most strokes are missing: I at place 1 (clean it and scan it again)", "most strokes are missing"),
-        ("too shallow for R: 7 at place 2 0.061 mm (at least 0.0762)", "too shallow for R"),
-        ("no character can be made out: places 3 and 4 (clean it)", "no character can be made out"),
-        ("0 or O at place 4: the strokes fit both", "0 or O at place #: the strokes fit both"),
-        (
-            "confidence 0.965 is below the threshold 0.98: 1 or I at place 3?",
-            "confidence # is below the threshold #",
-        ),
-        (
-            "confidence 0.5 is below the threshold 0.98: K at place 1 is the least sure",
-            "confidence # is below the threshold #",
-        ),
-        ("it does not fit the format AA9999", "it does not fit the format AA9999"),
-        ("place 5: touch has 3, the camera 8", "place #: touch has #, the camera #"),
+        ("has 2,000 x 30.5 samples", "has # x # samples"),
+        ("has no column 'x' (it has “X”)", "has no column '...' (it has '...')"),
     ],
 )
-def test_places_and_characters_make_no_reason_of_their_own(message: str, kind: str) -> None:
-    assert counted(read("a", "I1", "review", 0.5, message)).reasons == {kind: 1}
+def test_numbers_and_names_make_no_error_of_their_own(error: str, kind: str) -> None:
+    assert counted(read("a", error=f"/x/a.npz: {error}")).faults == {kind: 1}
 
 
 def test_nothing_read_now_has_no_rate() -> None:
@@ -94,7 +69,7 @@ def test_nothing_read_now_has_no_rate() -> None:
 def test_the_same_in_json() -> None:
     told = json.loads(json.dumps(counted(*RECORDS).as_json()))
     assert (told["parts"], told["accept"], told["review"], told["reject"], told["errors"]) == (5, 1, 2, 1, 1)
-    assert told["reasons"]["weak character #"] == 2
+    assert told["reasons"]["low confidence"] == 2
     assert told["slowest"][0] == {"part": "b", "seconds": 4.0}
 
 
@@ -129,8 +104,3 @@ def test_memory_does_not_grow_with_the_rows() -> None:
     assert add(20_000, 2_000) < 100_000
     assert summary.errors == sum(summary.faults.values()) == 22_000
     assert len(summary.lines(elapsed_s=1.0, read_now=1, workers=1)) <= MOST_REASONS + 8
-
-
-def test_texts_of_other_lines_are_one_reason() -> None:
-    rows = [read(str(k), "A", "review", 0.5, f"another line reads “LOT{k}”") for k in range(3)]
-    assert list(counted(*rows).reasons.values()) == [3]
