@@ -12,9 +12,8 @@ from pipeline.formats.truth import Accuracy, PartTexts, load_truth
 
 
 def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
-    path = tmp_path / "truth.csv"
-    path.write_bytes(content)
-    return load_truth(path)
+    (tmp_path / "truth.csv").write_bytes(content)
+    return load_truth(tmp_path / "truth.csv")
 
 
 @pytest.mark.parametrize(
