@@ -9,7 +9,6 @@ from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
 import structlog
@@ -43,6 +42,7 @@ from pipeline.service.pages.routes import pages_router
 from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
 from pipeline.service.reading_orders import ReadingOrders, called_by
+from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.stage.devices import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage.stage_driver import load_driver
 from pipeline.service.stage_work import CameraWork, StageWork
@@ -126,6 +126,7 @@ class Service:
             warm_up=partial(warm_up, reading, limits),
         )
         self.ports = Ports(settings)
+        self.policy = ReviewPolicy(2 if settings.second_reader else 1, settings.audit_per_thousand / 1000.0)
         orders = ReadingOrders(
             evidence=self.evidence,
             pool=self.pool,
@@ -148,14 +149,12 @@ class Service:
             targets=tuple(self.ports.senders),
             watch=self.jobs.watch,
             shadow=settings.shadow,
-            # nobody who knows the parts can tell which are drawn
             rules=SerialRules(
                 settings.duplicates,
                 settings.sequence_jump,
                 None if settings.order is None else read_order(settings.order),
             ),
-            audit=partial(_drawn, SystemRandom(), settings.audit_per_thousand / 1000.0),
-            readers=2 if settings.second_reader else 1,
+            policy=self.policy,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
@@ -307,20 +306,20 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.parts, service.access, root_path=settings.root_path))
-    app.include_router(golden_router(service.golden, service.evidence, service.access))
+    app.include_router(golden_router(service.golden, service.parts.orders, service.access))
     app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
     app.include_router(
         lookup_router(service.parts, service.access, root_path=settings.root_path), max_body_size=SMALL_BODY
     )
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
-    frame = Frame.make(
+    frame = Frame(
         service.store,
         service.evidence,
         service.access,
         review=service.parts.review,
         undo=service.parts.undo_review,
+        policy=service.policy,
         shadow=settings.shadow,
-        second_reader=settings.second_reader,
         outside_format=service.parts.orders.outside_format,
     )
     app.state.problem_page = frame.refusal
@@ -418,10 +417,6 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
-
-
-def _drawn(source: SystemRandom, share: float) -> bool:
-    return source.random() < share
 
 
 def _stage(settings: ServiceSettings) -> Stage:

@@ -38,6 +38,7 @@ from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
 from pipeline.service.reading_orders import ReadingOrders
+from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.stage.driver_thread import StageDownError
 from pipeline.service.stage_work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
@@ -104,9 +105,8 @@ class PartService:
         targets: Sequence[str] = (),
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
         shadow: bool = False,
-        audit: Callable[[], bool] = lambda: False,
+        policy: ReviewPolicy = ReviewPolicy(),  # noqa: B008 - frozen
         rules: SerialRules = ANY_SERIAL,
-        readers: int = 1,
     ) -> None:
         """Take what it works with.
 
@@ -123,11 +123,10 @@ class PartService:
                 `on_part` with every part that was read.
             watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
-            audit: draws whether a part is read by a person as well, if it is accepted.
+            policy: who must agree on a part, and what share of accepted parts is audited.
             rules: what is asked of serials among serials.
-            readers: people who must agree before a part is reviewed, 1 or 2.
         """
-        self._audit, self._readers, self._rules = audit, readers, rules
+        self._policy, self._rules = policy, rules
         self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
         self.stage, self.camera, self.line = stage, camera, line
         self.bench = BenchWatch()
@@ -198,7 +197,7 @@ class PartService:
                 targets=self._targets,
                 idempotency=idempotency,
                 shadow=shadow,
-                audit=self._audit(),
+                audit=self._policy.draws(),
                 rules=self._rules,
             )
             self._count(part, done)
@@ -271,7 +270,7 @@ class PartService:
             StoreError: as `Store.review`.
         """
         targets = () if self._in_shadow(self.store.part(part_id)) else self._targets
-        part = self.store.review(part_id, targets=targets, readers=self._readers, **said)
+        part = self.store.review(part_id, targets=targets, readers=self._policy.readers, **said)
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
@@ -348,7 +347,7 @@ class PartService:
             targets=() if hidden else self._targets,
             idempotency=idempotency,
             shadow=shadow,
-            audit=self._audit(),
+            audit=self._policy.draws(),
             rules=self._rules,
         )
         self._count(read, done)

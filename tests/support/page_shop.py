@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from dataclasses import replace
 from functools import partial
@@ -14,16 +15,19 @@ from fastapi.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
+from pipeline.common.settings import ReadSettings
+from pipeline.service.job_folder import JobFolder
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
+from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.web.access import Access
+from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 
 MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
 META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
-FORM = re.compile(r'name="form_value" value="([^"]+)"')
-BEFORE = re.compile(r'name="before" value="([^"]*)"')
+HIDDEN = re.compile(r'<input type="hidden" name="([^"]+)" value="([^"]*)"')
 
 
 def character(
@@ -48,21 +52,25 @@ class Shop:
     def __init__(self, folder: Path, *, required: bool = False, second_reader: bool = False) -> None:
         self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
         self.evidence = EvidenceFolder(folder / "evidence")
-        app = FastAPI()
-        frame = Frame.make(
+        policy = ReviewPolicy(2 if second_reader else 1)
+        frame = Frame(
             self.store,
             self.evidence,
             Access(self.store, required=required),
-            review=partial(self.store.review, targets=("webhook",), readers=2 if second_reader else 1),
-            second_reader=second_reader,
+            review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
+            undo=lambda part_id, person: self.store.undo_review(part_id, person=person),
+            policy=policy,
         )
-        app.include_router(pages_router(frame))
-        self.app = app
-        self.client = TestClient(app, follow_redirects=False)
+        self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
+        self.app = FastAPI()
+        self.app.include_router(pages_router(frame, jobs=self.jobs))
+        self.app.state.problem_page = frame.refusal
+        add_problem_handlers(self.app)
+        self.client = self.another()
 
     def another(self) -> TestClient:
         """Another person's browser."""
-        return TestClient(self.app, follow_redirects=False)
+        return TestClient(self.app, follow_redirects=False, headers={"Accept": "text/html"})
 
     def add(
         self,
@@ -101,22 +109,17 @@ class Shop:
         *,
         before: str | None = None,
         who: str = "Ada",
-        at: str = "/review",
         client: TestClient | None = None,
         **more: str,
     ) -> int:
         """Open a part's page and send its form, as a browser would."""
         client = client or self.client
-        page = client.get(f"{at}/{part_id}").text
-        shown = BEFORE.search(page)
-        form = FORM.search(page)
-        assert shown is not None
-        assert form is not None
-        data = {"text": text, "who": who, "form_value": form[1], "action": "save", **more}
-        data["before"] = shown[1] if before is None else before
-        if 'name="blind" value="1"' in page:
-            data["blind"] = "1"
-        self.answer = client.post(f"{at}/{part_id}", data=data)
+        page = client.get(f"/review/{part_id}").text
+        hidden = {name: html.unescape(value) for name, value in HIDDEN.findall(page)}
+        data = {**hidden, "text": text, "who": who, "action": "save", **more}
+        self.answer = client.post(
+            f"/review/{part_id}", data=data if before is None else {**data, "before": before}
+        )
         return self.answer.status_code
 
 

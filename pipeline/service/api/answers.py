@@ -1,4 +1,4 @@
-"""What the interface takes and answers of parts, and how its description has it."""
+"""Fields and answers of the interface, and its description of problems."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import Depends, Form, Header, Path, Query, Request
+from fastapi import Depends, Form, Header, Path, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from glyphs.plain_text import HIDDEN
@@ -28,14 +28,17 @@ _PROBLEMS = {
     500: "a file that was kept is damaged on the service's disk",
     503: "the queue is full, or the store does not answer; the header Retry-After tells when to ask again",
 }
-PICTURES = {
-    "photo": EvidenceKind.PHOTO_PICTURE,
-    "edges": EvidenceKind.EDGES_PICTURE,
-}
+_PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
 _HIDDEN = HIDDEN.replace(r"\ud800-\udfff", "")  # half surrogates never come out of UTF-8
 TEXT = f"^[^{_HIDDEN}]*$"
 NOTE = f"^(?:[\\t\\n\\r]|[^{_HIDDEN}])*$"
+PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 PictureName = Literal["photo", "edges", "boxes"]
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The problems of a route, for the description of the interface; every route needs the store, which may fail."""
+    return {s: {"description": _PROBLEMS[s], "content": _PROBLEM} for s in (*statuses, 503)}
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,13 @@ class PartAnswer(PartRecord):
     links: Mapping[str, str] = field(default_factory=dict)
 
 
+def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
+    """The part with its links, behind the prefix of a proxy where there is one."""
+    here = f"{root_path}/v1/parts/{part.id}"
+    pictures = {name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")}
+    return PartAnswer(**part.__dict__, links={"self": here, "history": f"{here}/history", **pictures})
+
+
 class ReviewBody(BaseModel):
     """What a person says of a part."""
 
@@ -60,63 +70,32 @@ class ReviewBody(BaseModel):
     )
 
     action: ReviewAction
-    text: str = Field(
-        default="",
-        max_length=200,
-        pattern=TEXT,
-        description="the serial as it is; empty for unreadable",
-    )
+    text: str = Field("", max_length=200, pattern=TEXT, description="the serial; empty for unreadable")
     who: str = Field(
-        default="",
-        max_length=100,
-        pattern=TEXT,
-        description="the person; with a token the review is signed with the token's name instead",
+        "", max_length=100, pattern=TEXT, description="the person; a token signs with its own name"
     )
-    note: str = Field(default="", max_length=2000, pattern=NOTE)
+    note: str = Field("", max_length=2000, pattern=NOTE)
     outside_format: bool = Field(
-        default=False, description="save a serial that is none of the format; else that is answered 422"
+        False, description="save a serial that does not fit the format; else that is answered 422"
     )
     before: str | None = Field(
-        default=None,
-        max_length=200,
-        description="the text as it was; if it has changed since, the answer is 409",
+        None, max_length=200, description="the text as it was; if it has changed since, the answer is 409"
     )
 
 
-def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """The problems of a route, for the description of the interface; every route needs the store, which may fail."""
-    return {
-        status: {"description": _PROBLEMS[status], "content": {MEDIA_TYPE: {"schema": _PROBLEM_SCHEMA}}}
-        for status in (*statuses, 503)
-    }
+def _text(description: str, **more: Any) -> Any:
+    return Form(max_length=200, pattern=TEXT, description=description, **more)
 
 
-_PROBLEM_SCHEMA = {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}
-Name = Annotated[
-    str,
-    Form(
-        max_length=200, pattern=TEXT, description="what the line calls the part", examples=["tray-7/part-3"]
-    ),
-]
-Expected = Annotated[
-    str,
-    Form(
-        max_length=200,
-        pattern=TEXT,
-        description="the serial it should read: confirmed, refuted or undecided",
-    ),
-]
-Database = Annotated[
-    str, Form(max_length=200, pattern=TEXT, description="glyph database, as /v1/databases lists them")
-]
+def _sought(description: str) -> Any:
+    return Field("", max_length=200, pattern=TEXT, description=description)
+
+
+Name = Annotated[str, _text("what the line calls the part", examples=["tray-7/part-3"])]
+Expected = Annotated[str, _text("the serial it should read: confirmed, refuted or undecided")]
+Database = Annotated[str, _text("glyph database, as /v1/databases lists them")]
 JobName = Annotated[
-    str,
-    Form(
-        max_length=200,
-        pattern=TEXT,
-        description="job that says how to read, as /v1/jobs lists them",
-        examples=["housing-left"],
-    ),
+    str, _text("job that says how to read, as /v1/jobs lists them", examples=["housing-left"])
 ]
 PartId = Annotated[
     str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
@@ -131,56 +110,33 @@ Key = Annotated[
 ]
 
 
-@dataclass(frozen=True)
-class Sought:
-    """What parts of a list have in common.
-
-    Attributes:
-        state: they are in.
-        text: that their serials hold.
-        name: that their names hold.
-        job: that they were read by.
-        line: that they come from.
-        since, until: between which they were received; without a zone by UTC.
-    """
+class Sought(BaseModel):
+    """What parts of a list have in common; times without a zone are by UTC."""
 
     state: PartState | None = None
-    text: str = ""
-    name: str = ""
-    job: str = ""
-    line: str = ""
-    since: datetime | None = None
-    until: datetime | None = None
+    text: str = _sought("that its serial holds")
+    name: str = _sought("that its name holds")
+    job: str = _sought("that it was read by")
+    line: str = _sought("that it comes from")
+    since: datetime | None = Field(
+        None, description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
+    )
+    until: datetime | None = Field(None, description="received before then", examples=["2026-11-22"])
 
     def values(self) -> dict[str, Any]:
-        """As `Store.parts` takes it."""
-        zoned = {
-            name: at if at is None or at.tzinfo is not None else at.replace(tzinfo=UTC)
-            for name, at in (("since", self.since), ("until", self.until))
-        }
-        return {**self.__dict__, **zoned}
+        """As `Store.parts` takes them."""
+        given = {name: getattr(self, name) for name in type(self).model_fields}
+        for name in ("since", "until"):
+            if given[name] is not None and given[name].tzinfo is None:
+                given[name] = given[name].replace(tzinfo=UTC)
+        return given
 
 
-def _sought(
-    state: PartState | None = None,
-    text: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its serial holds")] = "",
-    name: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its name holds")] = "",
-    job: Annotated[str, Query(max_length=200, pattern=TEXT, description="that it was read by")] = "",
-    line: Annotated[str, Query(max_length=200, pattern=TEXT, description="that it comes from")] = "",
-    since: Annotated[
-        datetime | None,
-        Query(
-            description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
-        ),
-    ] = None,
-    until: Annotated[
-        datetime | None, Query(description="received before then", examples=["2026-11-22"])
-    ] = None,
-) -> Sought:
-    return Sought(state, text, name, job, line, since, until)
+class SoughtPage(Sought):
+    """A page of a list of parts."""
 
-
-PartFilter = Annotated[Sought, Depends(_sought)]
+    before: str | None = Field(None, max_length=64, pattern=TEXT, description="id after which to go on")
+    limit: int = Field(50, ge=1, le=500)
 
 
 def may(access: Access, scope: Scope) -> Any:
@@ -201,11 +157,3 @@ def checked_id(part_id: str) -> str:
     if not is_part_id(part_id):
         raise Problem(404, f"there is no part {part_id[:64]!r}; /v1/parts lists them")
     return part_id
-
-
-def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
-    """The part with its links, behind the prefix of a proxy where there is one."""
-    here = f"{root_path}/v1/parts/{part.id}"
-    links = {"self": here, "history": f"{here}/history"}
-    links.update({name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")})
-    return PartAnswer(**{**part.__dict__, "links": links})

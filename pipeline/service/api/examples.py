@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -13,16 +14,18 @@ from pipeline.common.reading_records import (
     to_json,
 )
 from pipeline.common.records import (
+    EventRecord,
     EvidenceKind,
     EvidenceRecord,
+    History,
     PartRecord,
     PartState,
     ReviewAction,
     ReviewRecord,
     TouchWait,
 )
+from pipeline.service.api.answers import answer
 
-_ID = "01JD8Z6Y3Q5V7W9X1B2C3D4E5F"
 _AT = datetime(2026, 11, 2, 9, 30, tzinfo=UTC)
 _CHARACTERS = tuple(
     CharacterRecord(
@@ -36,18 +39,7 @@ _CHARACTERS = tuple(
 _READING = ReadingRecord(
     "vision", "KX40", "accept", 0.96, _CHARACTERS, font="gothic", height_mm=5.0, seconds=0.41, at=_AT
 )
-_UNSURE = ReadingRecord(
-    "vision",
-    "KX4O",
-    "review",
-    0.41,
-    _CHARACTERS,
-    ("low confidence",),
-    "gothic",
-    5.0,
-    seconds=0.9,
-    at=_AT,
-)
+_UNSURE = replace(_READING, text="KX4O", decision="review", confidence=0.41, messages=("low confidence",))
 _PLAN = ScanPlanRecord(
     region_mm=(1.5, 1.0, 22.5, 10.0),
     directions_deg=(0, 180, 90, 270),
@@ -60,25 +52,33 @@ _PLAN = ScanPlanRecord(
     height_mm=5.0,
     reason="the camera is unsure of KX4O (confidence 0.41): low confidence",
 )
-
-
-def _answered(part: PartRecord) -> dict[str, Any]:
-    here = f"/v1/parts/{part.id}"
-    links = {"self": here, "history": f"{here}/history", "edges": f"{here}/pictures/edges"}
-    return {**to_json(part), "links": links}
-
-
-_WAITS = TouchWait(by_stage=False, until=_AT + timedelta(minutes=15))
-
-PART_EXAMPLE = _answered(PartRecord(_ID, "tray-7/part-3", PartState.ACCEPTED, "KX40", _AT, _AT, _READING))
-TOUCH_EXAMPLE = _answered(
-    PartRecord(_ID, "tray-7/part-3", PartState.TOUCH_NEEDED, "", _AT, _AT, _UNSURE, plan=_PLAN, touch=_WAITS)
+_PART = PartRecord(
+    "01JD8Z6Y3Q5V7W9X1B2C3D4E5F", "tray-7/part-3", PartState.ACCEPTED, "KX40", _AT, _AT, _READING
 )
-HISTORY_EXAMPLE: dict[str, Any] = {
-    "events": [{"at": "2026-11-02T09:30:00Z", "kind": "received", "data": {}}],
-    "readings": [to_json(_UNSURE)],
-    "reviews": [to_json(ReviewRecord(ReviewAction.CORRECT, "KX4O", "KX40", "Anna", "line-3", at=_AT))],
-    "evidence": [
-        to_json(EvidenceRecord(EvidenceKind.PHOTO, "0" * 64, 402_113, "part-3.png", "image/png", at=_AT))
-    ],
-}
+_WAITS = replace(
+    _PART,
+    state=PartState.TOUCH_NEEDED,
+    text="",
+    reading=_UNSURE,
+    plan=_PLAN,
+    touch=TouchWait(by_stage=False, until=_AT + timedelta(minutes=15)),
+)
+PART_EXAMPLE, TOUCH_EXAMPLE, HISTORY_EXAMPLE = (
+    to_json(one)
+    for one in (
+        answer(_PART),
+        answer(_WAITS),
+        History(
+            (EventRecord(_AT, "received"),),
+            (_UNSURE,),
+            (ReviewRecord(ReviewAction.CORRECT, "KX4O", "KX40", "Anna", "line-3", at=_AT),),
+            (EvidenceRecord(EvidenceKind.PHOTO, "0" * 64, 402_113, "part-3.png", "image/png", at=_AT),),
+        ),
+    )
+)
+
+
+def answered(status: int, **examples: dict[str, Any]) -> dict[int | str, dict[str, Any]]:
+    """The answer of a route with its examples by name, for the description."""
+    values = {name: {"value": value} for name, value in examples.items()}
+    return {status: {"content": {"application/json": {"examples": values}}}}

@@ -2,81 +2,57 @@
 
 from __future__ import annotations
 
-import shutil
-from datetime import datetime
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated
 
 from fastapi import APIRouter, Form, UploadFile
-from pydantic import BaseModel, Field
 
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.records import Scope
 from pipeline.service.api.answers import may, problems
 from pipeline.service.golden import GoldenPart
+from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
-from pipeline.store.evidence_folder import EvidenceFolder
 
 
-class MeasuredAnswer(BaseModel):
-    """A number and its standard deviation."""
+@dataclass(frozen=True)
+class GoldenAnswer(GoldenRecord):
+    """A scan of the golden part.
 
-    value: float
-    sd: float
+    Attributes:
+        worn: measures beyond their limits now, and what to do about them.
+    """
 
-
-class GoldenAnswer(BaseModel):
-    """A scan of the golden part."""
-
-    at: datetime
-    line: str
-    reference: bool
-    measures: dict[str, MeasuredAnswer]
-    worn: list[str] = Field(default=[], description="What is beyond its limit now, and what to do about it.")
+    worn: tuple[str, ...] = ()
 
 
-def golden_router(golden: GoldenPart, evidence: EvidenceFolder, access: Access) -> APIRouter:
+def golden_router(golden: GoldenPart, orders: ReadingOrders, access: Access) -> APIRouter:
     """The routes of /v1/golden."""
-    router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute)
+    responses = problems(401, 403)
+    router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute, responses=responses)
     Reads, Writes = may(access, Scope.READ), may(access, Scope.WRITE)
 
-    @router.post(
-        "/golden",
-        response_model=GoldenAnswer,
-        status_code=201,
-        summary="A scan of the golden part, which shows how the whiskers wear",
-        description="It is no part: it is in no list, no figure and no result. The first one is the reference.",
-        responses=problems(400, 401, 403, 409, 413, 415, 422),
-    )
+    @router.post("/golden", status_code=201, responses=problems(400, 409, 413, 415, 422))
     async def scan_golden(
         scan: UploadFile,
         reference: Annotated[bool, Form(description="Compare later ones with this one.")] = False,
         caller: Caller = Writes,
-    ) -> Any:
-        folder = evidence.new_work_folder()
-        try:
-            await golden.scanned(await receive(scan, "scan", folder), reference=reference)
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-        scans = golden.scans()
-        return _answer(scans[0], golden.worn(scans))
+    ) -> GoldenAnswer:
+        """A scan of the golden part, which shows how the whiskers wear.
 
-    @router.get(
-        "/golden",
-        response_model=list[GoldenAnswer],
-        summary="What scans of the golden part have shown, the newest first",
-        responses=problems(401, 403),
-    )
-    def golden_scans(caller: Caller = Reads) -> Any:
+        It is no part: it is in no list, no figure and no result. The first one is the reference.
+        """
+        with orders.work_folder() as folder:
+            await golden.scanned(await receive(scan, "scan", folder), reference=reference)
+        return golden_scans()[0]
+
+    @router.get("/golden")
+    def golden_scans(caller: Caller = Reads) -> list[GoldenAnswer]:
+        """Scans of the golden part, the newest first."""
         scans = golden.scans()
-        return [_answer(scan, golden.worn(scans) if k == 0 else ()) for k, scan in enumerate(scans)]
+        worn = golden.worn(scans) if scans else ()
+        return [GoldenAnswer(**scan.__dict__, worn=() if k else worn) for k, scan in enumerate(scans)]
 
     return router
-
-
-def _answer(scan: GoldenRecord, worn: tuple[str, ...]) -> GoldenAnswer:
-    measures = {name.value: MeasuredAnswer(value=one.value, sd=one.sd) for name, one in scan.measures.items()}
-    return GoldenAnswer(
-        at=scan.at, line=scan.line, reference=scan.reference, measures=measures, worn=list(worn)
-    )

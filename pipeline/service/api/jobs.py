@@ -17,64 +17,47 @@ from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import Problem
 
 JobName = Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])]
+_OVER: dict[int | str, dict[str, Any]] = {
+    200: {"model": JobAnswer, "description": "written over the job that was there"}
+}
 
 
 def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
     """The routes of /v1/jobs."""
-    router = APIRouter(prefix="/v1", tags=["jobs"])
+    router = APIRouter(prefix="/v1", tags=["jobs"], responses=problems(401, 403))
     Reads, Reviews = may(access, Scope.READ), may(access, Scope.REVIEW)
 
-    @router.get(
-        "/jobs",
-        response_model=list[JobAnswer],
-        summary="Jobs that a part may be read by",
-        responses=problems(401, 403),
-    )
-    def list_jobs(caller: Caller = Reads) -> Any:
+    @router.get("/jobs")
+    def list_jobs(caller: Caller = Reads) -> list[JobAnswer]:
+        """Jobs that a part may be read by."""
         return jobs.listed()
 
-    @router.get(
-        "/jobs/{name}",
-        response_model=JobAnswer,
-        summary="One job",
-        responses=problems(401, 403, 404, 422),
-    )
-    def one_job(name: JobName, caller: Caller = Reads) -> Any:
-        found = next((job for job in jobs.listed() if job.name == name), None)
-        if found is None:
-            raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
-        return found
+    @router.get("/jobs/{name}", responses=problems(404, 422))
+    def one_job(name: JobName, caller: Caller = Reads) -> JobAnswer:
+        """One job."""
+        for job in jobs.listed():
+            if job.name == name:
+                return job
+        raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
 
-    @router.delete(
-        "/jobs/{name}",
-        status_code=204,
-        summary="Delete a job; parts that were read by it stay as they are",
-        responses=problems(401, 403, 404, 409, 422),
-    )
+    @router.delete("/jobs/{name}", status_code=204, responses=problems(404, 409, 422))
     def delete_job(name: JobName, caller: Caller = Reviews) -> None:
+        """Delete a job; parts that were read by it stay as they are."""
         jobs.delete(name)
 
-    @router.put(
-        "/jobs/{name}",
-        response_model=JobAnswer,
-        status_code=201,
-        summary="Write a job: settings of reading that hold for the parts that name it",
-        description="A `database` is one that /v1/databases lists; other files are named in the job file itself.",
-        responses={
-            200: {"model": JobAnswer, "description": "written over the job that was there"},
-            201: {"description": "a new job"},
-            **problems(400, 401, 403, 422),
-        },
-    )
+    @router.put("/jobs/{name}", status_code=201, responses=_OVER | problems(400, 422))
     def write_job(
         response: Response,
         name: JobName,
         body: Annotated[ReadSettings, SkipValidation],  # a worker does it
         caller: Caller = Reviews,
-    ) -> Any:
-        written = written_job(jobs, body)
-        if not jobs.save(name, written):
+    ) -> JobAnswer:
+        """Write a job: settings of reading that hold for the parts that name it.
+
+        A `database` is one that /v1/databases lists; other files are named in the job file itself.
+        """
+        if not jobs.save(name, written_job(jobs, body)):
             response.status_code = 200
-        return next(job for job in jobs.listed() if job.name == name)
+        return one_job(name)
 
     return router

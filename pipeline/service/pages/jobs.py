@@ -1,4 +1,4 @@
-"""Pages of jobs: the list, and a job taught from a part: a box drawn round a line, its text typed.
+"""Pages of jobs: the list, the text of a job, and a job taught from a part: a box round a line, and its text.
 
 part --its picture, box, text--> /jobs/new --> job file --> /jobs
 """
@@ -6,212 +6,141 @@ part --its picture, box, text--> /jobs/new --> job file --> /jobs
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Form
-from starlette.requests import Request
+from fastapi import APIRouter, Depends, Form
+from pydantic import AfterValidator, BaseModel
 from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import PartRecord, Scope
+from pipeline.common.reading_records import Box, ReadingRecord
+from pipeline.common.records import PartRecord
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
 from pipeline.service.job_edit import save_edited, text_to_edit
 from pipeline.service.job_folder import JobAnswer, JobFolder
-from pipeline.service.pages.frame import Frame, PageError, see
-from pipeline.service.pages.pictures import PictureView, picture_pair
+from pipeline.service.pages.frame import Frame, View
+from pipeline.service.pages.pictures import TOUCH, PictureFrame, PictureView, last_reading, picture_pair
 from pipeline.service.teaching import Taught, name_like, teach
 from pipeline.service.web.problem import Problem
 
 MOST_TEXT = 200
+_SIDES = ("left", "top", "right", "bottom")
 _WHOLE: Region = (0.0, 0.0, 1.0, 1.0)
-_TOUCH = ("tactile", "fused")
+# room about a line that was read, in heights of its characters: lines seldom stand closer
 _ROOM_HEIGHTS = 0.5
-"""About a line that was read, in heights of its characters: lines seldom stand closer."""
+Typed = Annotated[str, AfterValidator(lambda text: text.strip()[:MOST_TEXT])]
 
 
-@dataclass(frozen=True)
-class Shown:
-    """The form, as it is shown and as it comes back.
+class Lesson(BaseModel):
+    """The form that teaches a line, as typed: sides of the box in per cent, `line` empty for the serial."""
 
-    Attributes:
-        name: of the job.
-        line: of the line; empty for the serial.
-        text: that stands there.
-        format: of the text.
-        height_mm: of characters, as typed.
-        database: of a learned die, by name.
-        box: left, top, right and bottom of the region, per cent of the picture.
-        replace: whether a line that the job has may be replaced.
-    """
-
-    name: str
-    line: str
-    text: str
-    format: str
-    height_mm: str
-    box: tuple[str, ...]
-    database: str = ""
-    replace: bool = False
+    name: Typed = ""
+    line: Typed = ""
+    text: Typed = ""
+    format: Typed = ""
+    height_mm: Typed = ""
+    left: Typed = ""
+    top: Typed = ""
+    right: Typed = ""
+    bottom: Typed = ""
+    database: Typed = ""
+    replace: str = ""
+    part: str = ""
+    by: str = ""
 
     def taught(self) -> Taught:
-        """What it says.
+        """The line taught.
 
         Raises:
-            Problem: a number that is none, nothing typed.
+            Problem: something that is not a number, no box, no text.
         """
         if not self.text:
             raise Problem(422, "type the text that stands in the box")
         try:
-            left, top, right, bottom = (_number(side) / 100.0 for side in self.box)
+            left, top, right, bottom = (_number(getattr(self, side)) / 100.0 for side in _SIDES)
             height_mm = _number(self.height_mm) if self.height_mm else None
         except ValueError as error:
-            raise Problem(422, f"{str(error)[-40:]} is no number; type 12.5, say") from error
-        region = (left, top, right, bottom)
+            raise Problem(422, f"{str(error)[-40:]} is not a number; type 12.5, for example") from error
         if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
-            raise Problem(422, "the box is none; draw one, or type left < right and top < bottom, 0 to 100")
+            raise Problem(422, "draw a box first, or type left < right and top < bottom, 0 to 100")
         format = self.format or format_like(self.text)
-        return Taught(self.line, self.text, format, region, height_mm, self.database)
-
-
-@dataclass(frozen=True)
-class ListedJob:
-    """A job as the list shows it.
-
-    Attributes:
-        name: of the job.
-        lines: the serial first, its name empty: name, format and region of each.
-        more: other settings, in words.
-        problem: why it cannot be used as its file now is.
-    """
-
-    name: str
-    lines: tuple[NamedLine, ...]
-    more: str
-    problem: str
+        return Taught(self.line, self.text, format, (left, top, right, bottom), height_mm, self.database)
 
 
 def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
-    """The routes of the list, and of a job to be taught."""
+    """The routes of the list, of the text of a job, and of a job to be taught."""
+    looks, reviews = Depends(frame.looks), Depends(frame.reviews)
 
     @router.get("/jobs")
-    def listed(request: Request, done: str = "", part: str = "", gone: str = "") -> Response:
-        caller = frame.reader(request)
-        shown = [_listed(job) for job in jobs.listed()]
-        known = done if any(job.name == done for job in shown) else ""
-        more = urlencode({"part": part, "name": done}) if is_part_id(part) else ""
-        return frame.page(
-            request,
+    def listed(done: str = "", part: str = "", gone: str = "", view: View = looks) -> Response:
+        shown = jobs.listed()
+        names = [job.name for job in shown]
+        return view.page(
             "jobs.html.j2",
-            caller=caller,
-            jobs=shown,
-            done=known,
-            more=more,
-            gone=gone if gone and not any(job.name == gone for job in shown) else "",
-            may_edit=Scope.REVIEW in caller.scopes,
+            jobs=[(job, _lines(job)) for job in shown],
+            done=done if done in names else "",
+            more=urlencode({"part": part, "name": done}) if is_part_id(part) else "",
+            gone="" if gone in names else gone,
         )
 
     @router.get("/jobs/edit/{name}")
-    def edit(request: Request, name: str) -> Response:
-        frame.access.caller(request, Scope.REVIEW)
-        return _edit_page(frame, request, jobs, name)
+    def edit(name: str, view: View = reviews) -> Response:
+        return _edit_page(view, jobs, name)
 
     @router.post("/jobs/edit/{name}")
     def save_edit(
-        request: Request,
         name: str,
         action: Annotated[str, Form()] = "save",
         text: Annotated[str, Form()] = "",
         before: Annotated[str, Form()] = "",
         sure: Annotated[str, Form()] = "",
-        form_value: Annotated[str, Form()] = "",
+        view: View = reviews,
     ) -> Response:
-        frame.access.caller(request, Scope.REVIEW)
-        frame.check_form(request, form_value)
         text, before = (value.replace("\r\n", "\n") for value in (text, before))
         try:
             if action == "delete":
                 if not sure:
                     raise Problem(422, "tick the box beside Delete first")
                 jobs.delete(name)
-                return see(request, f"/jobs?{urlencode({'gone': name})}")
+                return view.go(f"/jobs?{urlencode({'gone': name})}")
             save_edited(jobs, name, text, before=before)
         except Problem as problem:
-            return _edit_page(frame, request, jobs, name, text=text, before=before, problem=problem)
-        return see(request, f"/jobs?{urlencode({'done': name})}")
+            return _edit_page(view, jobs, name, text=text, before=before, problem=problem)
+        return view.go(f"/jobs?{urlencode({'done': name})}")
 
     @router.get("/jobs/format")
-    def format_of(request: Request, text: str = "") -> Response:
-        frame.reader(request)
+    def format_of(text: str = "", view: View = looks) -> Response:
         return PlainTextResponse(format_like(text[:MOST_TEXT]))
 
     @router.get("/jobs/new")
-    def new(request: Request, part: str, by: str = "", name: str = "") -> Response:
-        found = frame.store.part(part)
-        pictures = _pictures(frame, found)
-        picture = next((one for one in pictures if one.which == by), pictures[0])
-        reading = _reading(frame, found, picture)
-        shown = _another(name, reading, picture) if name else _proposed(found, reading, picture)
-        return _teach_page(frame, request, jobs, found, picture, shown)
+    def new(part: str, by: str = "", name: str = "", view: View = reviews) -> Response:
+        found, (picture, *_) = frame.store.part(part), _pictures(frame, part, by)
+        sources = ("vision",) if picture.which == "photo" else TOUCH
+        reading = last_reading(frame.store.readings(part), sources)
+        lesson = _another(name, reading, picture) if name else _proposed(found, reading, picture)
+        return _teach_page(view, jobs, lesson.model_copy(update={"part": part, "by": by}))
 
     @router.post("/jobs/new")
-    def save(
-        request: Request,
-        part: Annotated[str, Form()],
-        by: Annotated[str, Form()] = "",
-        name: Annotated[str, Form()] = "",
-        line: Annotated[str, Form()] = "",
-        text: Annotated[str, Form()] = "",
-        format: Annotated[str, Form()] = "",
-        height_mm: Annotated[str, Form()] = "",
-        left: Annotated[str, Form()] = "",
-        top: Annotated[str, Form()] = "",
-        right: Annotated[str, Form()] = "",
-        bottom: Annotated[str, Form()] = "",
-        database: Annotated[str, Form()] = "",
-        replace: Annotated[str, Form()] = "",
-        form_value: Annotated[str, Form()] = "",
-    ) -> Response:
-        frame.access.caller(request, Scope.REVIEW)
-        frame.check_form(request, form_value)
-        name, line, text, format, height_mm, *box = (
-            value.strip()[:MOST_TEXT]
-            for value in (name, line, text, format, height_mm, left, top, right, bottom)
-        )
-        shown = Shown(name, line, text, format, height_mm, tuple(box), database, bool(replace))
+    def save(lesson: Annotated[Lesson, Form()], view: View = reviews) -> Response:
         try:
-            teach(jobs, shown.name, shown.taught(), replace=shown.replace)
+            teach(jobs, lesson.name, lesson.taught(), replace=bool(lesson.replace))
         except Problem as problem:
-            found = frame.store.part(part)
-            pictures = _pictures(frame, found)
-            picture = next((one for one in pictures if one.which == by), pictures[0])
-            return _teach_page(frame, request, jobs, found, picture, shown, problem)
-        return see(request, f"/jobs?{urlencode({'done': shown.name, 'part': part})}")
+            return _teach_page(view, jobs, lesson, problem)
+        return view.go(f"/jobs?{urlencode({'done': lesson.name, 'part': lesson.part})}")
 
 
-def _teach_page(
-    frame: Frame,
-    request: Request,
-    jobs: JobFolder,
-    part: PartRecord,
-    picture: PictureView,
-    shown: Shown,
-    problem: Problem | None = None,
-) -> Response:
-    caller = frame.access.caller(request, Scope.REVIEW)
-    others = [one for one in _pictures(frame, part) if one.which != picture.which]
-    return frame.page(
-        request,
+def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | None = None) -> Response:
+    picture, *others = _pictures(view.frame, lesson.part, lesson.by)
+    return view.page(
         "teach.html.j2",
         status=200 if problem is None else problem.status,
-        caller=caller,
-        part=part,
+        part=view.frame.store.part(lesson.part),
         picture=picture,
         others=others,
-        shown=shown,
+        shown=lesson,
+        sides=_SIDES,
         names=[job.name for job in jobs.listed()],
         databases=[one["name"] for one in jobs.databases.listed()],
         most=MOST_TEXT,
@@ -221,8 +150,7 @@ def _teach_page(
 
 
 def _edit_page(
-    frame: Frame,
-    request: Request,
+    view: View,
     jobs: JobFolder,
     name: str,
     *,
@@ -233,17 +161,15 @@ def _edit_page(
     """The text of a job, to be saved or deleted.
 
     Raises:
-        PageError: there is no such job.
+        Problem: there is no such job.
     """
     job = next((one for one in jobs.listed() if one.name == name), None)
     if job is None:
-        raise PageError(404, "There is no such job; somebody may have deleted it.")
+        raise Problem(404, "there is no such job; somebody may have deleted it")
     stands = text_to_edit(jobs, name)
-    return frame.page(
-        request,
+    return view.page(
         "job.html.j2",
         status=200 if problem is None else problem.status,
-        caller=frame.access.caller(request, Scope.REVIEW),
         job=job,
         text=stands if text is None else text,
         before=stands if before is None else before,
@@ -251,84 +177,67 @@ def _edit_page(
     )
 
 
-def _pictures(frame: Frame, part: PartRecord) -> list[PictureView]:
-    """The pictures of a part that a box can be drawn on, of the photograph first.
+def _pictures(frame: Frame, part_id: str, by: str) -> list[PictureView]:
+    """The pictures of a part that a box can be drawn on, the one asked for first.
 
     Raises:
-        PageError: there is none.
+        Problem: there is none.
     """
-    readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)
-    pair = picture_pair(part, readings, evidence, frame.evidence, low_margin=frame.low_margin)
+    store = frame.store
+    part, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
+    pair = picture_pair(part, readings, evidence, frame.evidence)
     found = [one for one in pair if one.href and one.frame is not None]
     if not found:
-        raise PageError(404, "There is no picture of this part to draw a box on; teach the job from another.")
-    return found
+        raise Problem(
+            404, "there is no picture of this part to draw a box on; teach the job from another part"
+        )
+    return sorted(found, key=lambda one: one.which != by)
 
 
-def _reading(frame: Frame, part: PartRecord, picture: PictureView) -> ReadingRecord | None:
-    """The last reading that was made of what the picture shows."""
-    sources = ("vision",) if picture.which == "photo" else _TOUCH
-    readings = frame.store.readings(part.id)
-    return next((one for one in reversed(readings) if one.source in sources), None)
-
-
-def _proposed(part: PartRecord, reading: ReadingRecord | None, picture: PictureView) -> Shown:
+def _proposed(part: PartRecord, reading: ReadingRecord | None, picture: PictureView) -> Lesson:
     """The line that was read, with room about it; the whole picture where none was."""
-    boxes = () if reading is None else [c.box for c in reading.characters]
     # the camera's scale is seldom so well known as touch's
-    felt = part.reading if part.reading is not None and part.reading.source in _TOUCH else None
-    height_mm = None if felt is None else felt.height_mm
-    return Shown(
+    by_touch = part.reading is not None and part.reading.source in TOUCH
+    height_mm = part.reading.height_mm if by_touch and part.reading is not None else None
+    return Lesson(
         name=part.job or name_like(part.name),
-        line="",
         text=part.text,
         format=format_like(part.text),
         height_mm="" if height_mm is None else f"{height_mm:.2f}",
-        box=_per_cent(_around(boxes, picture)),
+        **_box([] if reading is None else [c.box for c in reading.characters], picture.frame),
     )
 
 
-def _another(name: str, reading: ReadingRecord | None, picture: PictureView) -> Shown:
-    """Another line of a job: one that was read beside the serial and that nobody has named yet, if there is any."""
-    lines = () if reading is None else reading.lines
-    found = next((line for line in lines if not line.name), None)
-    text = "" if found is None else found.text
-    box = None if found is None else found.box_mm or found.box_px
-    return Shown(
-        name, "", text, format_like(text), "", _per_cent(_around(() if box is None else (box,), picture))
+def _another(name: str, reading: ReadingRecord | None, picture: PictureView) -> Lesson:
+    """Another line of a job: one that was read beside the serial and has no name yet, if there is any."""
+    line = next((line for line in (reading.lines if reading is not None else ()) if not line.name), None)
+    text, box = ("", None) if line is None else (line.text, line.box_mm or line.box_px)
+    return Lesson(
+        name=name, text=text, format=format_like(text), **_box([] if box is None else [box], picture.frame)
     )
 
 
-def _around(boxes: Sequence[tuple[float, float, float, float]], picture: PictureView) -> Region:
-    if not boxes or picture.frame is None:
-        return _WHOLE
-    (x0_mm, y0_mm, mm), width, height = picture.frame, picture.width, picture.height
-    room = _ROOM_HEIGHTS * max(b[3] - b[1] for b in boxes)
-    left, top = min(b[0] for b in boxes) - room, min(b[1] for b in boxes) - room
-    right, bottom = max(b[2] for b in boxes) + room, max(b[3] for b in boxes) + room
-    x = [min(1.0, max(0.0, ((v - x0_mm) / mm + 0.5) / width)) for v in (left, right)]
-    y = [min(1.0, max(0.0, ((v - y0_mm) / mm + 0.5) / height)) for v in (top, bottom)]
-    return (x[0], y[0], x[1], y[1]) if x[0] < x[1] and y[0] < y[1] else _WHOLE
-
-
-def _per_cent(region: Region) -> tuple[str, ...]:
-    return tuple(f"{100.0 * share:.1f}" for share in region)
+def _box(boxes: Sequence[Box], frame: PictureFrame | None) -> dict[str, str]:
+    """Sides of a box about all boxes, with room, in per cent of the picture; of all of it where there are none."""
+    region = _WHOLE
+    if boxes and frame is not None:
+        room = _ROOM_HEIGHTS * max(b[3] - b[1] for b in boxes)
+        left, top = min(b[0] for b in boxes) - room, min(b[1] for b in boxes) - room
+        right, bottom = max(b[2] for b in boxes) + room, max(b[3] for b in boxes) + room
+        x, y, width, height = frame.pixels((left, top, right, bottom))
+        shares = (x / frame.width, y / frame.height, (x + width) / frame.width, (y + height) / frame.height)
+        left, top, right, bottom = (min(1.0, max(0.0, share)) for share in shares)
+        region = (left, top, right, bottom) if left < right and top < bottom else _WHOLE
+    return {side: f"{100.0 * share:.1f}" for side, share in zip(_SIDES, region, strict=True)}
 
 
 def _number(text: str) -> float:
     return float(text.replace(",", "."))
 
 
-def _listed(job: JobAnswer) -> ListedJob:
-    settings = ReadSettings.of(
-        **{key: job.settings[key] for key in ("region", "line") if key in job.settings}
-    )
+def _lines(job: JobAnswer) -> tuple[NamedLine, ...]:
+    """The lines of a job, the serial first, its name empty."""
+    known = ReadSettings.of(**{key: job.settings[key] for key in ("region", "line") if key in job.settings})
     formats = job.settings.get("format", ())
     written = formats if isinstance(formats, str) else " and ".join(formats)
-    lines = (NamedLine("", written, settings.region), *map(NamedLine.parse, settings.line))
-    more = {key: value for key, value in job.settings.items() if key not in ("format", "region", "line")}
-    words = "; ".join(
-        f"{key} {', '.join(map(str, value)) if isinstance(value, list) else value}"
-        for key, value in more.items()
-    )
-    return ListedJob(job.name, lines, words, job.problem)
+    return (NamedLine("", written, known.region), *map(NamedLine.parse, known.line))

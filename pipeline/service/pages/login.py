@@ -8,41 +8,37 @@ from fastapi import APIRouter, Form
 from starlette.requests import Request
 from starlette.responses import Response
 
-from pipeline.service.pages.frame import Frame, see
+from pipeline.service.pages.frame import Frame, go, keep
 from pipeline.store.access import SIGNED_IN_S
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:
     """The routes of signing in and out."""
+    access = frame.access
 
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
-        if not frame.access.asked(request):
-            return see(request, own_address(to))
-        return frame.page(request, "login.html.j2", to=own_address(to), fault="")
+        if not access.asked(request):
+            return go(request, own_address(to))
+        return frame.render(request, "login.html.j2", to=own_address(to), fault="")
 
     @router.post("/login")
     def log_in(
-        request: Request,
-        secret: Annotated[str, Form()] = "",
-        to: Annotated[str, Form()] = "/review",
-        form_value: Annotated[str, Form()] = "",
+        request: Request, secret: Annotated[str, Form()] = "", to: Annotated[str, Form()] = "/review"
     ) -> Response:
-        frame.check_form(request, form_value)
-        value = frame.access.log_in(secret)
+        value = access.log_in(secret)
         if value is None:
             fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
-            return frame.page(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
-        answer = see(request, own_address(to))
-        frame.set_cookie(request, answer, frame.access.COOKIE, value, max_age_s=SIGNED_IN_S)
+            return frame.render(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
+        answer = go(request, own_address(to))
+        keep(request, answer, access.COOKIE, value, max_age_s=SIGNED_IN_S)
         return answer
 
     @router.post("/logout")
-    def log_out(request: Request, form_value: Annotated[str, Form()] = "") -> Response:
-        frame.check_form(request, form_value)
-        frame.access.log_out(request)
-        answer = see(request, "/login")
-        answer.delete_cookie(frame.access.COOKIE, path="/")
+    def log_out(request: Request) -> Response:
+        access.log_out(request)
+        answer = go(request, "/login")
+        answer.delete_cookie(access.COOKIE, path="/")
         return answer
 
 

@@ -69,14 +69,14 @@ def margin(character: CharacterRecord) -> float:
     return beliefs[0] - sum(beliefs[1:]) if beliefs else 0.0
 
 
-def places_of(reading: ReadingRecord | None, *, low_margin: float = LOW_MARGIN) -> tuple[Place, ...]:
+def places_of(reading: ReadingRecord | None) -> tuple[Place, ...]:
     """The places of a reading; none without one.
 
     Where the reading is not accepted and yet no place is in doubt by itself, the least sure one is where to look.
     """
     if reading is None:
         return ()
-    doubts = [_doubt(c, low_margin) for c in reading.characters]
+    doubts = [_doubt(c) for c in reading.characters]
     if doubts and not any(doubts) and reading.decision != "accept":
         beliefs = [c.candidates[0].probability for c in reading.characters]
         doubts[beliefs.index(min(beliefs))] = LEAST_SURE
@@ -89,13 +89,13 @@ def _place(index: int, character: CharacterRecord, doubt: str) -> Place:
     return Place(index, char, doubt, words, character.grade, _worth_showing(character.candidates))
 
 
-def _doubt(character: CharacterRecord, low_margin: float) -> str:
+def _doubt(character: CharacterRecord) -> str:
     for doubt in _DOUBTS:
         if character.state.startswith(doubt):
             return doubt
     if not character.candidates:
         return "not read"
-    unsure = margin(character) < low_margin or character.candidates[0].probability < LOW_PROBABILITY
+    unsure = margin(character) < LOW_MARGIN or character.candidates[0].probability < LOW_PROBABILITY
     return UNSURE if unsure else ""
 
 
@@ -127,9 +127,9 @@ def aligned(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ..
     return tuple(answers)
 
 
-def part_cells(part: PartRecord, *, low_margin: float = LOW_MARGIN) -> tuple[Cell, ...]:
+def part_cells(part: PartRecord) -> tuple[Cell, ...]:
     """The text of a part as it stands; what a person has said holds no doubt."""
-    cells = cells_of(part.text, places_of(part.reading, low_margin=low_margin))
+    cells = cells_of(part.text, places_of(part.reading))
     return cells if part.review is None else tuple(Cell(c.char, c.place, "") for c in cells)
 
 

@@ -1,177 +1,228 @@
-"""Pages of the person at the line: the queue, and one part to be confirmed or corrected.
+"""Pages of the person at the line: the queue, and one part to confirm, correct, or read blind.
 
 queue -> part --Enter--> part --Enter--> part ... -> queue, empty
+
+A second reader and an auditor read blind: they see pictures, and nothing of what was read.
 """
 
 from __future__ import annotations
 
+import contextlib
+from dataclasses import replace
 from typing import Annotated
-from urllib.parse import quote
 
-from fastapi import APIRouter, Form
-from starlette.requests import Request
-from starlette.responses import Response
+from fastapi import APIRouter, Depends, Form
+from pydantic import BaseModel
+from starlette.responses import PlainTextResponse, Response
 
-from pipeline.common.people_records import Person
-from pipeline.common.records import PartRecord, PartState, ReviewAction, Scope
-from pipeline.service.pages.audit import audited_words
-from pipeline.service.pages.blind import blind_page
-from pipeline.service.pages.felt import felt_view
-from pipeline.service.pages.frame import A_YEAR_S, MOST_COUNTED, WHO_COOKIE, Frame, PageError, see
-from pipeline.service.pages.people import person_at, taken_by_another
-from pipeline.service.pages.pictures import picture_pair
+from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.service.pages.frame import MOST_COUNTED, MOST_WHO, Frame, View, counted
+from pipeline.service.pages.passes import felt_passes
+from pipeline.service.pages.pictures import bare, picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
-from pipeline.service.pages.said import MOST, Said
+from pipeline.service.review_policy import Reading
 from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
-_WHY_BLIND = (
-    "Somebody has read this part. Say what you read; it is reviewed when two people have read the same."
-)
-_SIZES = (12, 20, 30, 40)
+MOST = {"text": 200, "who": MOST_WHO, "note": 1000}
+"""Characters of what a person types."""
+_NAMES = {"text": "serial", "who": "name", "note": "note"}
+
+
+class Said(BaseModel):
+    """What a person has typed of a part; `reading` is how the page showed it."""
+
+    action: str = "save"
+    text: str = ""
+    who: str = ""
+    note: str = ""
+    before: str = ""
+    outside: str = ""
+    reading: Reading = Reading.OPEN
+
+    def clean(self, token: str) -> Said:
+        """Without blanks that mean nothing, and signed by the token if there is one."""
+        who, note = (" ".join(value.split()) for value in (token or self.who, self.note))
+        return self.model_copy(update={"text": self.text.strip(), "who": who, "note": note})
+
+    def fault(self) -> str:
+        """Why it cannot be kept, in words; empty if it can."""
+        if self.action not in ("save", "unreadable"):
+            return "Choose what to do: confirm, or unreadable."
+        if not self.who:
+            return "Type your name first: it is kept with every review."
+        if self.action == "save" and not self.text:
+            return "Type the serial, or choose Unreadable (Alt+U)."
+        for name, most in MOST.items():
+            value = getattr(self, name)
+            if len(value) > most:
+                return f"The {_NAMES[name]} has {len(value)} characters; at most {most} are kept. Shorten it."
+            if not value.isprintable():
+                return f"The {_NAMES[name]} holds characters that cannot be printed. Type it again."
+        return ""
 
 
 def add_review_pages(router: APIRouter, frame: Frame) -> None:
-    """The routes of queue and review."""
+    """The routes of queue, review and audit."""
+    looks, reviews = Depends(frame.looks), Depends(frame.reviews)
+    store = frame.store
 
     @router.get("/")
-    def home(request: Request) -> Response:
-        return see(request, "/review")
+    def home(view: View = looks) -> Response:
+        return view.go("/review")
 
     @router.get("/review")
-    def queue(request: Request, done: str = "", audited: str = "") -> Response:
-        caller = frame.reader(request)
-        person = person_at(request, caller)
-        parts, held = frame.store.queue(limit=QUEUE_SHOWN), frame.store.claimed()
-        audits = len(frame.store.queue(audits=True, limit=MOST_COUNTED + 1))
-        return frame.page(
-            request,
+    def queue(done: str = "", view: View = looks) -> Response:
+        person = view.person
+        reviewed, remark = _outcome(frame, done)
+        return view.page(
             "queue.html.j2",
-            caller=caller,
-            parts=parts,
-            others={part: claim.who for part, claim in held.items() if claim.holder != person.holder},
-            halves=frame.store.half_reviewed() if frame.second_reader else {},
-            free=frame.store.next_in_queue(person=person) is not None,
-            audits=f"{MOST_COUNTED}+" if audits > MOST_COUNTED else str(audits) if audits else "",
-            may_review=Scope.REVIEW in caller.scopes,
-            done=_done(frame, done),
-            remark=audited_words(frame, audited),
+            parts=store.queue(limit=QUEUE_SHOWN),
+            others={part: c.who for part, c in store.claimed().items() if c.holder != person.holder},
+            halves=store.half_reviewed() if frame.policy.readers > 1 else {},
+            free=store.next_in_queue(person=person) is not None,
+            audits=counted(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
+            done=reviewed,
+            remark=remark,
         )
 
     @router.get("/review/next")
-    def next_part(request: Request, after: str = "") -> Response:
-        person = person_at(request, frame.reader(request))
-        found = frame.store.next_in_queue(after or None, person=person)
-        if found is None:
-            return see(request, "/review")
-        return see(request, f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
+    def next_part(after: str = "", view: View = looks) -> Response:
+        return _next(view, store.next_in_queue(after or None, person=view.person), after)
+
+    @router.get("/audit")
+    def next_audit(after: str = "", view: View = reviews) -> Response:
+        return _next(view, store.next_in_queue(after or None, person=view.person, audits=True), after)
 
     @router.get("/review/{part_id}")
-    def review(request: Request, part_id: str, done: str = "", alone: str = "", undone: str = "") -> Response:
-        remark = "No other part is waiting." if alone else ""
-        remark = "Your review is undone: the part waits for review again." if undone else remark
-        part, person = frame.store.part(part_id), person_at(request, frame.reader(request))
-        return _review_page(frame, request, part, person, done=_done(frame, done), remark=remark)
+    def review(
+        part_id: str, done: str = "", alone: str = "", undone: str = "", view: View = looks
+    ) -> Response:
+        reviewed, remark = _outcome(frame, done)
+        if alone:
+            remark = "No other part is waiting."
+        if undone:
+            remark = "Your review is undone: the part waits for review again."
+        return _page(view, store.part(part_id), done=reviewed, remark=remark)
 
     @router.post("/review/{part_id}")
-    def say(
-        request: Request,
-        part_id: str,
-        action: Annotated[str, Form()] = "save",
-        text: Annotated[str, Form()] = "",
-        before: Annotated[str, Form()] = "",
-        who: Annotated[str, Form()] = "",
-        note: Annotated[str, Form()] = "",
-        blind: Annotated[str, Form()] = "",
-        outside: Annotated[str, Form()] = "",
-        form_value: Annotated[str, Form()] = "",
-    ) -> Response:
-        caller = frame.access.caller(request, Scope.REVIEW)
-        frame.check_form(request, form_value)
-        part = frame.store.part(part_id)
-        said = Said.of(text, caller.token or who, note)
-        person = person_at(request, caller, said.who)
-        if fault := said.fault(action):
-            return _review_page(frame, request, part, person, said=said, fault=fault, status=422)
-        against = frame.outside_format(said.text, part.job) if action == "save" else ""
-        if against and said.text != outside:
-            fault = f"{said.text}: {against}. Nothing was saved yet: correct it, or save it again if the part bears it."
-            return _review_page(
-                frame, request, part, person, said=said, fault=fault, outside=said.text, status=422
-            )
-        stood = part.text if blind else before
-        asked = _action(action, said.text, stood)
+    def say(part_id: str, said: Annotated[Said, Form()], view: View = reviews) -> Response:
+        part, said = store.part(part_id), said.clean(view.caller.token)
+        fault, outside = said.fault(), ""
+        if not fault and said.action == "save" and said.reading is not Reading.AUDIT:
+            against = frame.outside_format(said.text, part.job)
+            if against and said.text != said.outside:
+                outside = said.text
+                fault = (
+                    f"{said.text}: {against}. Nothing is saved yet: correct it, or save it again if the part "
+                    "reads so."
+                )
+        if fault:
+            return _page(view, part, said=said, fault=fault, outside=outside, status=422)
         try:
-            frame.review(
-                part_id,
-                action=asked,
-                text=said.text if asked is ReviewAction.CORRECT else "",
-                who=person.name,
-                token=person.token,
-                seat=person.seat,
-                note=said.note,
-                before=stood,
-            )
+            following = _keep(view, part, said)
         except ClaimedError as error:
-            fault = f"{error.what}. Nothing of yours was saved; take the next one, or wait."
-            return _review_page(frame, request, part, person, said=said, fault=fault, status=409)
+            fault = f"{error.what}. Your input is not saved; take the next part, or wait."
+            return _page(view, part, said=said, fault=fault, status=409)
         except ConflictError:
-            now = frame.store.part(part_id)
-            return _review_page(frame, request, now, person, said=said, fault=_quicker(now), status=409)
-        found = frame.store.next_in_queue(part_id, person=person)
-        answer = see(request, f"/review/{found.id}?done={part_id}" if found else f"/review?done={part_id}")
-        frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
-        return answer
+            now = store.part(part_id)
+            return _page(view, now, said=said, fault=_changed(now), status=409)
+        return view.go(
+            f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=said.who
+        )
 
     @router.post("/review/{part_id}/undo")
-    def undo(request: Request, part_id: str, form_value: Annotated[str, Form()] = "") -> Response:
-        caller = frame.access.caller(request, Scope.REVIEW)
-        frame.check_form(request, form_value)
-        try:
-            frame.undo(part_id, person_at(request, caller))
-        except ConflictError as error:
-            raise PageError(409, str(error)) from error
-        return see(request, f"/review/{part_id}?undone=1")
+    def undo(part_id: str, view: View = reviews) -> Response:
+        frame.undo(part_id, view.person)
+        return view.go(f"/review/{part_id}?undone=1")
+
+    @router.post("/review/{part_id}/takeover")
+    def take_over(part_id: str, view: View = reviews) -> Response:
+        store.claim_part(part_id, view.person, take_over=True)
+        return view.go(f"/review/{part_id}")
+
+    @router.post("/review/{part_id}/claim")
+    def claim(
+        part_id: str,
+        who: Annotated[str, Form()] = "",
+        release: Annotated[str, Form()] = "",
+        view: View = reviews,
+    ) -> Response:
+        """Keep a part for the person whose page is open, or let it go."""
+        name = " ".join(who.split())[:MOST_WHO]
+        if release:
+            store.release_part(part_id, view.person)
+            return PlainTextResponse("")
+        return PlainTextResponse(_taken(view, part_id, name if name.isprintable() else ""))
 
 
-def _action(action: str, text: str, before: str) -> ReviewAction:
-    if action == "unreadable":
-        return ReviewAction.UNREADABLE
-    return ReviewAction.CONFIRM if text == before.strip() else ReviewAction.CORRECT
+def _next(view: View, found: PartRecord | None, after: str) -> Response:
+    if found is None:
+        return view.go("/review")
+    return view.go(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
 
 
-def _quicker(part: PartRecord) -> str:
+def _keep(view: View, part: PartRecord, said: Said) -> PartRecord | None:
+    """Keep what a person has said of a part; the next part.
+
+    Raises:
+        ConflictError: the part has changed since the page was made; ClaimedError, another person has it.
+    """
+    person, audit = view.named(said.who), said.reading is Reading.AUDIT
+    text = "" if said.action == "unreadable" else said.text
+    before = said.before if said.reading is Reading.OPEN else None
+    stands = text == (part.text if before is None else before.strip())
+    action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
+    view.frame.review(
+        part.id,
+        action=action,
+        text=text if action is ReviewAction.CORRECT else "",
+        who=person.name,
+        token=person.token,
+        seat=person.seat,
+        note=said.note,
+        before=before,
+        audit=audit,
+    )
+    return view.frame.store.next_in_queue(part.id, person=person, audits=audit)
+
+
+def _taken(view: View, part_id: str, name: str | None = None) -> str:
+    """Take a part for the person; where another has it, say who."""
+    person = view.person if name is None else view.named(name)
+    if not person.holder:
+        return ""
+    claim = view.frame.store.claim_part(part_id, person)
+    if claim.holder == person.holder:
+        return ""
+    return f"{claim.who or 'Somebody else'} is at this part now. Look at it if you like; take the next one to review."
+
+
+def _changed(part: PartRecord) -> str:
     stands = f"the serial is now {part.text}" if part.text else "the part now has no serial"
     quicker = "The part was read again meanwhile" if part.review is None else f"{part.review.who} was quicker"
-    return (
-        f"{quicker}: {stands}. Nothing of yours was saved; compare it with what you typed, and decide again."
-    )
+    return f"{quicker}: {stands}. Your input is not saved; compare it with what you typed, and decide again."
 
 
-def _done(frame: Frame, part_id: str) -> PartRecord | None:
-    """The part just dealt with; None where the address names none."""
-    if not part_id:
-        return None
-    try:
-        part = frame.store.part(part_id)
-        return part if part.review is not None or frame.store.opinions(part_id) else None
-    except StoreError:
-        return None
+def _outcome(frame: Frame, part_id: str) -> tuple[PartRecord | None, str]:
+    """The part just reviewed, or a remark on the audit just made; neither where the address names no part."""
+    with contextlib.suppress(StoreError):
+        part, audit = frame.store.part(part_id), frame.store.audit(part_id)
+        if part.review is not None or frame.store.opinions(part_id):
+            return part, ""
+        if audit is None:
+            return None, ""
+        if audit.action is ReviewAction.UNREADABLE:
+            return None, "Noted as unreadable; the part stays accepted, and is not counted."
+        if audit.after == audit.before:
+            return None, f"{audit.after} is what was accepted."
+        return None, f"{audit.after} is not what was accepted, so {part.name or 'the part'} went to review."
+    return None, ""
 
 
-def _reads_blind(frame: Frame, part: PartRecord, person: Person) -> bool:
-    """Whether others have read the part, and this person is to say what stands there without seeing it."""
-    if not frame.second_reader or part.state is not PartState.REVIEW:
-        return False
-    said = frame.store.opinions(part.id)
-    return bool(said) and not any(person.said(one) for one in said)
-
-
-def _review_page(
-    frame: Frame,
-    request: Request,
+def _page(
+    view: View,
     part: PartRecord,
-    person: Person,
     *,
     said: Said | None = None,
     done: PartRecord | None = None,
@@ -180,50 +231,45 @@ def _review_page(
     outside: str = "",
     status: int = 200,
 ) -> Response:
-    caller = frame.reader(request)
-    may_review = Scope.REVIEW in caller.scopes
-    waits = may_review and part.state is PartState.REVIEW
-    taken = taken_by_another(frame, part.id, person) if waits and said is None else ""
-    if _reads_blind(frame, part, person):
-        return blind_page(
-            frame, request, part, caller=caller, person=person, address=f"/review/{part.id}", why=_WHY_BLIND,
-            most=MOST, typed="" if said is None else said.text, note="" if said is None else said.note,
-            fault=fault, taken=taken, outside=outside, remark=remark, status=status,
-        )  # fmt: skip
-    places = places_of(part.reading, low_margin=frame.low_margin)
-    readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)
-    pictures = picture_pair(part, readings, evidence, frame.evidence, low_margin=frame.low_margin)
+    frame, store, person = view.frame, view.frame.store, view.person
+    audit, awaits = store.audit(part.id), store.awaits_audit(part.id)
+    how = frame.policy.reading(part, person, opinions=store.opinions(part.id), audit=awaits)
+    waits = view.may_review and (part.state is PartState.REVIEW or how is Reading.AUDIT)
+    readings = store.readings(part.id)
+    pictures = picture_pair(part, readings, store.evidence(part.id), frame.evidence)
+    # marks without small letters are typed in capitals
+    upper = not any(c.char.islower() for r in readings for place in r.characters for c in place.candidates)
+    if audit is not None and audit.after != audit.before and part.state is PartState.REVIEW:
+        remark = (
+            remark or f"This part was accepted; {audit.who} read {audit.after} in an audit. Which is right?"
+        )
+    if how is not Reading.OPEN:  # nothing that was read reaches the template
+        part = replace(part, text="", reading=None, review=None, expected="", plan=None)
+        readings, pictures = (), (bare(pictures[0]), bare(pictures[1]))
+    places = places_of(part.reading)
     text = part.text if said is None else said.text
-    return frame.page(
-        request,
+    return view.page(
         "review.html.j2",
         status=status,
-        caller=caller,
         part=part,
+        how=how.value,
+        waits=waits,
+        next=f"/audit?after={part.id}" if how is Reading.AUDIT else f"/review/next?after={part.id}",
         places=places,
         cells=cells_of(text, places),
         text=text,
-        size=next((s for s in _SIZES if len(text) <= s), 0),
+        size=next((s for s in (12, 20, 30, 40) if len(text) <= s), 0),
         pictures=pictures,
-        felt=felt_view(readings, pictures[::-1]),
+        felt=felt_passes(readings, pictures[::-1]),
         expected=expected_cells(part),
-        upper=not any(c.char.islower() for p in places for c in p.candidates),
+        upper=upper,
         who=person.name if said is None else said.who,
         signed=bool(person.token),
         note="" if said is None else said.note,
-        may_review=may_review,
         most=MOST,
         done=done,
-        remark=remark or _why_again(frame, part),
-        taken=taken,
+        remark=remark,
+        taken=_taken(view, part.id) if waits and said is None else "",
         fault=fault,
         outside=outside,
     )
-
-
-def _why_again(frame: Frame, part: PartRecord) -> str:
-    """Why a part that was accepted waits for review."""
-    audit = frame.store.audit(part.id) if part.state is PartState.REVIEW else None
-    if audit is None or audit.after == audit.before:
-        return ""
-    return f"This part was accepted; {audit.who} read {audit.after} in an audit. Say which is right."

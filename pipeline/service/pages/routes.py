@@ -1,7 +1,6 @@
-"""The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
+"""The operator's pages: queue, review, parts and dashboard, made on the server; they work without script and internet.
 
-/review  /review/{id}  /audit  /audit/{id}  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /docs  /login
-/static/{name}
+/review  /review/{id}  /audit  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /docs  /login  /static/{name}
 """
 
 from __future__ import annotations
@@ -15,14 +14,12 @@ from starlette.responses import Response
 
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.service.connections import Connection
-from pipeline.service.pages.audit import add_audit_pages
 from pipeline.service.pages.dashboard import add_dashboard
-from pipeline.service.pages.frame import Frame, page_route
+from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.interface import add_interface_page
 from pipeline.service.pages.jobs import add_job_pages
 from pipeline.service.pages.login import add_login
 from pipeline.service.pages.parts import add_part_pages
-from pipeline.service.pages.people import add_claims
 from pipeline.service.pages.review import add_review_pages
 from pipeline.service.pages.shadow import add_shadow_page
 
@@ -50,18 +47,14 @@ def pages_router(
         interface: description of the programs' interface (OpenAPI); without it there is no page of it.
     """
     frame.environment.globals["teaches"] = jobs is not None
-    router = APIRouter(route_class=page_route(frame), include_in_schema=False)
-    add_review_pages(router, frame)
-    add_audit_pages(router, frame)
-    add_claims(router, frame)
-    add_part_pages(router, frame)
+    router = APIRouter(include_in_schema=False)
+    for add in (add_review_pages, add_part_pages, add_shadow_page, add_login):
+        add(router, frame)
     add_dashboard(router, frame, drift, golden, connections)
-    add_shadow_page(router, frame)
     if jobs is not None:
         add_job_pages(router, frame, jobs)
     if interface is not None:
         add_interface_page(router, frame, interface)
-    add_login(router, frame)
 
     @router.get("/static/{name}")
     async def static(request: Request, name: str) -> Response:

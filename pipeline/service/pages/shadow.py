@@ -2,94 +2,82 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, date, datetime, timedelta
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
-from fastapi import APIRouter
-from starlette.requests import Request
+from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
 from pipeline.common.records import Agreement, AgreementDay, PartRecord
-from pipeline.common.shares import Share, share
+from pipeline.common.shares import share
 from pipeline.common.texts import same_text
-from pipeline.service.pages.frame import Frame, PageError
+from pipeline.service.pages.frame import Frame, View
 from pipeline.service.pages.places import Cell, expected_cells
+from pipeline.service.web.problem import Problem
 
 SPANS = {"week": timedelta(weeks=1), "month": timedelta(days=30), "year": timedelta(days=365)}
 SHOWN = {"other": Agreement.OTHER, "nothing": Agreement.NOTHING}
 PARTS_SHOWN = 50
 
 
-@dataclass(frozen=True)
-class Counts:
-    """Parts of a stretch of time.
+def add_shadow_page(router: APIRouter, frame: Frame) -> None:
+    """The route of the page."""
+    looks = Depends(frame.looks)
 
-    Attributes:
-        day: of a row of the table; None of all of them.
-        parts: read.
-        compared: with what the line's own reader has said.
-        same, other, nothing: of these; nothing was read of the last.
-        accepted: of the compared ones, those that would have been accepted.
-        accepted_same: of these, those that say the same.
-    """
-
-    day: date | None
-    parts: int
-    compared: int
-    same: int
-    other: int
-    nothing: int
-    accepted: int
-    accepted_same: int
-
-    @property
-    def agreement(self) -> Share:
-        """Of the compared parts, those that say the same."""
-        return share(self.same, self.compared)
-
-    @property
-    def acceptance(self) -> Share:
-        """Of the compared parts, those that would have been accepted."""
-        return share(self.accepted, self.compared)
-
-    @property
-    def accepted_agreement(self) -> Share:
-        """Of those that would have been accepted, those that say the same."""
-        return share(self.accepted_same, self.accepted)
-
-    @property
-    def accepted_other(self) -> int:
-        """Parts that would have been accepted with another serial than the line's own reader has."""
-        return self.accepted - self.accepted_same
+    @router.get("/shadow")
+    def shadow(span: str = "month", show: str = "other", before: str = "", view: View = looks) -> Response:
+        if span not in SPANS:
+            raise Problem(422, f"there is no span {span!r}; choose week, month or year")
+        if show not in SHOWN:
+            raise Problem(422, f"there is no list {show!r}; choose other or nothing")
+        since = datetime.now(UTC) - SPANS[span]
+        days = frame.store.agreement_by_day(since)
+        found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
+        shown = found[:PARTS_SHOWN]
+        asked = {"span": span, "show": show}
+        older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
+        total = _counts(days)
+        return view.page(
+            "shadow.html.j2",
+            span=span,
+            spans=tuple(SPANS),
+            show=show,
+            since=since,
+            all=total,
+            agreement=share(total["same"], total["compared"]),
+            acceptance=share(total["accepted"], total["compared"]),
+            accepted_agreement=share(total["accepted"] - total["accepted_other"], total["accepted"]),
+            days=[(one.day, _counts([one])) for one in reversed(days)],
+            parts=[(part, _said(part), who_was_right(part)) for part in shown],
+            older=f"/shadow?{urlencode(older)}" if older else "",
+            newest=f"/shadow?{urlencode(asked)}" if before else "",
+        )
 
 
-def counts_of(days: Sequence[AgreementDay], day: date | None = None) -> Counts:
-    """Days counted together."""
-
-    def total(kind: Agreement) -> int:
-        return sum(one.all_parts.get(kind, 0) for one in days)
-
-    def accepted(kind: Agreement) -> int:
-        return sum(one.accepted.get(kind, 0) for one in days)
-
-    same, other, nothing = (total(kind) for kind in (Agreement.SAME, Agreement.OTHER, Agreement.NOTHING))
-    compared = same + other + nothing
-    return Counts(
-        day,
-        parts=compared + total(Agreement.ALONE),
-        compared=compared,
-        same=same,
-        other=other,
-        nothing=nothing,
-        accepted=sum(accepted(kind) for kind in (Agreement.SAME, Agreement.OTHER, Agreement.NOTHING)),
-        accepted_same=accepted(Agreement.SAME),
-    )
+def _counts(days: Sequence[AgreementDay]) -> dict[str, int]:
+    """Parts read, compared with the line's own reader, and of these by what came of it."""
+    n: Counter[Agreement] = Counter()
+    accepted: Counter[Agreement] = Counter()
+    for day in days:
+        n.update(day.all_parts)
+        accepted.update(day.accepted)
+    would = accepted.total() - accepted[Agreement.ALONE]
+    return {
+        "parts": n.total(),
+        "compared": n.total() - n[Agreement.ALONE],
+        "same": n[Agreement.SAME],
+        "other": n[Agreement.OTHER],
+        "nothing": n[Agreement.NOTHING],
+        "accepted": would,
+        "accepted_other": would - accepted[Agreement.SAME],
+    }
 
 
 def who_was_right(part: PartRecord) -> str:
-    """What a person's review says of a disagreement; empty before one."""
+    """Which reader was right, by a person's review; empty before one."""
     if part.review is None:
         return ""
     ours = part.reading is not None and same_text(part.reading.text, part.text)
@@ -100,42 +88,5 @@ def who_was_right(part: PartRecord) -> str:
 
 
 def _said(part: PartRecord) -> tuple[Cell, ...]:
-    """What the line's own reader has said, marked where something else was read here, whatever a person has said."""
+    """The serial of the line's own reader, marked where something else was read here."""
     return expected_cells(replace(part, text=part.reading.text if part.reading is not None else ""))
-
-
-def add_shadow_page(router: APIRouter, frame: Frame) -> None:
-    """The route of the page.
-
-    Args:
-        router: to add it to.
-        frame: of all pages.
-    """
-
-    @router.get("/shadow")
-    def shadow(request: Request, span: str = "month", show: str = "other", before: str = "") -> Response:
-        caller = frame.reader(request)
-        if span not in SPANS:
-            raise PageError(422, f"There is no span {span!r}; choose week, month or year.")
-        if show not in SHOWN:
-            raise PageError(422, f"There is no list {show!r}; choose other or nothing.")
-        since = datetime.now(UTC) - SPANS[span]
-        days = frame.store.agreement_by_day(since)
-        found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
-        shown = found[:PARTS_SHOWN]
-        asked = {"span": span, "show": show}
-        older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
-        return frame.page(
-            request,
-            "shadow.html.j2",
-            caller=caller,
-            span=span,
-            spans=tuple(SPANS),
-            show=show,
-            since=since,
-            all=counts_of(days),
-            days=[counts_of([one], one.day) for one in reversed(days)],
-            parts=[(part, _said(part), who_was_right(part)) for part in shown],
-            older=f"/shadow?{urlencode(older)}" if older else "",
-            newest=f"/shadow?{urlencode(asked)}" if before else "",
-        )

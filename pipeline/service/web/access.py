@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from glyphs.errors import MarksError
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.service.web.problem import Problem
 
@@ -14,12 +12,9 @@ if TYPE_CHECKING:
     from starlette.requests import HTTPConnection
 
 COOKIE = "tactile_marks_token"
+# name of a caller who needs no token
 LOCAL = "local"
-"""Name of a caller who needs no token."""
-_ALL = frozenset(Scope)
 _MOST_SECRET = 200
-
-
 _NEEDED = "a token is needed; send it as: Authorization: Bearer tm_..."
 _NEEDED_OF_OTHERS = (
     "a token is needed, for the request comes from a program of another user than the service's, such as a proxy; make "
@@ -27,16 +22,11 @@ _NEEDED_OF_OTHERS = (
 )
 
 
-class DeniedError(MarksError):
-    """A request that is not allowed.
+class DeniedError(Problem):
+    """A request that is not allowed: 401 where a token is missing or no good, 403 where it does not allow this."""
 
-    Attributes:
-        status: 401 where a token is missing or no good, 403 where it does not allow this.
-    """
-
-    def __init__(self, status: int, message: str) -> None:
-        super().__init__(message)
-        self.status = status
+    def __init__(self, status: int, detail: str) -> None:
+        super().__init__(status, detail, headers={"WWW-Authenticate": "Bearer"} if status == 401 else None)
 
 
 @dataclass(frozen=True)
@@ -71,7 +61,7 @@ class Tokens(Protocol):
 
 
 class Access:
-    """Tells who calls, by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
+    """Identifies the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
     * The cookie names a session that the store keeps (`pipeline.store.access`); signing out ends it.
     * `token_of` is asked once a request, at the door; the routes ask `caller`, which remembers.
@@ -94,7 +84,7 @@ class Access:
         return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, scope: Scope) -> Caller:
-        """Who calls, if that is allowed.
+        """The caller, if the request is allowed.
 
         Raises:
             DeniedError: no token, one that does not hold, or one without the scope.
@@ -106,7 +96,7 @@ class Access:
             except DeniedError:
                 if self.asked(request):
                     raise
-                return Caller(LOCAL, _ALL)  # none is needed; it may have an old cookie, say
+                return Caller(LOCAL, frozenset(Scope))  # none is needed; it may have an old cookie, say
         if scope not in record.scopes:
             held = ", ".join(sorted(record.scopes)) or "nothing"
             raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {scope.value}")
@@ -119,13 +109,11 @@ class Access:
             DeniedError: it has none, or one that does not hold.
         """
         kind, _, secret = request.headers.get("authorization", "").partition(" ")
-        cookie = request.cookies.get(COOKIE, "")
-        if kind.lower() == "bearer":
-            record = self._token(secret.strip())
-        elif cookie:
-            record = self._signed_in(cookie)
-        else:
+        bearer, cookie = kind.lower() == "bearer", request.cookies.get(COOKIE, "")
+        if not (bearer or cookie):
             raise DeniedError(401, _NEEDED if self.required else _NEEDED_OF_OTHERS)
+        find, given = (self._tokens.token, secret.strip()) if bearer else (self._tokens.session_token, cookie)
+        record = find(given) if len(given) <= _MOST_SECRET else None
         if record is None:
             raise DeniedError(401, "the token is not known, has expired or was revoked; ask for another")
         return record
@@ -140,15 +128,3 @@ class Access:
         cookie = request.cookies.get(COOKIE, "")
         if cookie and len(cookie) <= _MOST_SECRET:
             self._tokens.close_session(cookie)
-
-    def _token(self, secret: str) -> TokenRecord | None:
-        return self._tokens.token(secret) if len(secret) <= _MOST_SECRET else None
-
-    def _signed_in(self, cookie: str) -> TokenRecord | None:
-        return self._tokens.session_token(cookie) if len(cookie) <= _MOST_SECRET else None
-
-
-def denied_problem(error: DeniedError, *, headers: Mapping[str, str] | None = None) -> Problem:
-    """The answer to a caller who may not."""
-    asked = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
-    return Problem(error.status, str(error), headers={**asked, **(headers or {})})

@@ -1,4 +1,4 @@
-"""The door: who may send a request at all, settled from its head, before a byte of its body is read.
+"""Reject requests by their head, before a byte of the body is read.
 
 head --> from a page of another site?      403
      --> through a proxy nobody has named? 403      (where no token is asked for: the proxy would let everybody in)
@@ -18,12 +18,11 @@ from urllib.parse import urlsplit
 import anyio.to_thread
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import Response
 
-from pipeline.service.web.access import Access, DeniedError, denied_problem
-from pipeline.service.web.addresses import relative
+from pipeline.service.web.access import Access
 from pipeline.service.web.middleware import problem_answer
-from pipeline.service.web.own_user import is_own_user
+from pipeline.service.web.own_user import is_in, is_own_user
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
@@ -33,17 +32,15 @@ _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _SIGNING_IN = "/login"
 _OPEN = ("/healthz", "/readyz", "/metrics")
 _FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
-_CLOSE = {"Connection": "close"}
-"""With an answer that leaves a body unread."""
 
 
 class DoorLayer:
-    """Turns away what needs no look.
+    """Reject requests before reading the body.
 
-    Where no token is asked for, a page of another site that the operator has open must not reach the service through
-    the operator's browser: not by a form, which is caught here, nor by a name of its own that it lets point here, which
-    Starlette's TrustedHostMiddleware catches. Nor may a proxy on this machine, which makes the whole world look as
-    if it called from here.
+    A page of another site that the operator has open must not reach the service through the operator's browser: not by
+    a form or script, which is caught here, nor by a name of its own that it lets point here, which Starlette's
+    TrustedHostMiddleware catches. Where no token is asked for, nor may a proxy on this machine, which makes the whole
+    world look as if it called from here.
     """
 
     def __init__(
@@ -82,7 +79,7 @@ class DoorLayer:
         return await self._app(scope, receive, send)
 
     async def _answer(self, scope: Scope) -> Response | None:
-        """What a request that is turned away is answered."""
+        """The answer to a request that is rejected; None of one that is let in."""
         state = scope.setdefault("state", {})
         headers = Headers(scope=scope)
         try:
@@ -94,36 +91,35 @@ class DoorLayer:
             if self._access.asked(connection) and _needs_token(scope):
                 state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
             self._check_room(scope, headers)
-        except DeniedError as error:
-            if not scope["path"].startswith("/v1/"):
-                return RedirectResponse(relative(scope, _SIGNING_IN), status_code=303, headers=_CLOSE)
-            problem = denied_problem(error, headers=_CLOSE)
         except Problem as refused:
-            problem = refused
-        else:
-            return None
-        return problem_answer(problem, scope)
+            refused.headers["Connection"] = "close"  # the body stays unread
+            return problem_answer(refused, scope)
+        return None
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
-        origin = headers.get("origin")
-        if origin is None or scope["method"] in _SAFE_METHODS:
+        """Refuse what a page of another site sends (cross-site request forgery), by what browsers say of it.
+
+        Programs that are no browsers send neither header. Browsers send Sec-Fetch-Site over TLS and to this machine,
+        and Origin with every request that may change something.
+        """
+        site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+        if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return
         try:
-            called_by = urlsplit(origin).netloc.lower()
+            own = origin is None or urlsplit(origin).netloc.lower() == headers.get("host", "").lower()
         except ValueError:
-            called_by = ""
-        if called_by != headers.get("host", "").lower():
-            raise Problem(403, "the request comes out of a page of another site", headers=_CLOSE)
+            own = False
+        if site is not None or not own:
+            raise Problem(403, "the request comes out of a page of another site")
 
     def _check_proxy(self, scope: Scope, headers: Headers) -> None:
         if self._access.required or not any(name in headers for name in _FORWARDED):
             return
-        if not self._is_proxy((scope.get("client") or ("",))[0]):
+        if not is_in((scope.get("client") or ("",))[0], self._proxies):
             raise Problem(
                 403,
                 "the request comes through a proxy, and the service asks for no token: everybody whom the proxy lets "
                 'in could use it; set tokens = "on", or name the proxy\'s address in trusted_proxies',
-                headers=_CLOSE,
             )
 
     async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
@@ -131,15 +127,9 @@ class DoorLayer:
         client, server = scope.get("client"), scope.get("server")
         if client is None or server is None or scope["path"] in _OPEN:
             return False
-        if self._is_proxy(client[0]) and any(name in headers for name in _FORWARDED):
+        if is_in(client[0], self._proxies) and any(name in headers for name in _FORWARDED):
             return False
         return not await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
-
-    def _is_proxy(self, address: str) -> bool:
-        try:
-            return any(ipaddress.ip_address(address) in network for network in self._proxies)
-        except ValueError:
-            return False
 
     def _check_room(self, scope: Scope, headers: Headers) -> None:
         if scope["method"] != "POST" or not self._uploads(scope["path"]):
@@ -147,13 +137,13 @@ class DoorLayer:
         length = headers.get("content-length", "0")
         if length.isdigit() and int(length) > self._most_bytes:
             most = f"{self._most_bytes / 1e6:.0f} MB"
-            raise Problem(413, f"the upload is over the limit of {most}; crop it", headers=_CLOSE)
+            raise Problem(413, f"the upload is over the limit of {most}; crop it")
         wait_s = self._busy()
         if wait_s is not None:
             self._refused()
             seconds = str(max(1, round(wait_s)))
             detail = f"as many parts wait as may; ask again in {seconds} s"
-            raise Problem(503, detail, headers={"Retry-After": seconds, **_CLOSE})
+            raise Problem(503, detail, headers={"Retry-After": seconds})
 
 
 def _needs_token(scope: Scope) -> bool:

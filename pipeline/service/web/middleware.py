@@ -1,4 +1,4 @@
-"""What lies around every request: its id, its log line, its count, and its time."""
+"""The outermost layer of every request: its id, log line, count and time; and the answer where it goes wrong."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import asyncio
 import re
 import secrets
 import time
+from dataclasses import asdict
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import body_limit
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from pipeline.service.web.addresses import without_prefix
+from pipeline.service.web.addresses import relative, without_prefix
 from pipeline.service.web.problem import MEDIA_TYPE, Problem, stopping
 
 if TYPE_CHECKING:
@@ -34,7 +36,11 @@ log = structlog.get_logger("tactile-marks")
 
 
 def problem_answer(problem: Problem, scope: Scope) -> Response:
-    """The answer to a request that goes wrong: a problem, or to a browser a page that says so."""
+    """The answer to a request that fails: a problem; to a browser a page; the sign-in where a page needs a token."""
+    if problem.status == 401 and not scope["path"].startswith("/v1/"):
+        path = scope["path"] + (f"?{query}" if (query := scope["query_string"].decode("latin-1")) else "")
+        to = f"/login?to={quote(path, safe='')}" if scope["method"] == "GET" else "/login"
+        return RedirectResponse(relative(scope, to), status_code=303, headers=problem.headers)
     accepted = Headers(scope=scope).get("accept", "")
     page = getattr(scope["app"].state, "problem_page", None) if "app" in scope else None
     if page is not None and "text/html" in accepted and "json" not in accepted:
@@ -43,7 +49,7 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
         return made
     request_id = scope.get("state", {}).get("request_id", "")
     return JSONResponse(
-        problem.body(request_id), status_code=problem.status, headers=problem.headers, media_type=MEDIA_TYPE
+        asdict(problem.body(request_id)), problem.status, headers=problem.headers, media_type=MEDIA_TYPE
     )
 
 

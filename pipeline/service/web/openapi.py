@@ -1,4 +1,4 @@
-"""The description of the interface: problems as they are, and tokens where they are asked for."""
+"""The description of the interface (OpenAPI): summaries, problems, and tokens where they are asked for."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def described(app: FastAPI, *, asked: bool, root_path: str = "") -> dict[str, An
         servers=[{"url": root_path}] if root_path else None,
         description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
     )
-    components = made.setdefault("components", {})
-    schemas = components.setdefault("schemas", {})
+    for one in (one for methods in made["paths"].values() for one in methods.values()):
+        # the first sentence of a route's docstring is its summary
+        summary, _, rest = one.pop("description", "").partition("\n\n")
+        one |= ({"summary": summary.rstrip(".")} if summary else {}) | ({"description": rest} if rest else {})
+    schemas = made["components"]["schemas"]
     schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    components["securitySchemes"] = {
-        "token": {
-            "type": "http",
-            "scheme": "bearer",
-            "description": "tactile-marks tokens add NAME --scope write",
-        },
+    about = "tactile-marks tokens add NAME --scope write"
+    made["components"]["securitySchemes"] = {
+        "token": {"type": "http", "scheme": "bearer", "description": about},
         "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
     }
     if asked:

@@ -1,4 +1,4 @@
-"""Whose program is at the other end of a connection within this machine, from the kernel's table of sockets (Linux)."""
+"""Callers by address: those of named networks, and the user of a program on this machine (Linux, by its sockets)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,21 @@ import sys
 from pathlib import Path
 
 _PROC = Path("/proc/net")
+# a socket whose program has closed it has no user any more
 _ESTABLISHED = "01"
-"""A socket whose program has closed it has no user any more."""
+# columns of the table
 _LOCAL, _REMOTE, _STATE, _UID = 1, 2, 3, 7
-"""Columns of the table."""
+
+
+Networks = tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]
+
+
+def is_in(address: str, networks: Networks) -> bool:
+    """Whether an address is in one of the networks; never where it is no address."""
+    try:
+        return any(ipaddress.ip_address(address) in network for network in networks)
+    except ValueError:
+        return False
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:

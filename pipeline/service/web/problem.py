@@ -1,30 +1,14 @@
-"""What goes wrong with a request, as RFC 9457 has it: application/problem+json, and what to do."""
+"""Problems of requests, by RFC 9457: application/problem+json, with what is wrong and what to do."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from http import HTTPStatus
 
 import structlog
 
 MEDIA_TYPE = "application/problem+json"
-TITLES = {
-    400: "The request cannot be understood",
-    401: "A token is needed",
-    403: "The token does not allow this",
-    404: "Not found",
-    405: "This address has no such method",
-    409: "It has changed meanwhile",
-    411: "The length of the request is missing",
-    408: "The upload has stalled",
-    413: "The upload is too large",
-    415: "Files of this kind are not read",
-    422: "What was sent cannot be used",
-    429: "Too many requests",
-    500: "The service failed",
-    503: "The service cannot do it now",
-}
 log = structlog.get_logger("tactile-marks")
 
 
@@ -35,37 +19,31 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
         status: of HTTP.
         detail: what is wrong and how to correct it.
         headers: of the answer.
-        more: members beside those of the RFC.
     """
 
-    def __init__(
-        self,
-        status: int,
-        detail: str,
-        *,
-        headers: dict[str, str] | None = None,
-        more: dict[str, Any] | None = None,
-    ) -> None:
+    def __init__(self, status: int, detail: str, *, headers: dict[str, str] | None = None) -> None:
         super().__init__(detail)
-        self.status, self.detail = status, detail
-        self.headers, self.more = headers or {}, more or {}
+        self.status, self.detail, self.headers = status, detail, headers or {}
 
     @property
     def is_final(self) -> bool:
         """Whether only the sender can mend it; else the same request may succeed later."""
         return self.status < 500 and self.status not in (408, 429)
 
-    def body(self, request_id: str) -> dict[str, Any]:
+    def body(self, request_id: str) -> ProblemBody:
         """The members of the answer."""
-        title = TITLES.get(self.status, "The request failed")
-        return {
-            **self.more,
-            "type": "about:blank",
-            "title": title,
-            "status": self.status,
-            "detail": self.detail,
-            "request_id": request_id,
-        }
+        return ProblemBody(HTTPStatus(self.status).phrase, self.status, self.detail, request_id)
+
+
+@dataclass(frozen=True)
+class ProblemBody:
+    """The members of a problem; of the type about:blank the title is the status in words."""
+
+    title: str
+    status: int
+    detail: str
+    request_id: str
+    type: str = "about:blank"
 
 
 def without_folders(text: str) -> str:
@@ -74,15 +52,15 @@ def without_folders(text: str) -> str:
 
 
 def stopping() -> Problem:
-    """What a request is answered that comes while the service ends, or that its end cuts short."""
+    """The answer to a request that comes while the service stops, or that its end cuts short."""
     detail = "the service is stopping; send it again in a moment"
     return Problem(503, detail, headers={"Retry-After": "5", "Connection": "close"})
 
 
 class OwnProblem(Problem):
-    """Something of the service's own that is of no use now: a file, a job, a glyph database.
+    """Something of the service's own that cannot be used now: a file, a job, a glyph database.
 
-    It is no verdict on what was sent, which may be sent again later.
+    What was sent may be sent again later.
     """
 
     def __init__(self, detail: str, *, retry_after_s: int = 5) -> None:
@@ -90,18 +68,7 @@ class OwnProblem(Problem):
 
 
 def no_room(error: Exception) -> Problem:
-    """What to say where a file of the service's own cannot be written or read: the sender has done nothing wrong."""
+    """The answer where a file of the service's own cannot be written or read: the sender has done nothing wrong."""
     log.error("files cannot be kept", why=str(error))
     detail = "the service cannot keep what was sent; its log says why; send it again later"
     return Problem(503, detail, headers={"Retry-After": "30"})
-
-
-@dataclass(frozen=True)
-class ProblemBody:
-    """The members of a problem, for the description of the interface."""
-
-    title: str
-    status: int
-    detail: str
-    request_id: str
-    type: str = field(default="about:blank")

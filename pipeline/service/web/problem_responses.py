@@ -1,4 +1,4 @@
-"""Every failure that is expected, as a problem with its status."""
+"""Answer every expected failure with a problem and its status."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from glyphs.errors import FileError
-from pipeline.service.web.access import DeniedError, denied_problem
 from pipeline.service.web.middleware import problem_answer
 from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
+_STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
 log = structlog.get_logger("tactile-marks")
 
 
@@ -27,24 +27,11 @@ def add_problem_handlers(app: FastAPI) -> None:
     async def _problem(request: Request, error: Problem) -> Response:
         return answer(request, error)
 
-    @app.exception_handler(DeniedError)
-    async def _denied(request: Request, error: DeniedError) -> Response:
-        return answer(request, denied_problem(error))
-
-    @app.exception_handler(NotFoundError)
-    async def _not_found(request: Request, error: NotFoundError) -> Response:
-        return answer(request, Problem(404, str(error)))
-
-    @app.exception_handler(ConflictError)
-    async def _conflict(request: Request, error: ConflictError) -> Response:
-        return answer(request, Problem(409, str(error)))
-
-    @app.exception_handler(UnfitError)
-    async def _unfit(request: Request, error: UnfitError) -> Response:
-        return answer(request, Problem(422, str(error)))
-
     @app.exception_handler(StoreError)
     async def _store(request: Request, error: StoreError) -> Response:
+        for kind, status in _STATUSES.items():
+            if isinstance(error, kind):
+                return answer(request, Problem(status, str(error)))
         log.error("store", why=str(error))
         # its address is nobody's business, least of all of who has shown no token yet
         return answer(request, OwnProblem("the store does not answer; the service's log says why"))

@@ -1,10 +1,10 @@
-"""The web server around the application: how it stops, and what it bears of connections that say nothing.
+"""The web server around the application: stopping, and limits of connections and slow request heads.
 
 * Asked to stop (SIGTERM, SIGINT, SIGHUP), it says so for a while before it does; asked again, it stops at once.
 * A connection has HEAD_S for the head of each request, however slowly it sends; then it is closed.
-* One address has so many connections, and more are closed as they come; a trusted proxy, who calls for many, any
-  number.
-* Who is answered before the whole of the request has come gets the answer: the rest is heard, and let go, for LINGER_S.
+* One address has a limited number of connections; more are closed as they come. A trusted proxy, which calls for many,
+  has any number.
+* A request that is answered before all of it has come gets its answer: the rest is read and dropped for LINGER_S.
   A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
 """
 
@@ -24,6 +24,8 @@ from typing import Any
 import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from pipeline.service.web.own_user import is_in
 
 MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30
@@ -100,7 +102,7 @@ def patient_protocol(
             super().connection_made(transport)
             self.transport = _Lingering(transport, unread=self._unread)  # type: ignore[assignment]
             address = self.client[0] if self.client else ""
-            if not _is_in(address, trusted):
+            if not is_in(address, trusted):
                 self._counted = address
                 open_now[address] += 1
                 if open_now[address] > an_address:
@@ -166,10 +168,3 @@ class _Lingering:
             self._transport.write_eof()
         self._transport.resume_reading()
         asyncio.get_running_loop().call_later(LINGER_S, self._transport.abort)
-
-
-def _is_in(address: str, networks: Sequence[ipaddress.IPv4Network | ipaddress.IPv6Network]) -> bool:
-    try:
-        return any(ipaddress.ip_address(address) in network for network in networks)
-    except ValueError:
-        return False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -224,7 +223,7 @@ def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
     assert (found.line, found.height_mm) == (("lot@0.1,0.2,0.9,0.6=A9",), None)
 
 
-def test_the_page_teaches_those_who_may_review_and_its_own_forms_alone(tmp_path: Path) -> None:
+def test_the_page_teaches_those_who_may_review(tmp_path: Path) -> None:
     picture = {"mm_per_pixel": 0.05, "x0_mm": 0.0, "y0_mm": 0.0, "width": 400.0, "height": 100.0}
     with inline_service(tmp_path, tokens="on") as (service, client):
         kept = tmp_path / "picture.png"
@@ -244,7 +243,7 @@ def test_the_page_teaches_those_who_may_review_and_its_own_forms_alone(tmp_path:
         assert client.get(page, headers=looks).status_code == 403
         assert client.get(f"/jobs/new?part={bare}", headers=reviews).status_code == 404
         assert page in client.get(f"/parts/{part}", headers=reviews).text
-        form = client.get(page, headers=reviews).text
+        assert client.get(page, headers=reviews).status_code == 200
         assert client.get("/jobs/format?text=KX-40", headers=looks).text == "AA-99"
         said = {
             "part": part,
@@ -255,14 +254,10 @@ def test_the_page_teaches_those_who_may_review_and_its_own_forms_alone(tmp_path:
             "right": "100",
             "bottom": "50",
         }
-        assert client.post("/jobs/new", data=said, headers=reviews).status_code == 403
-        found = re.search(r'name="form_value" value="([^"]+)"', form)
-        assert found is not None
-        said["form_value"] = found[1]
         assert client.post("/jobs/new", data=said, headers=looks).status_code == 403
         for key, value, says in (
-            ("top", "60", "the box is none"),
-            ("top", "much", "is no number"),
+            ("top", "60", "draw a box first"),
+            ("top", "much", "is not a number"),
             ("text", " ", "type the text"),
             ("format", "A", "is not of the format A"),
             ("height_mm", "-1", "height_mm is -1.0"),

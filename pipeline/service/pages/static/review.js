@@ -214,8 +214,7 @@
   // ---- the part is this person's while the page is open and in sight
   const taken = document.getElementById("taken");
   const words = document.getElementById("taken-words");
-  const value = form.elements.form_value.value;
-  const tell = (more) => new URLSearchParams({ form_value: value, who: who.value, ...more });
+  const tell = (more) => new URLSearchParams({ who: who.value, ...more });
   async function hold() {
     if (!form.dataset.claim || document.hidden) return;
     try {

@@ -10,7 +10,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -18,9 +18,9 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
+from tests.support.page_shop import Shop
 
 MM = 0.05
 CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings
@@ -62,15 +62,11 @@ def reading(text: str, *, source: str, unsure: dict[int, str]) -> ReadingRecord:
     return ReadingRecord(source, text, "review", 0.62, places, told, "gothic", 5.0, seconds=0.4)
 
 
-@dataclass
-class Service:
-    """A service that answers at a loopback address, and the store behind it."""
+class Service(Shop):
+    """The pages at a loopback address, with a route for their pictures."""
 
-    url: str
-    store: Any
-    evidence: Any
-    jobs: Any
-    drawn: int = 0
+    url = ""
+    drawn = 0
 
     def draw(self, text: str, kind: EvidenceKind, *, around: int = 0) -> EvidenceRecord:
         """A picture of the text with its characters in their boxes, and so many pixels around all."""
@@ -88,75 +84,53 @@ class Service:
             cv2.putText(pixels, char, at, cv2.FONT_HERSHEY_SIMPLEX, 2.8, ink, 8)
         pixels = cv2.copyMakeBorder(pixels, around, around, around, around, cv2.BORDER_REFLECT)
         rows, cols = pixels.shape[:2]
-        path = self.evidence.incoming / f"drawn-{self.drawn}.png"
-        assert cv2.imwrite(str(path), pixels)
-        sha256, n_bytes = self.evidence.keep(path)
         first_mm = -around * MM
         meta = {"x0_mm": first_mm, "y0_mm": first_mm, "mm_per_pixel": MM, "width": cols, "height": rows}
-        return EvidenceRecord(kind, sha256, n_bytes, path.name, "image/png", meta)
+        return replace(self.keep(kind, cv2.imencode(".png", pixels)[1].tobytes()), meta=meta)
 
-    def add(
+    def put(
         self,
         text: str,
         *,
-        name: str = "P-1",
         unsure: dict[int, str] | None = None,
         pictures: bool = True,
         around: int = 0,
-        state: PartState = PartState.REVIEW,
-        audit: bool = False,
+        **more: Any,
     ) -> str:
         """A part to be reviewed, or audited."""
         unsure = {5: "B38E"} if unsure is None else unsure
-        readings = [reading(text, source=source, unsure=unsure) for source in ("vision", "fused")]
-        evidence = [self.draw(text, kind, around=around) for kind in PICTURES.values()] if pictures else []
-        part_id = new_part_id()
-        self.store.add_part(
-            part_id=part_id, name=name, state=state, readings=readings, evidence=evidence, audit=audit
+        readings = tuple(reading(text, source=source, unsure=unsure) for source in ("vision", "fused"))
+        evidence = (
+            tuple(self.draw(text, kind, around=around) for kind in PICTURES.values()) if pictures else ()
         )
-        return part_id
+        return self.add(text, readings=readings, evidence=evidence, **more)
 
 
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:
     """The pages, and a route for their pictures; any service with both can stand in its place."""
     uvicorn = pytest.importorskip("uvicorn")
-    from fastapi import FastAPI
     from fastapi.responses import FileResponse
 
-    from pipeline.common.settings import ReadSettings
-    from pipeline.service.job_folder import JobFolder
-    from pipeline.service.pages.frame import Frame
-    from pipeline.service.pages.routes import pages_router
-    from pipeline.service.web.access import Access
-    from pipeline.store.evidence_folder import EvidenceFolder
-    from pipeline.store.store import Store
+    made = Service(tmp_path)
 
-    store = Store.open(f"sqlite:///{tmp_path / 'store.db'}")
-    evidence = EvidenceFolder(tmp_path / "evidence")
-    app = FastAPI()
-    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
-    frame = Frame.make(store, evidence, Access(store, required=False))
-    app.include_router(pages_router(frame, jobs=jobs))
-
-    @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
+    @made.app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
     def picture(part_id: str, which: str) -> FileResponse:
-        found = [e for e in store.evidence(part_id) if e.kind is PICTURES[which]][-1]
-        return FileResponse(evidence.path(found.sha256), media_type=found.media_type)
+        found = [e for e in made.store.evidence(part_id) if e.kind is PICTURES[which]][-1]
+        return FileResponse(made.evidence.path(found.sha256), media_type=found.media_type)
 
-    config = uvicorn.Config(app, host="127.0.0.1", port=0, log_level="warning")
-    server = uvicorn.Server(config)
+    server = uvicorn.Server(uvicorn.Config(made.app, host="127.0.0.1", port=0, log_level="warning"))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     waited = threading.Event()
     while not server.started:
         assert thread.is_alive(), "the server has ended before it began"
         waited.wait(0.01)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    yield Service(f"http://127.0.0.1:{port}", store, evidence, jobs)
+    made.url = f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    yield made
     server.should_exit = True
     thread.join(10.0)
-    store.close()
+    made.store.close()
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +206,7 @@ def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., Operator
 
 
 def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
-    ids = [service.add(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
+    ids = [service.put(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/")
@@ -270,7 +244,7 @@ def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[
 def test_places_are_chosen_and_candidates_taken_by_key(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251")
+    part_id = service.put("KX407251")
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
@@ -313,7 +287,7 @@ def test_places_are_chosen_and_candidates_taken_by_key(
 def test_what_is_pasted_is_the_whole_serial(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251")
+    part_id = service.put("KX407251")
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
@@ -339,7 +313,7 @@ def test_what_is_pasted_is_the_whole_serial(
 def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251")
+    part_id = service.put("KX407251")
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
@@ -364,7 +338,7 @@ def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
 def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251", around=300)
+    part_id = service.put("KX407251", around=300)
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
@@ -383,7 +357,7 @@ def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
 def test_a_picture_that_does_not_come_is_told_in_words(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251")
+    part_id = service.put("KX407251")
     operator = sit_down()
     operator.page.route("**/pictures/photo*", lambda route: route.abort())
     operator.page.goto(f"{service.url}/review/{part_id}")
@@ -397,7 +371,7 @@ def test_a_picture_that_does_not_come_is_told_in_words(
 def test_an_enter_held_down_confirms_one_part_only(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    ids = [service.add("KX407251"), service.add("KX407252")]
+    ids = [service.put("KX407251"), service.put("KX407252")]
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/review/{ids[0]}")
@@ -418,7 +392,7 @@ def test_an_enter_held_down_confirms_one_part_only(
 def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    ids = [service.add("KX407251"), service.add("KX407252")]
+    ids = [service.put("KX407251"), service.put("KX407252")]
     operator = sit_down(who="")
     page = operator.page
     page.goto(f"{service.url}/review/{ids[0]}")
@@ -433,7 +407,7 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     page.wait_for_url(f"**/review/{ids[1]}?*")
     assert page.input_value("#who") == "Grace"
     operator.settled()
-    service.add("KX407253")
+    service.put("KX407253")
     page.keyboard.press("Alt+n")
     page.wait_for_url(lambda url: ids[1] not in url)
     assert service.store.part(ids[1]).state is PartState.REVIEW
@@ -442,7 +416,7 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
 def test_an_open_part_is_its_readers_until_the_page_is_left(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    first, second = service.add("KX407251", name="P-1"), service.add("KX407252", name="P-2")
+    first, second = service.put("KX407251", name="P-1"), service.put("KX407252", name="P-2")
     ada, grace = sit_down(who="Ada"), sit_down(who="Grace")
     for operator in (ada, grace):
         operator.page.goto(f"{service.url}/review")
@@ -470,7 +444,7 @@ def test_an_audit_is_read_from_the_pictures_alone(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     ids = [
-        service.add("KX407251", name=f"P-{k}", state=PartState.ACCEPTED, audit=True, around=120)
+        service.put("KX407251", name=f"P-{k}", state=PartState.ACCEPTED, audit=True, around=120)
         for k in range(2)
     ]
     operator = sit_down()
@@ -478,7 +452,7 @@ def test_an_audit_is_read_from_the_pictures_alone(
     page.goto(f"{service.url}/review")
     operator.picture("audits waiting")
     page.click("text=Audit the oldest")
-    page.wait_for_url(f"**/audit/{ids[0]}")
+    page.wait_for_url(f"**/review/{ids[0]}")
     operator.settled()
     assert operator.shown() == ""
     assert "KX407251" not in page.content()
@@ -487,11 +461,11 @@ def test_an_audit_is_read_from_the_pictures_alone(
     page.keyboard.type("kx407251")
     assert page.inner_text("#verb") == "Save"
     page.keyboard.press("Enter")
-    page.wait_for_url(f"**/audit/{ids[1]}?done={ids[0]}")
-    assert "is what was accepted" in page.inner_text(".flash.good")
+    page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
+    assert "is what was accepted" in page.inner_text(".flash >> nth=0")
     operator.settled()
     page.keyboard.press("Alt+u")
-    page.wait_for_url("**/review?audited=*")
+    page.wait_for_url("**/review?done=*")
     found = service.store.audit(ids[0])
     assert (found.before, found.after, found.who) == ("KX407251", "KX407251", "Ada")
 
@@ -507,7 +481,7 @@ def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:
 
 
 def test_it_works_without_script(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
-    ids = [service.add("KX407251"), service.add("KX407252")]
+    ids = [service.put("KX407251"), service.put("KX407252")]
     operator = sit_down(who="", java_script_enabled=False)
     page = operator.page
     page.goto(f"{service.url}/review")
@@ -526,7 +500,7 @@ def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., 
     operator.page.clock.install()
     operator.page.goto(f"{service.url}/review")
     assert "Nothing waits" in operator.page.inner_text("main")
-    service.add("KX407251", name="late")
+    service.put("KX407251", name="late")
     operator.page.clock.fast_forward(60_000)
     operator.page.wait_for_selector("text=late", timeout=15_000)
     assert operator.page.inner_text("#waiting") == "1"
@@ -535,7 +509,7 @@ def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., 
 def test_the_dashboard_tells_what_reviews_have_said(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    ids = [service.add("KX407251", pictures=False) for _ in range(4)]
+    ids = [service.put("KX407251", pictures=False) for _ in range(4)]
     for part_id in ids[:2]:
         service.store.review(part_id, action=ReviewAction.CONFIRM, text="", who="Ada")
     service.store.review(ids[2], action=ReviewAction.CORRECT, text="KX407257", who="Ada")
@@ -559,9 +533,9 @@ _SHIFTED = """(table) => {
 
 
 def test_pages_fit_their_window(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
-    part_id = service.add("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
-    long_id = service.add("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
-    odd_id = service.add("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
+    part_id = service.put("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
+    long_id = service.put("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
+    odd_id = service.put("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
     service.store.review(odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", who="<Ada>", note="'\"&")
     operator = sit_down()
     page = operator.page
@@ -601,7 +575,7 @@ def wait_for_value(page: Any, field: str, value: str) -> None:
 def test_a_job_is_taught_by_a_box_and_a_text(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251", name="tray-7/housing-left-0012", around=200)
+    part_id = service.put("KX407251", name="tray-7/housing-left-0012", around=200)
     operator = sit_down()
     page = operator.page
     page.goto(f"{service.url}/parts/{part_id}")
@@ -640,7 +614,7 @@ def test_a_job_is_taught_by_a_box_and_a_text(
 def test_a_job_is_taught_on_a_phone_and_by_keyboard(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    part_id = service.add("KX407251", name="P-1")
+    part_id = service.put("KX407251", name="P-1")
     operator = sit_down(viewport={"width": 390, "height": 800})
     page = operator.page
     page.goto(f"{service.url}/jobs/new?part={part_id}&by=edges")
@@ -685,7 +659,7 @@ def test_a_job_is_taught_on_a_phone_and_by_keyboard(
 def test_on_a_phone_the_charts_begin_at_the_newest_hour(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
-    service.add("KX407251")
+    service.put("KX407251")
     page = sit_down(viewport={"width": 390, "height": 800}).page
     page.goto(f"{service.url}/dashboard")
     shown = page.evaluate(
