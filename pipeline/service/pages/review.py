@@ -239,7 +239,7 @@ def _page(
     pictures = picture_pair(part, readings, store.evidence(part.id), frame.evidence)
     # marks without small letters are typed in capitals
     upper = not any(c.char.islower() for r in readings for place in r.characters for c in place.candidates)
-    if audit is not None and audit.after != audit.before and part.state is PartState.REVIEW:
+    if audit is not None and audit.after not in ("", audit.before) and part.state is PartState.REVIEW:
         remark = (
             remark or f"This part was accepted; {audit.who} read {audit.after} in an audit. Which is right?"
         )

@@ -50,7 +50,7 @@ def test_every_part_is_a_row_however_many_there_are(
     assert rows(client) == []
     ids = [received(store, name=f'Größe {k}, "left"').id for k in range(8)]
     found = rows(client)
-    assert tuple(found[0]) == COLUMNS
+    assert list(found[0]) == list(COLUMNS)
     assert [row["id"] for row in found] == ids[::-1]
     assert found[0]["name"] == 'Größe 7, "left"'
     assert (found[0]["serial"], found[0]["state"], found[0]["received"]) == (
