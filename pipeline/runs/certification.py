@@ -25,11 +25,10 @@ from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
 from pipeline.runs.journal import Journal, resumable
+from pipeline.runs.production import absolute, parts_for
 from pipeline.runs.progress import Progress
-from pipeline.runs.run import lost_part
 from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.setup import absolute, parts_for
-from pipeline.runs.task import ReadPart, RunOrder, read_listed
+from pipeline.runs.task import ReadPart, RunOrder, lost_part, read_listed
 from pipeline.workers.options import ExecutorOptions
 from recognition.decision.accepted_risk import (
     THRESHOLDS,
@@ -172,7 +171,7 @@ def _all_read(
     def labelled(read: ReadPart) -> LabelledPart:
         return LabelledPart(read.record, read.measures, read.sha256, labels[read.listed.name])
 
-    sent = files_to_send(settings) if executors.cluster is not None else {}
+    sent = files_to_send(settings) if executors.cluster is not None else None
     order = RunOrder(settings, digests=True, measures=True, sent=sent)
     known = len(journal.names)
     if known:

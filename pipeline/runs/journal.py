@@ -16,10 +16,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from pydantic import TypeAdapter
+from pydantic_core import to_json
 
 from glyphs.atomic import sync_names
 from glyphs.errors import FileError
@@ -33,14 +33,13 @@ R = TypeVar("R")
 
 _TABLES = """
 create table if not exists run (kind text, version integer, description text);
-create table if not exists parts (
-    number integer primary key, name blob unique, kept text, again text, line blob
-);
+create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
 """
-_ADD = """
-insert into parts (name, kept, line) values (?1, ?2, ?3) on conflict (name) do update set kept = ?2, line = ?3
+_KEEP = "insert into parts (name, kept) values (?1, ?2) on conflict (name) do update set kept = ?2"
+_KEEP_AGAIN = "update parts set again = ?2 where name = ?1"
+_IN_ORDER = """
+select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
 """
-_AGAIN = "update parts set again = ?2, line = coalesce(?3, line) where name = ?1"
 _SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
@@ -48,7 +47,7 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 class Journal(Generic[Kept]):
     """What is kept of the parts of one run.
 
-    A part that was added outlives any end of the process. One process has the journal at a time.
+    A part that was kept outlives any end of the process. One process has the journal at a time.
 
     Attributes:
         kind: what is run, in a word.
@@ -59,6 +58,7 @@ class Journal(Generic[Kept]):
         path: the file.
         description: what is run: plain JSON values.
         names: of the parts that are done.
+        again: of those that are done a second time.
         resumed: whether a run that broke off is taken up.
     """
 
@@ -91,8 +91,10 @@ class Journal(Generic[Kept]):
         self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
         self._synced_s = time.monotonic()
         with self._faults():
-            reads = description is None and not os.access(path, os.W_OK)
-            self._db = self._opened_to_read() if reads else self._opened()
+            if description is None and not os.access(path, os.W_OK):
+                self._db = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)
+            else:
+                self._db = self._opened()
         try:
             with self._faults():
                 held = self._held()
@@ -105,7 +107,9 @@ class Journal(Generic[Kept]):
                 elif key_of(held) != key_of(self.description):
                     what = f"holds another {self.kind} ({differences(held, self.description)})"
                     raise self._unusable(what, f"name another one, or remove {path.name} to start again")
-                self.names = {_text(name) for (name,) in self._db.execute("select name from parts")}
+                rows = self._db.execute("select name, again is not null from parts").fetchall()
+                self.names = {_text(name) for name, _ in rows}
+                self.again = {_text(name) for name, again in rows if again}
         except BaseException:
             self.close()
             raise
@@ -138,46 +142,33 @@ class Journal(Generic[Kept]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @cached_property
     def done(self) -> dict[str, Kept]:
-        """What is kept, by the part's name; grows with `add`."""
+        """What is kept, by the part's name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts order by number")
         return {_text(name): self._parsed(kept) for name, kept in rows}
 
-    def add(self, name: str, kept: Kept, *, line: bytes = b"") -> Kept:
+    def keep(self, name: str, kept: Kept, *, again: bool = False) -> Kept:
         """Keep what came of a part, and return it; of two of one part the last counts.
 
         Args:
             name: of the part.
             kept: what came of it.
-            line: of a table, as it is made of that.
+            again: whether it was done a second time, which is kept beside the first.
 
         Raises:
             FileError: it cannot be written.
         """
-        self._keep(_ADD, name, self._text(kept), line)
-        self.names.add(name)
-        if "done" in vars(self):
+        with self._faults():
+            late = time.monotonic() >= self._synced_s + _SYNC_S
+            self._write(_KEEP_AGAIN if again else _KEEP, (_blob(name), self._text(kept)), synced=late)
+        (self.again if again else self.names).add(name)
+        if not again and "done" in vars(self):
             self.done[name] = kept
         return kept
-
-    def add_again(self, name: str, kept: Kept, *, line: bytes | None) -> None:
-        """Keep what came of a part that was done a second time, beside the first.
-
-        Args:
-            name: of the part.
-            kept: what came of it.
-            line: in place of the first line; None leaves that.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        self._keep(_AGAIN, name, self._text(kept), line)
 
     def keep_only(self, names: Iterable[str]) -> None:
         """Forget all other parts.
@@ -198,24 +189,13 @@ class Journal(Generic[Kept]):
         Args:
             order: names of the parts that come first; those that are not kept are passed over.
         """
-        for kept, again in self._rows("kept, again", order):
+        with self._faults():
+            self._db.execute("create table if not exists temp.asked (name blob unique)")
+            self._db.execute("delete from temp.asked")
+            names = ((_blob(name),) for name in order)
+            self._db.executemany("insert or ignore into temp.asked values (?)", names)
+        for kept, again in self._db.execute(_IN_ORDER):
             yield self._parsed(kept), self._parsed(again) if again else None
-
-    def lines(self, order: Iterable[str] = ()) -> Iterator[bytes]:
-        """The line of every part, likewise."""
-        return (line for (line,) in self._rows("line", order))
-
-    def _rows(self, columns: str, order: Iterable[str]) -> Iterator[tuple[Any, ...]]:
-        select = f"select number, {columns} from parts"
-        seen = bytearray(self._db.execute("select coalesce(max(number), 0) + 1 from parts").fetchone()[0])
-        for name in order:
-            row = self._db.execute(f"{select} where name = ?", (_blob(name),)).fetchone()
-            if row is not None and not seen[row[0]]:
-                seen[row[0]] = 1
-                yield row[1:]
-        for row in self._db.execute(f"{select} order by number"):
-            if row[0] < len(seen) and not seen[row[0]]:
-                yield row[1:]
 
     def close(self) -> None:
         """Let go of it; what SQLite keeps beside it is gone then."""
@@ -257,9 +237,6 @@ class Journal(Generic[Kept]):
                     raise
             db.close()  # the run before removed it as it ended
 
-    def _opened_to_read(self) -> sqlite3.Connection:
-        return sqlite3.connect(f"{self.path.absolute().as_uri()}?immutable=1", uri=True)
-
     def _is(self, before: os.stat_result) -> bool:
         """Whether the file is still the one that was opened."""
         with contextlib.suppress(FileNotFoundError):
@@ -286,12 +263,6 @@ class Journal(Generic[Kept]):
         self._write("insert into run values (?, ?, ?)", run, synced=True)
         sync_names(self.path.parent)
 
-    def _keep(self, statement: str, *values: str | bytes | None) -> None:
-        name, *others = values
-        with self._faults():
-            late = time.monotonic() >= self._synced_s + _SYNC_S
-            self._write(statement, (_blob(str(name)), *others), synced=late)
-
     def _write(self, statement: str, values: tuple[Any, ...], *, synced: bool) -> None:
         if synced:
             self._db.execute("pragma synchronous = full")
@@ -301,13 +272,15 @@ class Journal(Generic[Kept]):
             self._synced_s = time.monotonic()
 
     def _text(self, kept: Kept) -> str:
-        # in ASCII: a file's name may be no text
-        return json.dumps(self._adapter.dump_python(kept, mode="json"))
+        try:
+            return to_json(kept, inf_nan_mode="constants").decode()
+        except ValueError:  # of half a character, as a file's name may have it, which Python alone writes
+            return json.dumps(self._adapter.dump_python(kept, mode="json"))
 
     def _parsed(self, text: str) -> Kept:
         try:
             return self._adapter.validate_json(text)
-        except ValueError:  # of half a character, as a file's name may have it, which Python alone reads
+        except ValueError:  # likewise
             return self._adapter.validate_python(json.loads(text))
 
     def _unusable(self, what: str, hint: str = "") -> FileError:
@@ -339,6 +312,7 @@ def resumable(
     lost: Callable[[T, Exception], R],
     kept: Callable[[R], Kept] = lambda result: result,  # type: ignore[assignment, return-value]
     name: str = "name",
+    again: bool = False,
 ) -> Iterator[tuple[T, Kept]]:
     """Do the parts that the journal lacks, keep what came of each, and yield it as it is done.
 
@@ -351,13 +325,14 @@ def resumable(
         lost: makes the result of a part whose work failed or whose worker was lost.
         kept: makes what is kept of a result; the result unless given.
         name: attribute that names a part.
+        again: whether the parts are done a second time.
     """
-    named = attrgetter(name)
-    for outcome in executor.calls(work, order, (p for p in parts if named(p) not in journal.names)):
+    named, done = attrgetter(name), journal.again if again else journal.names
+    for outcome in executor.calls(work, order, (p for p in parts if named(p) not in done)):
         task, result = outcome.task, outcome.result
         if outcome.error is not None:
             result = lost(task, outcome.error)
-        yield task, journal.add(named(task), kept(result))  # type: ignore[arg-type]
+        yield task, journal.keep(named(task), kept(result), again=again)  # type: ignore[arg-type]
 
 
 def cannot_be_written(path: Path, error: Exception) -> FileError:

@@ -1,4 +1,4 @@
-"""How far a run is, on standard error: a bar or a clock on a terminal, a line a minute elsewhere."""
+"""Progress of a run on standard error: a bar or a clock on a terminal, a line a minute elsewhere."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ _READING = "reading"
 
 
 class Progress:
-    """Shows how far a run is, from `start` to the end of its block."""
+    """Shows how far a run is, from `start` to the end of its block; nothing before that."""
 
     _bar: Any = None
     _task: Any = None
+    _total = _done = _before = _failed = 0
+    _began_s = _shown_s = float("inf")
 
     def __enter__(self) -> Progress:
         return self
@@ -26,7 +28,7 @@ class Progress:
             total: parts of the run.
             done: of these read in an earlier sitting.
         """
-        self._total, self._done, self._before, self._failed = total, done, done, 0
+        self._total, self._done, self._before = total, done, done
         self._began_s = self._shown_s = time.monotonic()
         if not sys.stderr.isatty():
             return
@@ -34,13 +36,10 @@ class Progress:
         from rich.console import Console
 
         step = progress.TextColumn("{task.description}", markup=False)
-        columns = (
-            (step, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
-            if total > 1
-            else (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
-        )
+        many = (step, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
+        one = (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
         self._bar = progress.Progress(
-            *columns,
+            *(many if total > 1 else one),
             console=Console(stderr=True),
             transient=True,
             redirect_stdout=False,
@@ -77,15 +76,11 @@ class Progress:
         self._failed += failed
         if self._bar is not None:
             self._bar.update(self._task, advance=1, description=_READING)
-            return
-        now = time.monotonic()
-        if now - self._shown_s >= LINE_EVERY_S and self._done < self._total:
-            self._shown_s = now
-            rate = (self._done - self._before) / (now - self._began_s)
+        elif self._done < self._total and time.monotonic() - self._shown_s >= LINE_EVERY_S:
+            self._shown_s = time.monotonic()
+            rate = (self._done - self._before) / (self._shown_s - self._began_s)
             left_min = (self._total - self._done) / rate / 60.0
-            print(
+            self.line(
                 f"{self._done:,} of {self._total:,} parts, {rate:.2f} a second, {self._failed:,} with an error,"
-                f" about {left_min:.0f} min left",
-                file=sys.stderr,
-                flush=True,
+                f" about {left_min:.0f} min left"
             )

@@ -52,10 +52,11 @@ class Quarantine:
                 self.kept = path.with_name(path.name + "~")
                 os.replace(path, self.kept)
 
-    @property
-    def count(self) -> int:
-        """Parts in the list."""
-        return len(self._names)
+    def __enter__(self) -> Quarantine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def add(self, listed: PartFiles, problem: str) -> None:
         """Append a part, once; it is the kernel's before this returns.

@@ -1,7 +1,8 @@
 """A night's production: many parts, read by an executor, every row on the disk before the next one counts.
 
-    listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine, summary
+    listed parts --not done yet--> executor --> store --> RunJournal, its table, quarantine
                                                             --> what was not accepted, read again (SecondPass)
+                                                            --> summary
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
 that the store has and the table has not is read again, and the store takes it once, also after the run's end.
@@ -9,25 +10,33 @@ that the store has and the table has not is read again, and the store takes it o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from glyphs.compiling import end_part
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
 from pipeline.runs.journal import resumable
+from pipeline.runs.options import RunOptions
+from pipeline.runs.progress import Progress
+from pipeline.runs.quarantine import Quarantine
+from pipeline.runs.run_journal import RunJournal
+from pipeline.runs.second_pass import SecondPass
+from pipeline.runs.store_target import RunStore
 from pipeline.runs.summary import Summary
-from pipeline.runs.task import ReadPart, RunOrder, read_listed
+from pipeline.runs.task import ReadPart, RunOrder, lost_part, read_listed
 from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
     from pipeline.runs.lot_check import LotCheck
-    from pipeline.runs.quarantine import Quarantine
-    from pipeline.runs.run_journal import RunJournal
-    from pipeline.runs.second_pass import SecondPass
-    from pipeline.runs.store_target import RunStore
 
 
 @dataclass
@@ -35,83 +44,86 @@ class Run:
     """Where the rows of a run go.
 
     Attributes:
-        book: the run on the disk.
+        journal: the run on the disk.
         quarantine: list of the parts that could not be read.
         store: keeps them as well.
-        second: what has the lot teach itself; needs a book.
+        second: has the lot teach itself.
         lot: sends to a person what cannot be a serial of this lot.
         watch: compares the parts that are read now with those of a certificate.
-        on_row: told of every part that is read now.
-        on_any_row: told of these, and of those that an earlier sitting read; with a second pass, of the rows that
-            count in the end.
-        summary: of all rows, those of an earlier sitting included.
+        progress: shows how far it is.
+        on_row: called with every row that counts in the end, also those of an earlier sitting.
+        summary: of all these rows.
         read_now: parts read in this sitting.
         known: of these, parts that the store had already.
         finished: whether every part has been.
     """
 
-    book: RunJournal
+    journal: RunJournal
     quarantine: Quarantine | None = None
     store: RunStore | None = None
     second: SecondPass | None = None
     lot: LotCheck | None = None
     watch: DriftWatch | None = None
+    progress: Progress = field(default_factory=Progress)
     on_row: Callable[[ReadingRecord], None] | None = None
-    on_any_row: Callable[[ReadingRecord], None] | None = None
     summary: Summary = field(default_factory=Summary)
     read_now: int = 0
     known: int = 0
     finished: bool = False
 
     def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
-        """Read every part that the book does not hold, and put the table in the order of the parts.
+        """Read every part that the journal does not hold, and put the table in the order of the parts.
 
-        Beside a store the book is no result: it stays, unfinished, until whoever opened the run is done with it.
+        Beside a store the table is no result: it stays, unfinished, until whoever opened the run is done with it.
 
         Raises:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
         failed: dict[str, str] = {}
-        for record in self.book.records():
+        for record in self.journal.records():
             if self.lot is not None:
                 self.lot.known(record)
-            if self.second is None:
-                self._count(record)
             if record.error:
                 failed[record.part] = record.error
         if self.quarantine is not None and failed:
             for part in parts:
                 if part.name in failed:
                     self.quarantine.add(part, failed[part.name])
-        done = resumable(
-            self.book.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
-        )
-        for part, record in done:
+        for part, record in resumable(
+            self.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
+        ):
             if record.error and self.quarantine is not None:
                 self.quarantine.add(part, record.error)
             self.read_now += 1
-            if self.second is None:
-                self._count(record)
-            if self.on_row is not None:
-                self.on_row(record)
+            self._advance(record)
         if self.second is not None:
-            self.second.checked = self.lot.checked if self.lot is not None else None
-            self.second.work(self.book, parts, order, executor)
-            for record in self.book.records():
-                self._count(record)
+            waiting, order = self.second.learned_order(
+                self.journal, parts, order, executor, self.progress.line
+            )
+            self.progress.more(len(waiting))
+            for _, record in resumable(
+                self.journal, waiting, executor, read_listed, order,
+                lost=lost_part, kept=self._checked, again=True,
+            ):  # fmt: skip
+                self.second.again += 1
+                self._advance(record)
         if self.store is None:
-            self.book.finish(part.name for part in parts)
+            self.journal.finish((part.name for part in parts), self._count)
+        else:
+            for record in self.journal.records():
+                self._count(record)
         self.finished = True
 
+    def _checked(self, read: ReadPart) -> ReadingRecord:
+        return read.record if self.lot is None else self.lot.checked(read.record)
+
     def _record(self, read: ReadPart) -> ReadingRecord:
-        """The record of a part, which lot, store and certificate have had a look at."""
-        if self.lot is not None:
-            read = replace(read, record=self.lot.checked(read.record))
-        record = read.record
+        """The record of a part, checked against the lot, kept in the store and compared with the certificate."""
+        record = self._checked(read)
         if self.store is not None:
             try:
-                self.known += not self.store.add(read)
+                self.known += not self.store.add(replace(read, record=record))
             # what no store holds may not end the run, now and whenever it goes on
             except UnfitError as error:
                 problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
@@ -120,14 +132,53 @@ class Run:
             self.watch.add(record.source, read.measures)
         return record
 
+    def _advance(self, record: ReadingRecord) -> None:
+        end_part()
+        self.progress.advance(failed=bool(record.error))
+
     def _count(self, record: ReadingRecord) -> None:
         self.summary.add(record)
-        if self.on_any_row is not None:
-            self.on_any_row(record)
+        if self.on_row is not None:
+            self.on_row(record)
 
 
-def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
-    """A part that no worker has read, with what became of the worker."""
-    file = listed.files[0] if listed.files else listed.name
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return ReadPart(listed, ReadingRecord.failed(listed.name, f"{file}: {reason}; try it alone"))
+@contextmanager
+def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = False) -> Iterator[Run]:
+    """Open a run with its table, begun or taken up where it was broken off.
+
+    Args:
+        options: where rows go.
+        description: what the answers depend on, in plain JSON values.
+        learns: whether the lot teaches itself.
+
+    Raises:
+        FileError: the table holds another run, is being written, or cannot be.
+        StoreError: a store that cannot be opened.
+    """
+    key = key_of({**description, "store": options.store})
+    with ExitStack() as stack:
+        if options.out is None:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tactile-marks-"))
+            table, bad = Path(folder) / "rows.jsonl", Path(folder) / "quarantine.csv"
+        elif options.store is None:
+            table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
+        else:
+            # its rows spare a run that broke off the reading; that no part is kept twice is up to the store's keys
+            table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
+        journal = stack.enter_context(RunJournal(table, description))
+        with ExitStack() as inner:
+            run = Run(journal, inner.enter_context(Quarantine(bad, keep=journal.resumed)))
+            if options.store is not None:
+                journal.keep_private()
+                store = RunStore(options.store, key, evidence=options.evidence)
+                run.store = inner.enter_context(store)
+            if learns:
+                # an earlier run's database is moved as its table is
+                database = table.with_suffix(".die.glyphs")
+                if database.exists() and not journal.resumed:
+                    os.replace(database, database.with_name(f"{database.name}~"))
+                run.second = SecondPass(database, always=bool(options.learn_die))
+            yield run
+        # last, with workers and store gone: broken off before, the same command reads nothing again
+        if options.store is not None and run.finished:
+            journal.forget()

@@ -18,11 +18,12 @@ from pipeline.errors import is_url
 from pipeline.formats.names import split_name
 from pipeline.formats.part_files import PartFiles
 from pipeline.runs.options import RunOptions
-from pipeline.runs.task import RunOrder, read_listed
+from pipeline.runs.setting_files import files_to_send
+from pipeline.runs.task import RunOrder
 from pipeline.workers.executors import Executor, ordered_map
+from recognition.learning.lot import FEWEST_PARTS, LEAST_AGREEMENT, needs_another, teachers
 
 if TYPE_CHECKING:
-    from pipeline.common.reading_records import ReadingRecord
     from pipeline.reading.enrolment import EnrolReport
     from pipeline.runs.run_journal import RunJournal
 
@@ -33,8 +34,6 @@ def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFile
     Raises:
         SettingsError: it is asked for, and cannot.
     """
-    from recognition.learning.lot import FEWEST_PARTS
-
     why_not = _why_not(options, settings)
     if options.learn_die and why_not is not None:
         raise SettingsError(f"--learn-die {why_not[0]}", hint=why_not[1])
@@ -63,77 +62,48 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
 
 @dataclass
 class SecondPass:
-    """Teaches a lot the shapes of its own die, and has the parts that were not accepted read again.
+    """Teaches a lot the shapes of its own die, with which parts that were not accepted are read again.
 
     Attributes:
         database: glyph database to be made.
         always: whether it is made even if nothing is to be read again.
-        sent: whether the workers are on machines of their own, which lack the database.
-        say: told in words what is learned, and why nothing is.
-        checked: makes of a second reading what the lot's order leaves of it.
-        on_again: told how many parts are read again, before they are.
-        on_row: told of every one that is.
         learned: what was; None before, and where nothing could be.
         again: parts read again in this sitting.
     """
 
     database: Path
     always: bool = False
-    sent: bool = False
-    say: Callable[[str], None] = print
-    checked: Callable[[ReadingRecord], ReadingRecord] | None = None
-    on_again: Callable[[int], None] | None = None
-    on_row: Callable[[ReadingRecord], None] | None = None
     learned: EnrolReport | None = field(default=None, init=False)
     again: int = field(default=0, init=False)
 
-    def work(self, book: RunJournal, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
-        """Learn from the rows of the first pass, and keep the second readings in the book.
+    def learned_order(
+        self,
+        journal: RunJournal,
+        parts: Sequence[PartFiles],
+        order: RunOrder,
+        executor: Executor,
+        say: Callable[[str], None],
+    ) -> tuple[Sequence[PartFiles], RunOrder]:
+        """Learn from the first readings; the parts that are to be read again, and how.
 
-        Parts whose second reading the book holds are not read again.
+        Parts whose second reading the journal holds are not among them.
 
-        Raises:
-            FileError: the table cannot be written.
-            ClusterError: the cluster is lost.
+        Args:
+            journal: first readings.
+            parts: of the lot.
+            order: of the first readings.
+            executor: who cuts out characters.
+            say: called with what is learned, or why nothing is.
         """
-        from recognition.learning.lot import needs_another
+        from pipeline.reading.enrolment import ReviewedPart, enrol  # slow to import
 
-        entries = book.journal.entries()
-        unsure = {first.part for first, again in entries if again is None and needs_another(first)}
+        unsure = {first.part for first, again in journal.entries() if again is None and needs_another(first)}
         waiting = [p for p in parts if p.name in unsure and _learns_or_teaches(p)]
         if not (waiting or self.always):
-            return
+            return (), order
         name = _font_name(parts)
-        self.learned = self._taught(book, parts, order.settings, name, executor)
-        if self.learned is None or not waiting:
-            return
-        if self.on_again is not None:
-            self.on_again(len(waiting))
-        for outcome in executor.calls(read_listed, self._order(order, name), iter(waiting)):
-            self.again += 1
-            if outcome.result is None:
-                continue  # its first reading stays; taken up again, the run tries it once more
-            record = outcome.result.record
-            if self.checked is not None:
-                record = self.checked(record)
-            book.journal.add_second(record)
-            if self.on_row is not None:
-                self.on_row(record)
-
-    def _taught(
-        self,
-        book: RunJournal,
-        parts: Sequence[PartFiles],
-        settings: ReadSettings,
-        name: str,
-        executor: Executor,
-    ) -> EnrolReport | None:
-        """Make the database; None where the lot has nothing to teach."""
-        from pipeline.reading.enrolment import ReviewedPart, enrol
-        from recognition.learning.lot import LEAST_AGREEMENT, teachers
-
-        able = {part.name: part for part in parts if _learns_or_teaches(part) and _is_here(part)}
-        texts = teachers(first for first, _ in book.journal.entries() if first.part in able)
+        able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}
+        texts = teachers(first for first, _ in journal.entries() if first.part in able)
         reviewed = [
             ReviewedPart(part, text, _path(able[part].scan), _path(able[part].height_map))
             for part, text in texts.items()
@@ -143,45 +113,35 @@ class SecondPass:
                 reviewed,
                 self.database,
                 font=name,
-                settings=settings,
+                settings=order.settings,
                 vouching=False,
                 each=partial(ordered_map, executor),
             )
         except MarksError as error:
-            self.say(f"the lot teaches nothing: {error}")
-            return None
+            say(f"the lot teaches nothing: {error}")
+            return (), order
         if not report.exemplars or report.agreement < LEAST_AGREEMENT:
             self.database.unlink(missing_ok=True)
-            self.say(
-                "the lot teaches nothing: "
-                + (
-                    f"its parts do not look like one die's (only {report.agreement:.0%} of their characters agree)"
-                    if report.exemplars
-                    else "too few of its parts were read surely"
-                )
-            )
-            return None
-        self.say(
+            why = "too few of its parts were read surely"
+            if report.exemplars:
+                agree = f"only {report.agreement:.0%} of their characters agree"
+                why = f"its parts do not look like one die's ({agree})"
+            say(f"the lot teaches nothing: {why}")
+            return (), order
+        self.learned = report
+        say(
             f"learned {name} from {len(report.enrolled) + len(report.known)} parts that were read surely:"
             f" {report.exemplars} exemplars of {report.felt}"
         )
-        return report
-
-    def _order(self, order: RunOrder, name: str) -> RunOrder:
-        """As the first pass, with what was learned."""
-        from pipeline.runs.setting_files import files_to_send
-
         settings = order.settings.model_copy(update={"database": self.database, "font": (name,)})
-        return replace(order, settings=settings, sent=files_to_send(settings) if self.sent else {})
+        return waiting, replace(
+            order, settings=settings, sent=files_to_send(settings) if order.sent is not None else None
+        )
 
 
 def _learns_or_teaches(part: PartFiles) -> bool:
     """Whether a part is felt, and of the die that nobody named."""
     return bool(part.height_map or part.scan) and not part.font and part.problem is None
-
-
-def _is_here(part: PartFiles) -> bool:
-    return not is_url(part.scan or part.height_map)
 
 
 def _path(name: str | Path) -> Path | None:

@@ -30,7 +30,7 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in named}
 
 
-def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
+def settled(settings: ReadSettings, sent: Mapping[str, bytes] | None) -> ReadSettings:
     """The settings with the names of this machine's copies; as they are where nothing was sent."""
     if not sent:
         return settings

@@ -72,23 +72,30 @@ def check_output(path: Path) -> None:
     check_writable(path)
 
 
-def write_table(lines: Iterable[bytes], path: Path) -> None:
+def write_table(records: Iterable[ReadingRecord], path: Path) -> None:
     """Write a table of lines or Parquet; the file appears whole or not at all.
 
     Args:
-        lines: as `form_of` encodes records for that file.
+        records: each as `form_of` can encode it.
         path: of the table.
 
     Raises:
         FileError: it cannot be written.
     """
+    form = form_of(path)
+    lines = map(form.encode, records)
     with replacing(path) as temporary:
-        if path.suffix.lower() == ".parquet":
+        if not grows(path):
             _write_parquet(lines, temporary)
             return
         with temporary.open("wb") as stream:
-            stream.write(form_of(path).head)
+            stream.write(form.head)
             stream.writelines(lines)
+
+
+def grows(path: Path) -> bool:
+    """Whether lines can be appended to a table."""
+    return path.suffix.lower() in LINE_FORMS
 
 
 def form_of(path: Path) -> LineForm:

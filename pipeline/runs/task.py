@@ -34,7 +34,8 @@ class RunOrder:
         pictures: whether pictures of parts that a person is to review are wanted.
         digests: whether a hash of what the parts' files hold is wanted.
         measures: whether measures of the parts are wanted.
-        sent: contents of files that the settings name, for machines that lack them (`pipeline.runs.setting_files`).
+        sent: contents of files that the settings name, for workers on machines of their own; see
+            `pipeline.runs.setting_files`.
     """
 
     settings: ReadSettings
@@ -42,7 +43,7 @@ class RunOrder:
     pictures: bool = False
     digests: bool = False
     measures: bool = False
-    sent: Mapping[str, bytes] = field(default_factory=dict)
+    sent: Mapping[str, bytes] | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,13 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
 
     accepted = state_after(record) is PartState.ACCEPTED
     return read if accepted else replace(read, pictures=_pictures(reading))
+
+
+def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
+    """A part that no worker has read, with the reason."""
+    file = listed.files[0] if listed.files else listed.name
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return ReadPart(listed, ReadingRecord.failed(listed.name, f"{file}: {reason}; try it alone"))
 
 
 def _read(

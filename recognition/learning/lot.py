@@ -12,8 +12,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-from recognition.learning.learned_shapes import FEWEST_SIBLINGS
-
 FEWEST_PARTS = 12
 """From which on a lot is worth teaching: of fewer hardly a character stands on three that were read surely."""
 MOST_TEACHERS, EXEMPLARS_EACH = 40, 6
@@ -91,6 +89,8 @@ def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
         chars: what each exemplar is.
         used: by character, indices of those that agree (`recognition.learning.learned_shapes.Learned.used`).
     """
+    from recognition.learning.learned_shapes import FEWEST_SIBLINGS  # slow to import
+
     many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
     if not many:
         return 1.0

@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             )
             for mode, reading in (("tactile", touch), ("vision", vision), ("fused", reader.fuse(touch, vision)))
         ]  # fmt: skip
-        journal.add(name, tuple(trials))
+        journal.keep(name, tuple(trials))
     journal.close()
 
 

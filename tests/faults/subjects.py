@@ -26,8 +26,8 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, Pa
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.runs.options import RunOptions
+from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.setup import opened
 from pipeline.runs.task import Picture, ReadPart, RunOrder
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder

@@ -14,7 +14,7 @@ import pyarrow.parquet
 
 from glyphs.errors import FileError
 from pipeline.common.reading_records import CandidateRecord, ReadingRecord, from_json
-from pipeline.runs.tables import check_output, form_of, write_table
+from pipeline.runs.tables import check_output, write_table
 
 _BEST = tuple(f.name for f in fields(CandidateRecord))
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
@@ -64,7 +64,7 @@ def read_rows(path: Path) -> list[TableRow]:
 def write_records(records: Iterable[ReadingRecord], path: Path) -> None:
     """Write a table of records."""
     check_output(path)
-    write_table(map(form_of(path).encode, records), path)
+    write_table(records, path)
 
 
 def record_of_json(line: bytes) -> ReadingRecord:

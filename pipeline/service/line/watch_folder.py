@@ -193,7 +193,7 @@ class WatchedFolder:
 
     async def _write_down(self, path: Path, handled: Handled) -> None:
         try:
-            await asyncio.to_thread(self._journal.add, str(path), handled)
+            await asyncio.to_thread(self._journal.keep, str(path), handled)
         except FileError as error:
             log.error("watched file not written down", file=visible(path.name), why=str(error))
             self._journal.done[str(path)] = handled

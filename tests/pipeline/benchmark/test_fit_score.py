@@ -53,7 +53,7 @@ def exam(tmp_path: Path) -> Path:
             for mode in fit_score.SOURCES
         ]  # fmt: skip
         nothing = Trial(f"{section}-{soil}-{k}", k, levels, "easyocr-photo", "A1", "", confidence=0.0)
-        journal.add(trials[0].part, (*trials, nothing))
+        journal.keep(trials[0].part, (*trials, nothing))
     journal.close()
     return tmp_path / "run"
 

@@ -287,7 +287,7 @@ def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
     for number, part in enumerate(BAD, start=1):
         book.add(part, "is damaged; copy it again")
         # there before the run goes on, whatever happens to it then
-        assert len(read_manifest(str(path))) == number == book.count
+        assert len(read_manifest(str(path))) == number
     book.close()
     again = read_manifest(str(path))
     assert again[0] == PartFiles(
@@ -302,7 +302,6 @@ def test_a_run_taken_up_goes_on_with_its_list(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     quarantined(path, BAD[:2])
     book = quarantined(path, BAD, keep=True)  # the first two are told again and stand once
-    assert book.count == 3
     assert [p.name for p in read_manifest(str(path))] == [p.name for p in BAD]
     assert book.kept is None
 

@@ -27,13 +27,12 @@ from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.quarantine import Quarantine
-from pipeline.runs.run import Run
+from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setting_files import files_to_send, settled
-from pipeline.runs.setup import opened
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.store import Store
-from pipeline.workers.executors import Outcome
+from pipeline.workers.executors import Executor, Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -43,7 +42,7 @@ def record(part: PartFiles, text: str, confidence: float = 0.9) -> ReadingRecord
     return ReadingRecord("tactile", text, "accept", confidence, part=part.name)
 
 
-class FakeExecutor:
+class FakeExecutor(Executor):
     """Reads nothing; says what it is told of every part, and breaks off after some."""
 
     workers = 2
@@ -75,13 +74,12 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
             listed.close()
         assert marker.exists()
     with RunJournal.open(path, {"a": 1}) as book:
-        told: list[str] = []
         listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
-        run = Run(book, listed, on_row=lambda row: told.append(row.part))
+        run = Run(book, listed)
         executor = FakeExecutor()
         run.work(PARTS, ORDER, executor)
         listed.close()
-    assert executor.read == told == ["p0"]
+    assert executor.read == ["p0"]
     assert (run.read_now, run.summary.parts, run.summary.errors) == (1, 6, 2)
     assert not marker.exists()
     with path.open(newline="") as stream:
@@ -104,7 +102,7 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
             Run(book, store=Store()).work(PARTS, ORDER, FakeExecutor())
-        assert book.done == set(stored)
+        assert book.names == set(stored)
 
 
 def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> None:
@@ -305,7 +303,7 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
         rows = dict[str, Any]()
         with opened(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
             run.lot = LotCheck(order.order)
-            run.on_any_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
+            run.on_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
             run.work(PARTS, ORDER, Texts(breaks_after=breaks_after))
     assert {name: row.decision for name, row in rows.items()} == {
         "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",

@@ -16,12 +16,11 @@ from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart
 from pipeline.runs.options import RunOptions
-from pipeline.runs.run import Run
+from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, learns
-from pipeline.runs.setup import opened
 from pipeline.runs.task import ReadPart, RunOrder
-from pipeline.workers.executors import Outcome
+from pipeline.workers.executors import Executor, Outcome
 from recognition.learning.exemplars import ExemplarError
 from tests.support.run_tables import read_rows
 
@@ -50,7 +49,7 @@ SECOND = {
 CHANGED = {"p03": ("C9", "accept"), "p05": (TEXTS["p05"], "review")}
 
 
-class FakeExecutor:
+class FakeExecutor(Executor):
     """Reads nothing; answers by the fonts of the order, and breaks off after some."""
 
     workers = 2
@@ -92,7 +91,7 @@ def enrolled(monkeypatch: pytest.MonkeyPatch) -> list[list[ReviewedPart]]:
 
 
 def run_of(book: RunJournal, **more: Any) -> Run:
-    return Run(book, second=SecondPass(book.path.with_suffix(".die.glyphs"), say=lambda _: None, **more))
+    return Run(book, second=SecondPass(book.table.with_suffix(".die.glyphs"), **more))
 
 
 def rows_of(path: Path) -> dict[str, tuple[str, str]]:
@@ -186,7 +185,11 @@ def _broken(*_: object) -> None:
     ],
 )
 def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
-    report: EnrolReport | Exception, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    report: EnrolReport | Exception,
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def enrol(parts: Sequence[ReviewedPart], database: Path, **_: Any) -> EnrolReport:
         database.write_bytes(b"shapes")
@@ -196,18 +199,14 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
         return report
 
     monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
-    said: list[str] = []
     executor = FakeExecutor()
     with RunJournal.open(tmp_path / "rows.csv", {}) as book:
-        run = run_of(book)
-        assert run.second is not None
-        run.second.say = said.append
-        run.work(PARTS, ORDER, executor)
+        run_of(book).work(PARTS, ORDER, executor)
     assert executor.again == []
     assert rows_of(tmp_path / "rows.csv") == {
         name: (TEXTS[name], first_reading(name).decision) for name in TEXTS
     }
-    assert words in said[0]
+    assert words in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["rows.csv"]
 
 
@@ -287,8 +286,7 @@ def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) ->
         assert run.second.database == database
         assert not database.exists()
         assert (tmp_path / "rows.die.glyphs~").read_bytes() == b"of the lot before"
-        assert run.book is not None
-        run.book.add(first_reading("p00"))
+        run.journal.add(first_reading("p00"))
         database.write_bytes(b"of this lot")
     with opened(options, {}, learns=True):
         assert database.read_bytes() == b"of this lot"
@@ -297,9 +295,8 @@ def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) ->
 def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[ReviewedPart]]) -> None:
     told: dict[str, str] = {}
     with opened(RunOptions(), {}, learns=True) as run:
-        run.on_any_row = lambda row: told.update({row.part: row.text})
+        run.on_row = lambda row: told.update({row.part: row.text})
         assert run.second is not None
-        run.second.say = lambda _: None
         run.work(PARTS, ORDER, FakeExecutor())
         assert run.second.database.exists()
     assert told == {name: text for name, (text, _) in EXPECTED.items()}
