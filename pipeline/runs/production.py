@@ -15,21 +15,23 @@ from glyphs.compiling import show_compiling
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, list_parts
 from pipeline.formats.order_file import read_order
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import Accuracy, load_truth
+from pipeline.reading.expected import load_expected
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import print_table
 from pipeline.runs.run import Run, opened
 from pipeline.runs.second_pass import learns
 from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.task import RunOrder
+from pipeline.runs.task import RunOrder, check_order
 from pipeline.runs.workbook import check_number
-from pipeline.workers.executors import Executor
+from pipeline.workers.executors import Executor, WorkerLostError
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
@@ -101,15 +103,16 @@ def _read(
     *,
     sends: bool,
 ) -> int:
-    from pipeline.reading.certificate import certificate_of
-    from pipeline.reading.drift import DriftWatch
-    from pipeline.reading.expected import load_expected
-    from pipeline.reading.readers import open_reader
-
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
-    reader, certificate = open_reader(settings), certificate_of(settings)
-    expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
+    certificate = watch = None
+    if settings.certificate is not None:
+        from pipeline.reading.certificate import certificate_of  # slow to import, as all of recognition
+        from pipeline.reading.drift import DriftWatch
+
+        if (certificate := certificate_of(settings)) is not None:
+            watch = DriftWatch(certificate)
+    expected = load_expected(options.verify, serial_format(settings)) if options.verify is not None else None
     parts: Sequence[PartFiles] = found
     if expected is not None:
         parts = [replace(p, expected=expected.of(p.name) or p.expected) for p in parts]
@@ -123,6 +126,10 @@ def _read(
         measures=certificate is not None,
         sent=files_to_send(settings) if sends else None,
     )
+    # in a worker, which keeps the reader for its first part
+    (checked,) = executor.calls(check_order, order, [None])
+    if checked.error is not None and not isinstance(checked.error, WorkerLostError):
+        raise checked.error
     learning = learns(options, settings, parts)
     description = _description(inputs, settings, options, learning, certificate)
     shown: dict[str, ReadingRecord] = {}
@@ -142,7 +149,7 @@ def _read(
         progress.start(len(parts), done)
         run.on_row = on_row
         run.lot = LotCheck(production) if production is not None else None
-        run.watch = None if certificate is None else DriftWatch(certificate)
+        run.watch = watch
         began = time.monotonic()
         with show_compiling(progress.line):
             run.work(parts, order, executor)

@@ -15,13 +15,9 @@ _RIGHT = ("confidence", "depth mm", "seconds")
 _SPARE = ("seconds", "source", "depth mm", "grade", "confidence")
 """Columns to leave out where the terminal is narrow, in this order."""
 _COLOUR = {
-    "accept": "green",
-    "review": "yellow",
-    "reject": "red",
-    "error": "red",
-    "confirmed": "green",
-    "undecided": "yellow",
-    "refuted": "red",
+    **dict.fromkeys(("accept", "confirmed"), "green"),
+    **dict.fromkeys(("review", "undecided"), "yellow"),
+    **dict.fromkeys(("reject", "error", "refuted"), "red"),
 }
 _GAP = "  "
 _LEAST_WIDTH = 20
@@ -43,7 +39,7 @@ def print_table(records: Sequence[ReadingRecord]) -> None:
 
 
 def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[str]:
-    """The table.
+    """Lay the table out.
 
     Args:
         records: of the parts.
@@ -55,39 +51,39 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
     if width is not None:
         shown = _fitting(shown, widths, width)
-        room = width - _total(shown, {**widths, "part": 0})
         # a name too long for its column stands on a line of its own, above its row
-        names = [cell_len(c["part"]) for c in cells]
-        widths["part"] = max((n for n in names if n <= room), default=0)
-        widths["part"] = max(widths["part"], cell_len("part"))
-    lines = [_line({h: h for h in shown}, shown, widths)]
+        room = width - _total(shown, {**widths, "part": 0})
+        fitting = [n for c in cells if (n := cell_len(c["part"])) <= room]
+        widths["part"] = max(cell_len("part"), *fitting, 0)
+
+    def line(cells: Mapping[str, str]) -> str:
+        blanks = {h: " " * (widths[h] - cell_len(cells[h])) for h in shown}
+        filled = (blanks[h] + cells[h] if h in _RIGHT else cells[h] + blanks[h] for h in shown)
+        return _GAP.join(filled).rstrip()
+
+    remark = textwrap.TextWrapper(
+        width or 0,
+        initial_indent=_GAP,
+        subsequent_indent=2 * _GAP,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
+    lines = [line({h: h for h in shown})]
     for record, cell in zip(records, cells, strict=True):
         if cell_len(cell["part"]) > widths["part"]:
             lines.append(cell["part"])
             cell["part"] = ""
-        lines.append(_line(cell, shown, widths))
+        lines.append(line(cell))
         if remarks := visible(" ".join((record.error or notes(record)).split())):
-            lines += (
-                [f"{_GAP}{remarks}"]
-                if width is None
-                else textwrap.wrap(
-                    remarks,
-                    width,
-                    initial_indent=_GAP,
-                    subsequent_indent=2 * _GAP,
-                    break_on_hyphens=False,
-                    break_long_words=False,
-                )
-            )
+            lines += [f"{_GAP}{remarks}"] if width is None else remark.wrap(remarks)
     return lines
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
     """The columns that there is room for: without the spare ones if then all names fit, or as many as a short one."""
     for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
-        kept = list(headings)
-        for heading in (None, *spare):
-            kept = [h for h in kept if h != heading]
+        for count in range(len(spare) + 1):
+            kept = [h for h in headings if h not in spare[:count]]
             if _total(kept, {**widths, "part": least}) <= width:
                 return kept
     return kept
@@ -95,14 +91,6 @@ def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> 
 
 def _total(headings: Sequence[str], widths: Mapping[str, int]) -> int:
     return sum(widths[h] for h in headings) + len(_GAP) * (len(headings) - 1)
-
-
-def _line(cells: Mapping[str, str], headings: Sequence[str], widths: Mapping[str, int]) -> str:
-    filled = []
-    for heading in headings:
-        blank = " " * (widths[heading] - cell_len(cells[heading]))
-        filled.append(blank + cells[heading] if heading in _RIGHT else cells[heading] + blank)
-    return _GAP.join(filled).rstrip()
 
 
 def _cells(record: ReadingRecord) -> dict[str, str]:
@@ -149,8 +137,6 @@ def _state(place: CharacterRecord) -> str:
     chars = [char or "-" for char in place.state_chars]
     if place.state == "confused":
         return f"{' or '.join(chars)}?"
-    return (
-        " where ".join(chars) + " is expected"
-        if place.state == "mismatch"
-        else state_text(place.state, chars)
-    )
+    if place.state == "mismatch":
+        return " where ".join(chars) + " is expected"
+    return state_text(place.state, chars)

@@ -70,11 +70,9 @@ class Summary:
 
     def counts(self) -> str:
         """One line: how many parts of each kind."""
-        written = [f"{n} {d}" for d in DECISIONS if (n := self.decisions[d])]
-        written += [f"{n} {v}" for v in VERDICTS if (n := self.verdicts[v])]
-        return ", ".join(
-            [f"{self.parts:,} parts", *written, *([f"{self.errors} with an error"] if self.errors else [])]
-        )
+        counted = {**{d: self.decisions[d] for d in DECISIONS}, **{v: self.verdicts[v] for v in VERDICTS}}
+        written = [f"{n} {word}" for word, n in {**counted, "with an error": self.errors}.items() if n]
+        return ", ".join([f"{self.parts:,} parts", *written])
 
     def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
         """For a person.
@@ -84,19 +82,14 @@ class Summary:
             read_now: parts read in that time.
             workers: that read them.
         """
-        written = [self.counts()]
-        written += _listed("not accepted", self.reasons)
-        written += _listed("errors", self.faults)
+        written = [self.counts(), *_listed("not accepted", self.reasons), *_listed("errors", self.faults)]
         if read_now and elapsed_s > 0.0:
-            rate = read_now / elapsed_s
             at_once = f" with {workers} workers" if workers > 1 else ""
-            written.append(
-                f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {rate:.2f} a second,"
-                f" {self.seconds / self.parts:.2f} s of work each"
-            )
-            written.append(
-                "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest)
-            )
+            written += [
+                f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {read_now / elapsed_s:.2f} a second,"
+                f" {self.seconds / self.parts:.2f} s of work each",
+                "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest),
+            ]
         return written
 
     def as_json(self) -> dict[str, Any]:

@@ -186,22 +186,16 @@ def _arrow(kind: Any) -> Any:
     """The type of a column."""
     import pyarrow
 
-    args = get_args(kind)
     if get_origin(kind) is UnionType:
-        return _arrow(args[0])
+        return _arrow(get_args(kind)[0])
     if get_origin(kind) is tuple:
-        return pyarrow.list_(_arrow(args[0]))
+        return pyarrow.list_(_arrow(get_args(kind)[0]))
     if is_dataclass(kind):
         named = get_type_hints(kind)
         if kind is CharacterRecord:
             candidates = named.pop("candidates")
             named = {**get_type_hints(CandidateRecord), "alternatives": candidates, **named}
         return pyarrow.struct([(name, _arrow(hint)) for name, hint in named.items()])
-    plain: dict[Any, Any] = {
-        str: pyarrow.string(),
-        bool: pyarrow.bool_(),
-        float: pyarrow.float64(),
-        int: pyarrow.int64(),
-        datetime: pyarrow.timestamp("us", tz="UTC"),
-    }
-    return plain[kind]
+    if kind is datetime:
+        return pyarrow.timestamp("us", tz="UTC")
+    return pyarrow.from_numpy_dtype({str: "U", bool: "bool", float: "f8", int: "i8"}[kind])

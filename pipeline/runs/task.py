@@ -16,6 +16,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.as_record import record_of_part
+from pipeline.runs.setting_files import settled
 
 if TYPE_CHECKING:
     from recognition.decision.evidence import Measure
@@ -74,6 +75,19 @@ class ReadPart:
     pictures: tuple[Picture, ...] = ()
     measures: Mapping[Measure, float] = field(default_factory=dict)
     sha256: str = ""
+
+
+def check_order(order: RunOrder, _: None) -> None:
+    """Open the reader of a run's settings, which this process keeps for its first part.
+
+    Raises:
+        FileError: a lexicon or certificate that cannot be used.
+        SettingsError: settings that contradict each other.
+        ValueError: a font or database that cannot be used.
+    """
+    from pipeline.reading.kept_readers import reader_of
+
+    reader_of(settled(order.settings, order.sent))
 
 
 def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
@@ -137,7 +151,6 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
         FileError: a font, format, database or lexicon that cannot be used.
     """
     from pipeline.reading.kept_readers import reader_of
-    from pipeline.runs.setting_files import settled
 
     try:
         return reader_of(settings_of(settled(order.settings, order.sent), listed))

@@ -75,7 +75,7 @@ def inline(monkeypatch: pytest.MonkeyPatch) -> None:
     from pipeline.workers.executors import InlineExecutor
     from pipeline.workers.options import ExecutorOptions
 
-    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_: contextlib.nullcontext(InlineExecutor()))
+    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_, **__: contextlib.nullcontext(InlineExecutor()))
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

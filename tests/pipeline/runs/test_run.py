@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setting_files import files_to_send, settled
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.store import Store
-from pipeline.workers.executors import Executor, Outcome
+from tests.support.fake_executor import FakeExecutor
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -42,25 +42,28 @@ def record(part: PartFiles, text: str, confidence: float = 0.9) -> ReadingRecord
     return ReadingRecord("tactile", text, "accept", confidence, part=part.name)
 
 
-class FakeExecutor(Executor):
-    """Reads nothing; says what it is told of every part, and breaks off after some."""
+@pytest.fixture
+def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
 
-    workers = 2
 
-    def __init__(self, *, bad: Iterable[str] = (), breaks_after: int = 99) -> None:
-        self.bad, self.breaks_after, self.read = set(bad), breaks_after, list[str]()
+@pytest.fixture
+def flat(tmp_path: Path) -> Path:
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    return tmp_path / "a.npz"
 
-    def calls(
-        self, function: Callable[[Any, Any], Any], order: Any, tasks: Iterable[Any]
-    ) -> Iterator[Outcome[Any, Any]]:
-        for part in reversed(list(tasks)):  # in any order
-            if len(self.read) == self.breaks_after:
-                raise KeyboardInterrupt
-            self.read.append(part.name)
-            if part.name in self.bad:
-                yield Outcome(part, error=RuntimeError("its worker\nis lost"))
-            else:
-                yield Outcome(part, ReadPart(part, record(part, f"T{part.name[1:]}")))
+
+def reading(
+    *bad: str, text: Callable[[PartFiles], str] = lambda part: f"T{part.name[1:]}", **how: Any
+) -> FakeExecutor:
+    """Reads a text of every part but the bad ones, from the last to the first."""
+
+    def answer(part: PartFiles, _: RunOrder) -> ReadPart | Exception:
+        lost = RuntimeError("its worker\nis lost")
+        return lost if part.name in bad else ReadPart(part, record(part, text(part)))
+
+    return FakeExecutor(answer, backwards=True, **how)
 
 
 def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
@@ -70,13 +73,13 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
             listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
             run = Run(book, listed)
             with pytest.raises(KeyboardInterrupt):
-                run.work(PARTS, ORDER, FakeExecutor(bad=bad, breaks_after=breaks_after))
+                run.work(PARTS, ORDER, reading(*bad, breaks_after=breaks_after))
             listed.close()
         assert marker.exists()
     with RunJournal.open(path, {"a": 1}) as book:
         listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
         run = Run(book, listed)
-        executor = FakeExecutor()
+        executor = reading()
         run.work(PARTS, ORDER, executor)
         listed.close()
     assert executor.read == ["p0"]
@@ -101,20 +104,14 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
 
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
-            Run(book, store=Store()).work(PARTS, ORDER, FakeExecutor())
+            Run(book, store=Store()).work(PARTS, ORDER, reading())
         assert book.names == set(stored)
 
 
 def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> None:
-    class Odd(FakeExecutor):
-        def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
-            for outcome in super().calls(*given):
-                part = outcome.task
-                yield Outcome(part, ReadPart(part, record(part, "A", float("nan"))))
-
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         run = Run(book)
-        run.work(PARTS[:1], ORDER, Odd())
+        run.work(PARTS[:1], ORDER, FakeExecutor(lambda p, _: ReadPart(p, record(p, "A", float("nan")))))
     assert run.summary.errors == 1
 
 
@@ -125,26 +122,23 @@ def test_parts_with_formats_and_fonts_of_their_own() -> None:
     assert settings_of(base, PartFiles("a", "a.npz")) is base
 
 
-def test_a_format_that_cannot_be_is_the_parts_own_error(tmp_path: Path) -> None:
-    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
-        read = read_listed(ORDER, PartFiles("a", str(tmp_path / "a.npz"), **own))
+        read = read_listed(ORDER, PartFiles("a", str(flat), **own))
         assert "correct its format or font in the manifest" in read.record.error, read.record.error
-    read = read_listed(ORDER, PartFiles("a", str(tmp_path / "a.npz")))
+    read = read_listed(ORDER, PartFiles("a", str(flat)))
     assert (read.record.error, read.record.decision) == ("", "reject")
 
 
-def test_a_text_expected_that_the_format_forbids_is_told(tmp_path: Path) -> None:
-    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
-    listed = PartFiles("a", str(tmp_path / "a.npz"), expected="A1", format="99")
+def test_a_text_expected_that_the_format_forbids_is_told(flat: Path) -> None:
+    listed = PartFiles("a", str(flat), expected="A1", format="99")
     assert "text expected of a: is 'A1', but it does not fit" in read_listed(ORDER, listed).record.error
-    noted = read_listed(RunOrder(ORDER.settings, verify=True), PartFiles("a", str(tmp_path / "a.npz")))
+    noted = read_listed(RunOrder(ORDER.settings, verify=True), PartFiles("a", str(flat)))
     assert "not verified" in noted.record.messages[-1]
 
 
-def test_a_url_is_read_and_its_error_names_it(tmp_path: Path) -> None:
-    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
-    there, gone = (tmp_path / name for name in ("a.npz", "b.npz"))
+def test_a_url_is_read_and_its_error_names_it(flat: Path) -> None:
+    there, gone = flat, flat.with_name("b.npz")
     assert read_listed(ORDER, PartFiles("a", there.as_uri())).record.decision == "reject"
     error = read_listed(ORDER, PartFiles("b", gone.as_uri())).record.error
     assert error.endswith("b.npz: is not there; check the name")
@@ -180,22 +174,20 @@ def test_pictures_go_with_a_store_alone() -> None:
     RunOptions(out="sqlite:///parts.db", evidence=Path("evidence")).check()
 
 
-def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("sqlalchemy")
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("_in_folder")
+def test_a_run_into_a_store_leaves_no_table(tmp_path: Path) -> None:
     with opened(RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}) as run:
-        run.work(PARTS, ORDER, FakeExecutor(bad=["p2"]))
+        run.work(PARTS, ORDER, reading("p2"))
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
         "parts.quarantine.csv"
     ]
 
 
+@pytest.mark.usefixtures("_in_folder")
 @pytest.mark.parametrize("moment", ["the workers end", "its rows are gone", "it has ended"])
 def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twice(
     moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("sqlalchemy")
-    monkeypatch.chdir(tmp_path)
     unlink, options, described = Path.unlink, RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}
 
     def killed_after(path: Path, missing_ok: bool = False) -> None:
@@ -205,7 +197,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
 
     def killed() -> None:
         with monkeypatch.context() as patch, opened(options, described) as run:
-            run.work(PARTS, ORDER, FakeExecutor())
+            run.work(PARTS, ORDER, reading())
             if moment == "the workers end":
                 raise KeyboardInterrupt
             if moment == "its rows are gone":
@@ -217,7 +209,7 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     store.forget_keys(datetime.now(UTC) + timedelta(days=1))  # those of requests alone
     store.close()
     with opened(options, described) as run:
-        run.work(PARTS, ORDER, FakeExecutor())
+        run.work(PARTS, ORDER, reading())
     assert run.known == (len(PARTS) if moment == "it has ended" else 0)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = [row.name for row in connection.execute(sa.text("select name from parts order by name"))]
@@ -225,44 +217,30 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
     assert not list(tmp_path.glob("tactile-marks-*"))
 
 
-def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("sqlalchemy")
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("_in_folder")
+def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(tmp_path: Path) -> None:
     with opened(RunOptions(out="sqlite:///parts.db"), {}):
         kept = list(tmp_path.glob("tactile-marks-*"))
         assert {path.suffix for path in kept} >= {".jsonl", ".unfinished"}
         assert {path.stat().st_mode & 0o777 for path in kept} == {0o600}
 
 
-def test_a_part_that_no_store_holds_is_an_error_and_no_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("sqlalchemy")
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("_in_folder")
+def test_a_part_that_no_store_holds_is_an_error_and_no_end() -> None:
     listed = [PartFiles("long", "a.npz", expected="A" * 300), PartFiles("odd \udcff", "b.npz"), PARTS[0]]
 
-    class Read(FakeExecutor):
-        def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
-            for outcome in super().calls(*given):
-                part = outcome.task
-                yield Outcome(part, ReadPart(part, record(part, "A1")))
-
     with opened(RunOptions(out="sqlite:///parts.db"), {}) as run:
-        run.work(listed, ORDER, Read())
+        run.work(listed, ORDER, reading(text=lambda _: "A1"))
     assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = {row.name for row in connection.execute(sa.text("select name from parts"))}
     assert names == {"odd \\udcff", "p0"}
 
 
-def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[str], flat: Path) -> None:
     pytest.importorskip("psycopg")
-    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     out = "postgresql://nobody@127.0.0.1:1/parts"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path)
+    with contextlib.chdir(flat.parent):
         assert main(["read", "a.npz", "--font", "gothic", "--out", out]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
@@ -289,22 +267,13 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
     order = LotCheck(ProductionOrder("lot-7.csv", frozenset({"T0", "T2"})))
     texts = {"p0": "T0", "p1": "T2", "p2": "T 2", "p3": "T3", "p4": "T0", "p5": "T2"}
 
-    class Texts(FakeExecutor):
-        def calls(
-            self, function: Callable[[Any, Any], Any], order: Any, tasks: Iterable[Any]
-        ) -> Iterator[Outcome[Any, Any]]:
-            for outcome in super().calls(function, order, tasks):
-                yield Outcome(
-                    outcome.task, ReadPart(outcome.task, record(outcome.task, texts[outcome.task.name]))
-                )
-
     options = RunOptions(out=str(tmp_path / "rows.csv"))
     for breaks_after in (3, 99):
         rows = dict[str, Any]()
         with opened(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
             run.lot = LotCheck(order.order)
             run.on_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
-            run.work(PARTS, ORDER, Texts(breaks_after=breaks_after))
+            run.work(PARTS, ORDER, reading(text=lambda p: texts[p.name], breaks_after=breaks_after))
     assert {name: row.decision for name, row in rows.items()} == {
         "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",
     }  # fmt: skip

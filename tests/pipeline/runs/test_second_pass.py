@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +18,8 @@ from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, learns
 from pipeline.runs.task import ReadPart, RunOrder
-from pipeline.workers.executors import Executor, Outcome
 from recognition.learning.exemplars import ExemplarError
+from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
 
 ORDER = RunOrder(ReadSettings(format=("A9",)))
@@ -49,27 +47,24 @@ SECOND = {
 CHANGED = {"p03": ("C9", "accept"), "p05": (TEXTS["p05"], "review")}
 
 
-class FakeExecutor(Executor):
-    """Reads nothing; answers by the fonts of the order, and breaks off after some."""
+class Reads(FakeExecutor):
+    """Answers by the fonts of the order.
 
-    workers = 2
+    Attributes:
+        fonts: of the order, for every part that was asked for.
+    """
 
-    def __init__(self, *, breaks_after: int = 99) -> None:
-        self.breaks_after, self.read = breaks_after, list[tuple[str, tuple[str, ...]]]()
+    def __init__(self, **how: Any) -> None:
+        super().__init__(self.reading, **how)
+        self.fonts = list[tuple[str, ...]]()
 
-    def calls(
-        self, function: Callable[[Any, Any], Any], order: RunOrder, tasks: Iterable[PartFiles]
-    ) -> Iterator[Outcome[Any, Any]]:
-        for part in tasks:
-            if len(self.read) == self.breaks_after:
-                raise KeyboardInterrupt
-            self.read.append((part.name, order.settings.font))
-            answer = SECOND[part.name] if order.settings.font else first_reading(part.name)
-            yield Outcome(part, ReadPart(part, answer))
+    def reading(self, part: PartFiles, order: RunOrder) -> ReadPart:
+        self.fonts.append(order.settings.font)
+        return ReadPart(part, SECOND[part.name] if order.settings.font else first_reading(part.name))
 
     @property
     def again(self) -> list[str]:
-        return [name for name, font in self.read if font]
+        return [name for name, font in zip(self.read, self.fonts, strict=True) if font]
 
 
 REPORT = EnrolReport("lot-die", (("p00", "A0"),), (), (), (), 20, "AB", "Z", False, "gothic", 0.8)
@@ -107,12 +102,12 @@ EXPECTED = {
 def test_what_was_not_accepted_is_read_again_and_the_better_counts(
     suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
 ) -> None:
-    path, executor = tmp_path / f"rows{suffix}", FakeExecutor()
+    path, executor = tmp_path / f"rows{suffix}", Reads()
     with RunJournal.open(path, {}) as book:
         run = run_of(book)
         run.work(PARTS, ORDER, executor)
     assert executor.again == sorted(UNSURE)
-    assert executor.read[-1][1] == ("lot-die",)
+    assert executor.fonts[-1] == ("lot-die",)
     assert rows_of(path) == EXPECTED
     assert [*rows_of(path)] == [part.name for part in PARTS]
     assert {p.name for p in enrolled[0]} == {p.name for p in PARTS} - UNSURE
@@ -128,7 +123,7 @@ def test_the_order_of_the_parts_makes_no_difference(
 ) -> None:
     for k, parts in enumerate((PARTS, PARTS[::-1], PARTS[5:] + PARTS[:5])):
         with RunJournal.open(tmp_path / f"{k}.csv", {}) as book:
-            run_of(book).work(parts, ORDER, FakeExecutor())
+            run_of(book).work(parts, ORDER, Reads())
         assert rows_of(tmp_path / f"{k}.csv") == EXPECTED
     assert enrolled[0] == enrolled[1] == enrolled[2]
 
@@ -138,12 +133,12 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
 ) -> None:
     path = tmp_path / f"rows{suffix}"
-    executors = [FakeExecutor(breaks_after=9), FakeExecutor(breaks_after=7), FakeExecutor(breaks_after=1)]
+    executors = [Reads(breaks_after=9), Reads(breaks_after=7), Reads(breaks_after=1)]
     for executor in executors:
         with RunJournal.open(path, {}) as book, pytest.raises(KeyboardInterrupt):
             run_of(book).work(PARTS, ORDER, executor)
     with RunJournal.open(path, {}) as book:
-        last = FakeExecutor()
+        last = Reads()
         run = run_of(book)
         run.work(PARTS, ORDER, last)
     # each part once in either pass
@@ -163,9 +158,9 @@ def test_a_run_that_breaks_off_as_it_ends_is_ended(
     with RunJournal.open(path, {}) as book, monkeypatch.context() as patched:
         patched.setattr("pipeline.runs.journal.Journal.remove", _broken)
         with pytest.raises(KeyboardInterrupt):
-            run_of(book).work(PARTS, ORDER, FakeExecutor())
+            run_of(book).work(PARTS, ORDER, Reads())
     with RunJournal.open(path, {}) as book:
-        executor = FakeExecutor()
+        executor = Reads()
         run_of(book).work(PARTS, ORDER, executor)
     assert executor.read == []
     assert rows_of(path) == EXPECTED
@@ -199,7 +194,7 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
         return report
 
     monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
-    executor = FakeExecutor()
+    executor = Reads()
     with RunJournal.open(tmp_path / "rows.csv", {}) as book:
         run_of(book).work(PARTS, ORDER, executor)
     assert executor.again == []
@@ -218,7 +213,7 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
     parts[1] = replace(parts[1], height_map="", photo="/lot/p01.png")
     parts[2] = replace(parts[2], height_map="", scan="s3://lot/p02.h5")  # far away: may learn, cannot teach
     parts[3] = replace(parts[3], font="gothic")  # unsure
-    executor = FakeExecutor()
+    executor = Reads()
     with RunJournal.open(tmp_path / "rows.csv", {}) as book:
         run_of(book).work(parts, ORDER, executor)
     assert executor.again == sorted(UNSURE - {"p03"})
@@ -231,7 +226,7 @@ def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
     sure = [part for part in PARTS if part.name not in UNSURE]
     for always, calls in ((False, 0), (True, 1)):
         with RunJournal.open(tmp_path / "rows.csv", {}) as book:
-            run_of(book, always=always).work(sure, ORDER, FakeExecutor())
+            run_of(book, always=always).work(sure, ORDER, Reads())
         assert len(enrolled) == calls
 
 
@@ -245,36 +240,24 @@ def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
         ({}, {}, PARTS[:11], False),
         ({"learn_die": True}, {}, PARTS[:3], True),
         ({"learn_die": False}, {}, PARTS, False),
-        ({}, {"font": ("gothic",)}, PARTS, False),
-        ({}, {"database": Path("press.glyphs")}, PARTS, False),
-        ({}, {"mode": "vision"}, PARTS, False),
-        ({}, {"experts": ("network",)}, PARTS, False),
+        ({}, {"font": ("gothic",)}, PARTS, "whose font nobody knows"),
+        ({}, {"database": Path("press.glyphs")}, PARTS, "whose font nobody knows"),
+        ({}, {"mode": "vision"}, PARTS, "learns by touch"),
+        ({}, {"experts": ("network",)}, PARTS, "asks the expert templates"),
         ({}, {"experts": ("network", "templates")}, PARTS, True),
-        ({"out": "sqlite:///parts.db"}, {}, PARTS, False),
+        ({"out": "sqlite:///parts.db"}, {}, PARTS, "goes with a table"),
         ({}, {}, [replace(part, height_map="", photo="a.png") for part in PARTS], False),
         ({}, {}, [replace(part, font="gothic") for part in PARTS], False),
     ],
 )
 def test_a_felt_lot_of_an_unknown_die_teaches_itself_unless_it_is_small(
-    options: dict[str, Any], settings: dict[str, Any], parts: Sequence[PartFiles], answer: bool
+    options: dict[str, Any], settings: dict[str, Any], parts: Sequence[PartFiles], answer: bool | str
 ) -> None:
-    assert learns(RunOptions(**options), ReadSettings(**settings), parts) is answer
-
-
-@pytest.mark.parametrize(
-    ("out", "settings", "words"),
-    [
-        (None, {"font": ("gothic",)}, "whose font nobody knows"),
-        (None, {"mode": "vision"}, "learns by touch"),
-        (None, {"experts": ("network",)}, "asks the expert templates"),
-        ("sqlite:///parts.db", {}, "goes with a table"),
-    ],
-)
-def test_asked_for_where_it_cannot_be_it_says_why(
-    out: str | None, settings: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(SettingsError, match=words):
-        learns(RunOptions(out=out, learn_die=True), ReadSettings(**settings), PARTS)
+    """A text as answer says why it cannot, where it is asked for."""
+    assert learns(RunOptions(**options), ReadSettings(**settings), parts) is (answer is True)
+    if isinstance(answer, str):
+        with pytest.raises(SettingsError, match=answer):
+            learns(RunOptions(**options, learn_die=True), ReadSettings(**settings), parts)
 
 
 def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) -> None:
@@ -297,19 +280,17 @@ def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[R
     with opened(RunOptions(), {}, learns=True) as run:
         run.on_row = lambda row: told.update({row.part: row.text})
         assert run.second is not None
-        run.work(PARTS, ORDER, FakeExecutor())
+        run.work(PARTS, ORDER, Reads())
         assert run.second.database.exists()
     assert told == {name: text for name, (text, _) in EXPECTED.items()}
     assert not run.second.database.exists()
 
 
-def test_csv_rows_of_a_second_reading_are_whole(tmp_path: Path, enrolled: list[list[ReviewedPart]]) -> None:
-    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
-        run_of(book).work(PARTS, ORDER, FakeExecutor())
-    with (tmp_path / "rows.csv").open(newline="") as stream:
-        fonts = {row["part"]: row["font"] for row in csv.DictReader(stream)}
-    assert {name for name, font in fonts.items() if font} == set(CHANGED)
-    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
-        run_of(book).work(PARTS, ORDER, FakeExecutor())
-    lines = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
-    assert {line["part"] for line in lines if line["font"]} == set(CHANGED)
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+def test_rows_of_a_second_reading_are_whole(
+    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    with RunJournal.open(tmp_path / f"rows{suffix}", {}) as book:
+        run_of(book).work(PARTS, ORDER, Reads())
+    rows = read_rows(tmp_path / f"rows{suffix}")
+    assert {row.part for row in rows if row.columns["font"]} == set(CHANGED)

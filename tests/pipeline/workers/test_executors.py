@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 from pipeline.workers.options import ExecutorOptions
 from pipeline.workers.pool import WorkPool
@@ -31,18 +30,19 @@ def pool() -> Iterator[WorkPool]:
         yield executor
 
 
-@pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_every_task_has_one_outcome(kind: str, pool: WorkPool) -> None:
-    executor: Executor = InlineExecutor() if kind == "inline" else pool
+@pytest.fixture(params=["inline", "pool"])
+def executor(request: pytest.FixtureRequest, pool: WorkPool) -> Executor:
+    return pool if request.param == "pool" else InlineExecutor()
+
+
+def test_every_task_has_one_outcome(executor: Executor) -> None:
     outcomes = list(executor.calls(doubled, 100, range(COUNT)))
     assert sorted(o.task for o in outcomes) == list(range(COUNT))
     assert all(o.result == 100 + 2 * o.task and o.error is None for o in outcomes)
     assert list(executor.calls(doubled, 1, [])) == []
 
 
-@pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_an_exception_is_its_tasks_own(kind: str, pool: WorkPool) -> None:
-    executor: Executor = InlineExecutor() if kind == "inline" else pool
+def test_an_exception_is_its_tasks_own(executor: Executor) -> None:
     for outcome in executor.calls(odd_fails, "told", range(COUNT)):
         if outcome.task % 2:
             assert isinstance(outcome.error, ValueError)
@@ -51,9 +51,7 @@ def test_an_exception_is_its_tasks_own(kind: str, pool: WorkPool) -> None:
             assert (outcome.result, outcome.error) == (outcome.task, None)
 
 
-@pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_a_map_keeps_the_order_of_its_tasks(kind: str, pool: WorkPool) -> None:
-    executor: Executor = InlineExecutor() if kind == "inline" else pool
+def test_a_map_keeps_the_order_of_its_tasks(executor: Executor) -> None:
     assert list(ordered_map(executor, late_first, range(COUNT))) == [-k for k in range(COUNT)]
     with pytest.raises(ValueError, match="told: 3 is odd"):
         list(ordered_map(executor, partial(odd_fails, "told"), [2, 3, 4]))
@@ -116,8 +114,3 @@ def test_one_part_that_crashes_its_worker_is_one_outcome() -> None:
         assert "has ended (exit code -6)" in str(outcome.error)
         (sound,) = executor.calls(crash_at, 7, [8])
         assert sound.result == 8
-
-
-def test_no_jobs_are_refused() -> None:
-    with pytest.raises(SettingsError, match="give at least 1"), ExecutorOptions(0).opened(20):
-        pass

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
@@ -25,18 +24,8 @@ LONG_S = 120.0
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[WorkPool]:
-    made = WorkPool(1, queue=2, timeout_s=LONG_S, memory_mb=2048)
-    yield made
-    made.close(LONG_S)
-
-
-@contextlib.contextmanager
-def opened(workers: int = 1, queue: int = 1, timeout_s: float = LONG_S) -> Iterator[WorkPool]:
-    made = WorkPool(workers, queue=queue, timeout_s=timeout_s)
-    try:
+    with WorkPool(1, queue=2, timeout_s=LONG_S, memory_mb=2048) as made:
         yield made
-    finally:
-        made.close(0.0)
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -91,7 +80,7 @@ def test_workers_use_one_thread_and_leave_interrupts_to_the_service(pool: WorkPo
 
 
 def test_more_than_may_wait_are_refused_at_once(tmp_path: Path) -> None:
-    with opened(queue=2) as pool:
+    with WorkPool(1, queue=2) as pool:
         go, mark = tmp_path / "go", tmp_path / "mark"
         first = pool.submit(calls.mark_and_wait, str(mark), str(go))
         until(mark.exists)
@@ -108,8 +97,8 @@ def test_more_than_may_wait_are_refused_at_once(tmp_path: Path) -> None:
         assert pool.submit(os.getpid).result(LONG_S)
 
 
-def test_killed_worker_costs_its_own_job_only(tmp_path: Path) -> None:
-    with opened() as pool:
+def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(tmp_path: Path) -> None:
+    with WorkPool(1) as pool:
         go, mark = tmp_path / "go", tmp_path / "mark"
         doomed = pool.submit(calls.mark_and_wait, str(mark), str(go))
         waiting = pool.submit(os.getpid)
@@ -118,20 +107,16 @@ def test_killed_worker_costs_its_own_job_only(tmp_path: Path) -> None:
         with pytest.raises(WorkerLostError, match="exit code -9") as caught:
             doomed.result(LONG_S)
         assert not caught.value.timed_out
-        assert waiting.result(LONG_S) != int(mark.read_text())
+        idle = waiting.result(LONG_S)
+        assert idle != int(mark.read_text())
         assert pool.restarts == 1
-
-
-def test_idle_worker_that_is_killed_is_replaced(tmp_path: Path) -> None:
-    with opened() as pool:
-        first = pool.submit(os.getpid).result(LONG_S)
-        os.kill(first, signal.SIGKILL)
-        until(lambda: pool.restarts == 1 and pool.ready())
-        assert pool.submit(os.getpid).result(LONG_S) != first
+        os.kill(idle, signal.SIGKILL)
+        until(lambda: pool.restarts == 2 and pool.ready())
+        assert pool.submit(os.getpid).result(LONG_S) != idle
 
 
 def test_workers_that_die_again_and_again_do_not_stop_the_pool() -> None:
-    with opened(workers=2, queue=10) as pool:
+    with WorkPool(2, queue=10) as pool:
         lost = [pool.submit(calls.leave) for _ in range(4)]
         for future in lost:
             with pytest.raises(WorkerLostError, match="exit code 3"):
@@ -143,8 +128,7 @@ def test_workers_that_die_again_and_again_do_not_stop_the_pool() -> None:
 def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> None:
     full = tmp_path / "full"
     full.touch()
-    pool = WorkPool(1, queue=5, timeout_s=LONG_S, warm_up=partial(calls.fail_while, str(full)))
-    try:
+    with WorkPool(1, warm_up=partial(calls.fail_while, str(full))) as pool:
         for future in [pool.submit(os.getpid), pool.submit(os.getpid)]:
             with pytest.raises(
                 WorkerLostError, match="no worker can start: OSError: No space left"
@@ -159,30 +143,21 @@ def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> No
         assert calls.wait_ready(pool, LONG_S)
         assert pool.trouble == ""
         assert pool.submit(os.getpid).result(LONG_S)
-    finally:
-        pool.close(0.0)
 
 
 def test_a_worker_that_dies_before_it_is_ready_is_told_with_its_memory() -> None:
-    pool = WorkPool(1, queue=1, timeout_s=LONG_S, memory_mb=4096, warm_up=partial(os._exit, 3))
-    try:
-        with pytest.raises(WorkerLostError, match=r"exit code 3\); it may use 4096 MB of memory"):
-            pool.submit(os.getpid).result(LONG_S)
-    finally:
-        pool.close(0.0)
+    with (
+        WorkPool(1, memory_mb=4096, warm_up=partial(os._exit, 3)) as pool,
+        pytest.raises(WorkerLostError, match=r"exit code 3\); it may use 4096 MB of memory"),
+    ):
+        pool.submit(os.getpid).result(LONG_S)
 
 
-def test_job_may_have_a_time_of_its_own() -> None:
-    with opened() as pool:
-        with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s"):
-            pool.submit(time.sleep, LONG_S, timeout_s=0.5).result(LONG_S)
-        assert pool.submit(os.getpid).result(LONG_S)
-
-
-def test_job_that_takes_too_long_is_stopped() -> None:
-    with opened(timeout_s=0.5) as pool:
+@pytest.mark.parametrize(("of_all", "own"), [(0.5, None), (LONG_S, 0.5)])
+def test_job_that_takes_too_long_is_stopped(of_all: float, own: float | None) -> None:
+    with WorkPool(1, timeout_s=of_all) as pool:
         with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:
-            pool.submit(time.sleep, LONG_S).result(LONG_S)
+            pool.submit(time.sleep, LONG_S, timeout_s=own).result(LONG_S)
         assert caught.value.timed_out
         assert pool.submit(os.getpid).result(LONG_S)
 
@@ -239,15 +214,12 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
 
 def test_warm_worker_has_read_a_part() -> None:
     ready = partial(warm_up, ReadSettings(font=("gothic",), height_mm=5.0), Limits())
-    pool = WorkPool(1, queue=1, timeout_s=LONG_S, memory_mb=3072, warm_up=ready)
-    try:
+    with WorkPool(1, memory_mb=3072, warm_up=ready) as pool:
         assert calls.wait_ready(pool, LONG_S)
         facts = pool.submit(calls.facts).result(LONG_S)
         assert facts["cv2"] == 1
         assert not facts["matplotlib"], "a worker draws without it"
         assert pool.restarts == 0
-    finally:
-        pool.close(0.0)
 
 
 @pytest.mark.parametrize(
