@@ -176,20 +176,16 @@ def _of_candidates(reading: Reading) -> Lattice:
 
 
 def _character(character: CharacterReading, action: Action, scaled: bool) -> CharacterRecord:
-    from recognition.marks.grade import Action
-
-    box = _corners(character.box)
     state, grade, depth = character.state, character.grade, character.depth
     return CharacterRecord(
         candidates=tuple(
             CandidateRecord(c.char, _share(c.probability), _finite(c.score)) for c in character.candidates
         ),
-        box_mm=box if scaled else None,
+        **_box(character.box, scaled),
         state="" if state is None else state.state.value,
         grade="" if grade is None else grade.letter,
-        box_px=None if scaled else box,
         state_chars=() if state is None else state.chars,
-        action="" if action is Action.NONE else action.value,
+        action="" if action.value == "none" else action.value,
         depth_min_mm=None if depth is None else _finite(depth.min_mm),
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
         burr_mm=None if depth is None or depth.burr_mm is None else _finite(depth.burr_mm),
@@ -197,31 +193,22 @@ def _character(character: CharacterReading, action: Action, scaled: bool) -> Cha
 
 
 def _line(line: OtherLine, scaled: bool) -> LineRecord:
-    box = None if line.box is None else _corners(line.box)
-    return LineRecord(
-        line.name,
-        line.text,
-        _share(line.confidence),
-        box_mm=box if scaled else None,
-        box_px=None if scaled else box,
-    )
+    return LineRecord(line.name, line.text, _share(line.confidence), **_box(line.box, scaled))
 
 
 def _code(code: Code, serial: str, scaled: bool) -> CodeRecord:
     from recognition.language.code_text import holds
 
-    box = None if code.box is None else _corners(code.box)
-    return CodeRecord(
-        code.kind,
-        code.text,
-        holds(code.text, serial) if serial else None,
-        box_mm=box if scaled else None,
-        box_px=None if scaled else box,
-    )
+    same = holds(code.text, serial) if serial else None
+    return CodeRecord(code.kind, code.text, same, **_box(code.box, scaled))
 
 
-def _corners(box: Hull) -> Box:
-    return (_finite(box.x0_mm), _finite(box.y0_mm), _finite(box.x1_mm), _finite(box.y1_mm))
+def _box(box: Hull | None, scaled: bool) -> dict[str, Box | None]:
+    """Fields of a box in mm, or in pixels where the scale is not known."""
+    if box is None:
+        return {}
+    corners = (_finite(box.x0_mm), _finite(box.y0_mm), _finite(box.x1_mm), _finite(box.y1_mm))
+    return {"box_mm": corners if scaled else None, "box_px": None if scaled else corners}
 
 
 def _share(value: float) -> float:

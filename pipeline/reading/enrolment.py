@@ -114,9 +114,8 @@ class EnrolReport:
     def describe(self) -> str:
         """A few lines for a person."""
         taken = sum(len(chars) for _, chars in self.enrolled)
-        lines = [f"{self.font}: {taken} characters of {len(self.enrolled)} parts enrolled"]
-        if self.known:
-            lines[0] += f", {len(self.known)} parts were known"
+        known = f", {len(self.known)} parts were known" if self.known else ""
+        lines = [f"{self.font}: {taken} characters of {len(self.enrolled)} parts enrolled{known}"]
         lines += [f"refused {r.part}: {r.why}" for r in self.refused]
         if self.exemplars:
             kept = self.exemplars + len(self.set_aside)
@@ -125,11 +124,8 @@ class EnrolReport:
         if self.set_aside:
             lines.append(f"set aside, unlike others of the same character: {_by_character(self.set_aside)}")
         if self.never_felt:
-            doubt = (
-                "of the same shapes"
-                if self.trusted
-                else "a guess: what templates alone read of one goes to review"
-            )
+            guess = "a guess: what templates alone read of one goes to review"
+            doubt = "of the same shapes" if self.trusted else guess
             lines.append(f"never felt, after {self.like}: {self.never_felt} ({doubt})")
         return "\n".join(lines)
 
@@ -228,33 +224,24 @@ def _sha256(part: ReviewedPart) -> str | Refused:
 
 def _cuts(settings: ReadSettings, named: _Named) -> _Cuts:
     """The characters of a part that bears a text, or why there are none."""
-    part, text = named
-    try:
-        return _felt(part, text, settings)
-    except MarksError as error:
-        return Refused(part.name, str(error))
-
-
-def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, ...]:
-    """The characters of a part; ExemplarError where there are none."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.tactile_part import cut_height_map, cut_scan
 
-    if part.scan is not None:
-        cuts = cut_scan(read_scan(part.scan), text, height_mm=settings.height_mm)
-    else:
-        assert part.height_map is not None
-        soil = read_soil(part.height_map, settings)
-        cuts = cut_height_map(
-            read_height_map(part.height_map, settings),
-            text,
-            soil=soil,
-            height_mm=settings.height_mm,
-        )
-    if not cuts:
-        raise ExemplarError("too little of its characters was scanned", hint="scan it again")
-    return cuts
+    (part, text), height_mm = named, settings.height_mm
+    try:
+        if part.scan is not None:
+            cuts = cut_scan(read_scan(part.scan), text, height_mm=height_mm)
+        else:
+            assert part.height_map is not None
+            soil = read_soil(part.height_map, settings)
+            surface = read_height_map(part.height_map, settings)
+            cuts = cut_height_map(surface, text, soil=soil, height_mm=height_mm)
+        if not cuts:
+            raise ExemplarError("too little of its characters was scanned", hint="scan it again")
+        return cuts
+    except MarksError as error:
+        return Refused(part.name, str(error))
 
 
 def _exemplar(cut: Cut, font: str, text: str, part: str, evidence: str, when: str) -> Exemplar:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
@@ -15,6 +16,7 @@ from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, 
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.open_numbers import confounded, remedies, undetermined
 from whisker_array.identification.predictions import Prediction, knowledge_of
+from whisker_array.whisker.shapes import LShaped
 
 _MEANINGS = {
     Unknown.L1: "length of the beam",
@@ -65,24 +67,17 @@ def table_of(found: Identified) -> list[str]:
     """Lines for a person: every number with its interval, and what the recording leaves open."""
     with_drawing = found.nominal[Unknown.L1] > 0.0
     lines = [f"{'':15}{'found':>10}{'95 %':>12}{'as drawn':>11}   what it is"]
-    for name in Unknown:
-        if name in DRAWN and not with_drawing:
-            continue
-        value, sd = found.of(name)
-        lines.append(
-            f"{name.value:15}{value:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{found.nominal[name]:11.4g}   {_MEANINGS[name]}"
-        )
+    names = [name for name in Unknown if with_drawing or name not in DRAWN]
+    lines += [_line(name.value, *found.of(name), found.nominal[name], _MEANINGS[name]) for name in names]
     for whisker in found.whiskers:
-        for what, drawn, i in zip(
-            OF_GAUGE,
-            (1.0, 0.0, 0.0),
-            of_whisker(whisker, n_whiskers=found.bench.gain.size),
-            strict=True,
-        ):
+        places = of_whisker(whisker, n_whiskers=found.bench.gain.size)
+        for what, drawn, i in zip(OF_GAUGE, (1.0, 0.0, 0.0), places, strict=True):
             value, sd = float(found.bench.vector()[i]), float(found.sd[i])
-            lines.append(f"{f'{what} {whisker}':15}{value:10.4f}{f'+-{_WIDE * sd:.2g}':>12}{drawn:11.4g}")
-    if with_drawing:
-        lines.append(_tip_line(found))
+            lines.append(_line(f"{what} {whisker}", value, sd, drawn, digits=".4f"))
+    if with_drawing and found.drawn is not None:
+        stiffness = partial(_stiffness, whisker=found.drawn)
+        numbers = (stiffness(found.bench), found.sd_of(stiffness), stiffness(found.nominal))
+        lines.append(_line("tip, N/mm", *numbers, "stiffness of the tip, upwards"))
     lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.scatter_n_mm:.3g} mN mm of scatter")
     if found.misfit > _MISFIT:
         lines.append(
@@ -92,7 +87,7 @@ def table_of(found: Identified) -> list[str]:
     if not found.settled:
         lines.append("warning: the fit has not come to rest; see the figure before you trust it")
     lines += [f"known only together: {', '.join(group)}" for group in confounded(found)]
-    if open_ := [name for name in undetermined(found) if with_drawing or name not in DRAWN]:
+    if open_ := [name for name in undetermined(found) if name in names]:
         lines.append(f"not determined by this recording: {', '.join(open_)}")
         for way in remedies(found):
             better = ", ".join(f"{name} to +-{_WIDE * way.sd[name]:.2g}" for name in open_)
@@ -100,19 +95,13 @@ def table_of(found: Identified) -> list[str]:
     return lines
 
 
-def _tip_line(found: Identified) -> str:
-    drawn = found.drawn
-    if drawn is None:
-        return ""
+def _line(name: str, value: float, sd: float, drawn: float, what: str = "", *, digits: str = ".4g") -> str:
+    within = f"+-{_WIDE * sd:.2g}"
+    return f"{name:15}{value:10{digits}}{within:>12}{drawn:11.4g}   {what}".rstrip()
 
-    def stiffness(bench: Bench) -> float:
-        return float(1.0 / bench.touch(drawn).tip.compliance_mm_per_n[1, 1])
 
-    sd = found.sd_of(stiffness)
-    return (
-        f"{'tip, N/mm':15}{stiffness(found.bench):10.4g}{f'+-{_WIDE * sd:.2g}':>12}"
-        f"{stiffness(found.nominal):11.4g}   stiffness of the tip, upwards"
-    )
+def _stiffness(bench: Bench, *, whisker: LShaped) -> float:
+    return float(1.0 / bench.touch(whisker).tip.compliance_mm_per_n[1, 1])
 
 
 def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:

@@ -16,8 +16,8 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,15 +33,12 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from pipeline.formats.part_files import PartFiles
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from recognition.views.first_pass import Feel
-
-    Where = Callable[[HeightMap], Region | None]
 
 
 MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
@@ -80,6 +77,15 @@ def senses_of(part: PartFiles, mode: Mode | None) -> tuple[Sense, ...]:
     if mode is Mode.VISION or not tactile:
         return (Sense.VISION,)
     return (Sense.TOUCH,)
+
+
+@dataclass(frozen=True)
+class _Map:
+    """A height map, the soil on it if it is known, and whether the order of its rows is."""
+
+    surface: HeightMap
+    soil: Soil | None
+    rows_known: bool
 
 
 class PartReader:
@@ -140,54 +146,50 @@ class PartReader:
     def _read(
         self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
     ) -> Reading:
-        if part.problem is not None:
-            raise part.problem
-        self._check_expected(part, expected)
-        senses, photo = senses_of(part, self.mode), None
-        notes: list[str] = []
-        if Sense.VISION in senses:
-            # before touch takes its time
-            try:
-                photo, problems = load_photos(part, self.limits)
-                notes += [f"read without one of its photographs: {problem}" for problem in problems]
-            except FileError as problem:
-                if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
-                    raise
-                notes.append(f"read by touch alone: {problem}")
-        if photo is not None and again is not None:
-            photo = again.photo(photo)
-        touch, vision = None, None
-        if Sense.TOUCH in senses and felt is None and photo is not None and self._sees_first(part, again):
-            touch, vision = self._seen_and_felt(part, photo)
-        elif Sense.TOUCH in senses:
-            touch = felt.reading if felt is not None else self._touch(part, again)
-        if photo is not None and vision is None:
-            vision = self._vision(part, photo, touch.trace.height_map if touch is not None else None)
-        if touch is None or vision is None:
-            reading = touch or vision
-            assert reading is not None
-            return replace(reading, notes=(*reading.notes, *notes))
-        fused = self.reader.fuse(touch, vision)
-        return replace(fused, notes=(*fused.notes, *notes))
-
-    def _sees_first(self, part: PartFiles, again: Retake | None) -> bool:
-        """Whether the camera can tell touch where to feel: of a height map that is felt by choice."""
-        return self.budget_s is not None and not part.scan and again is None
-
-    def _seen_and_felt(self, part: PartFiles, photo: Photo) -> tuple[Reading, Reading]:
-        """Touch and vision of a height map, felt about the line that the camera sees."""
         from pipeline.reading.scan_plan import seen_region
         from recognition.reader import centre_on
 
-        seen: list[Reading] = []
+        if part.problem is not None:
+            raise part.problem
+        self._check_expected(part, expected)
+        senses = senses_of(part, self.mode)
+        photo, notes = self._photo(part, senses)  # before touch takes its time
+        found, touches = None, Sense.TOUCH in senses and felt is None
+        if touches and not part.scan:
+            with naming(part.height_map):
+                found = self._map(part)
+        if again is not None:
+            photo = None if photo is None else again.photo(photo)
+            found = None if found is None else replace(found, surface=again.surface(found.surface))
+        vision, region_mm = None, None
+        if photo is not None:
+            photo = photo if found is None else centre_on(photo, found.surface)
+            with naming(part.photo):
+                vision = self.reader.vision.read_photo(photo)
+            if self.budget_s is not None and found is not None and again is None:
+                # the camera tells touch where to feel
+                region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
+        touch = None if felt is None or Sense.TOUCH not in senses else felt.reading
+        if touches:
+            with naming(part.scan or part.height_map):
+                touch = (
+                    self._scan(part, again) if found is None else self._feel(part, found, again, region_mm)
+                )
+        reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
+        assert reading is not None
+        return replace(reading, notes=(*reading.notes, *notes))
 
-        def where(surface: HeightMap) -> Region | None:
-            vision = self._vision(part, photo, surface)
-            seen.append(vision)
-            return seen_region(vision, centre_on(photo, surface), height_mm=self.reader.settings.height_mm)
-
-        touch = self._touch(part, None, where=where)
-        return touch, seen[0]
+    def _photo(self, part: PartFiles, senses: Sequence[Sense]) -> tuple[Photo | None, list[str]]:
+        """The photograph where vision reads, and notes on what could not be used."""
+        if Sense.VISION not in senses:
+            return None, []
+        try:
+            photo, problems = load_photos(part, self.limits)
+            return photo, [f"read without one of its photographs: {problem}" for problem in problems]
+        except FileError as problem:
+            if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
+                raise
+            return None, [f"read by touch alone: {problem}"]
 
     def verified(self, reading: Reading, expected: str) -> Reading:
         """The reading with the verdict on the text expected, if there is one.
@@ -197,44 +199,40 @@ class PartReader:
         """
         return self.reader.verify(reading, expected) if expected else reading
 
-    def _vision(self, part: PartFiles, photo: Photo, surface: HeightMap | None) -> Reading:
-        from recognition.reader import centre_on
+    def _scan(self, part: PartFiles, again: Retake | None) -> Reading:
+        """Touch of a recorded scan, which goes before a height map."""
+        from recognition.active.replay import replay
 
-        with naming(part.photo):
-            return self.reader.vision.read_photo(photo if surface is None else centre_on(photo, surface))
+        if self.limits is not None:
+            check_scan(Path(part.scan), most=self.limits.max_scan_samples)
+        scan = read_scan(part.scan)
+        if scan.log is not None and again is None:
+            return replay(self.reader.touch, scan).reading
+        return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
 
-    def _touch(self, part: PartFiles, again: Retake | None, *, where: Where | None = None) -> Reading:
-        """A recorded scan goes before a height map."""
-        if part.scan:
-            with naming(part.scan):
-                if self.limits is not None:
-                    check_scan(Path(part.scan), most=self.limits.max_scan_samples)
-                scan = read_scan(part.scan)
-                if scan.log is not None and again is None:
-                    from recognition.active.replay import replay
+    def _map(self, part: PartFiles) -> _Map:
+        from pipeline.formats.npz import read_soil
 
-                    return replay(self.reader.touch, scan).reading
-                return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
-        path = Path(part.height_map)
-        with naming(path):
-            from pipeline.formats.npz import read_soil
+        most = MAX_PIXELS if self.limits is None else self.limits.max_map_samples
+        surface, rows_known = read_map_and_rows(Path(part.height_map), self.maps, most=most)
+        return _Map(surface, read_soil(Path(part.height_map), self.maps), rows_known)
 
-            most = MAX_PIXELS if self.limits is None else self.limits.max_map_samples
-            surface, rows_known = read_map_and_rows(path, self.maps, most=most)
-            soil, feel = read_soil(path, self.maps), None
-            if again is not None:
-                surface = again.surface(surface)
-                feel = again.feel(fidelity=self.reader.settings.fidelity, soil=soil, part_id=part.name)
-            return read_surface(
-                self.reader,
-                surface,
-                soil=soil,
-                rows_known=rows_known,
-                part_id=part.name,
-                feel=feel,
-                budget_s=self.budget_s,
-                region_mm=where(surface) if where is not None else None,
-            )
+    def _feel(self, part: PartFiles, found: _Map, again: Retake | None, region_mm: Region | None) -> Reading:
+        """Touch of a height map."""
+        feel = None
+        if again is not None:
+            fidelity = self.reader.settings.fidelity
+            feel = again.feel(fidelity=fidelity, soil=found.soil, part_id=part.name)
+        return read_surface(
+            self.reader,
+            found.surface,
+            soil=found.soil,
+            rows_known=found.rows_known,
+            part_id=part.name,
+            feel=feel,
+            budget_s=self.budget_s,
+            region_mm=region_mm,
+        )
 
     def _check_expected(self, part: PartFiles, expected: str) -> None:
         grammar = self.reader.grammar

@@ -170,7 +170,7 @@ def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.Mon
     assert found.source == "fused"
     assert seen == [("A1", "B1", None)]
     # the stage brings the middle of the plate under the middle of the picture
-    assert reader.given[1].centre_mm == pytest.approx((1.45, 0.95))
+    assert reader.given[0].centre_mm == pytest.approx((1.45, 0.95))
 
 
 def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
