@@ -12,12 +12,14 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from glyphs.compiling import end_part, show_compiling
+from glyphs.errors import MarksError
 from pipeline.workers.executors import WorkerLostError
 
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
@@ -179,6 +181,8 @@ def _answer(function: Callable[..., Any], args: tuple[Any, ...]) -> Answer | Exc
         answer = Answer(function(*args))
         pickle.dumps(answer)
     except Exception as error:
+        if not isinstance(error, MarksError):  # of a fault of the program the lines are wanted
+            error.add_note("".join(traceback.format_exception(error)))
         return _sendable(error)
     return answer
 

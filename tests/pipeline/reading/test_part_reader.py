@@ -189,45 +189,43 @@ def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
         PartReader(FakeReader(), mode=Mode.VISION).read(part(folder, "both"))
 
 
+def verdict_of(found: Reading) -> Verdict:
+    assert found.trace.verification is not None
+    return found.trace.verification.verdict
+
+
 def test_touch_is_verified_on_its_beliefs(folder: Path) -> None:
     found = PartReader(FakeReader()).read(part(folder, "both"), expected="B1")
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.REFUTED
+    assert verdict_of(found) is Verdict.REFUTED
     assert ReadingFlag.MISMATCH in found.flags
     found = PartReader(FakeReader()).read(part(folder, "both"), expected="A1")
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    assert verdict_of(found) is Verdict.CONFIRMED
 
 
 def test_vision_under_a_format_is_verified_on_what_it_believes_without(folder: Path) -> None:
     reader = FakeReader("A9")
     found = PartReader(reader).read(part(folder, "seen"), expected="B1")
     assert reader.asked == ["vision"]  # once
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    assert verdict_of(found) is Verdict.CONFIRMED
     found = PartReader(FakeReader("A9", openly="21")).read(part(folder, "seen"), expected="B1")
     assert found.text == "B1"
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.REFUTED
+    assert verdict_of(found) is Verdict.REFUTED
 
 
 def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     fused_as(monkeypatch, seen, lattice=lattice("B1"))
     found = PartReader(FakeReader("A9"), mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    assert verdict_of(found) is Verdict.CONFIRMED
     assert seen == [("A1", "B1", "A9"), ("A1", "B1", True)]
     fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
     found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.UNDECIDED
+    assert verdict_of(found) is Verdict.UNDECIDED
     assert ReadingFlag.SENSES_DISAGREE in found.flags
     # what the camera has nothing to say of, touch is asked alone
     fused_as(monkeypatch, [])
     found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="A1")
-    assert found.trace.verification is not None
-    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    assert verdict_of(found) is Verdict.CONFIRMED
 
 
 def test_an_expected_text_that_the_format_forbids_costs_no_reading(folder: Path) -> None:
