@@ -142,7 +142,9 @@ def test_a_second_run_on_the_same_table_is_refused(parts: Path, tmp_path: Path) 
 def stored(path: Path) -> list[tuple[str, str]]:
     engine = sa.create_engine(f"sqlite:///{path}")
     with engine.connect() as connection:
-        return [tuple(row) for row in connection.execute(sa.text("select name, id from parts"))]
+        return [
+            tuple(row) for row in connection.execute(sa.text("select record ->> '$.name', id from parts"))
+        ]
 
 
 def read_table(path: Path) -> list[dict[str, object]]:

@@ -18,7 +18,7 @@ def photograph(path: Path, text: str) -> None:
 
 def stored(folder: Path) -> list[str]:
     with sqlite3.connect(folder / "parts.db") as connection:
-        return [text for (text,) in connection.execute("select text from parts order by id")]
+        return [text for (text,) in connection.execute("select upper(text_folded) from parts order by id")]
 
 
 def test_the_same_run_given_again_keeps_no_part_twice(
