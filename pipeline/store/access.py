@@ -52,22 +52,18 @@ def add_token(
     """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
-        raise UnfitError(
-            "a token without a scope allows nothing", hint=f"give {', '.join(Scope)} or some of them"
-        )
+        raise UnfitError("a token without a scope allows nothing", hint=f"give some of {', '.join(Scope)}")
     if not name.strip() or not name.isprintable():
         raise UnfitError("a token needs a name of printable characters", hint="give one, such as line-3")
     if expires_at is not None and (expires_at.tzinfo is None or expires_at <= tx.now):
         raise UnfitError(
-            "the token would have expired already or has no time zone", hint="give a time to come in UTC"
+            "the token would have expired or has no time zone", hint="give a time to come in UTC"
         )
     wanted = _spelt(fit(name, "the token's name"))
     for known in tx.execute(sa.select(tokens.c.name)).scalars():
         if _spelt(known) == wanted:
-            raise ConflictError(
-                f"there is or was a token {known!r}, and reviews are signed with it",
-                hint="choose another name",
-            )
+            what = f"there is or was a token {known!r}, and reviews are signed with it"
+            raise ConflictError(what, hint="choose another name")
     secret = new_token()
     row = {"name": name, "secret_hash": token_hash(secret), "scopes": granted, "created_at": tx.now}
     tx.execute(sa.insert(tokens).values(**row, expires_at=expires_at))

@@ -219,26 +219,22 @@ def _take_all(
     live: Store | None = None,
 ) -> tuple[int, int, list[str]]:
     """Every file that a store names; how many, their bytes, and the hashes of those that could not be had."""
-    n_files, n_bytes, lost, after = 0, 0, list[str](), ""
-    while hashes := copied.needed_after(after):
-        after = hashes[-1]
-        for sha256 in hashes:
-            whole = linked is not None and files.take(sha256, linked, link=True) is FileState.WHOLE
-            if whole or files.take(sha256, source) is FileState.WHOLE:
-                n_files, n_bytes = n_files + 1, n_bytes + files.path(sha256).stat().st_size
-            elif live is not None and not live.needed_hashes((sha256,)):  # its time was up meanwhile
-                with copied.database.writing() as tx:
-                    tx.execute(sa.update(evidence).where(evidence.c.sha256 == sha256).values(gone=True))
-            else:
-                lost.append(sha256)
+    n_files, n_bytes, lost = 0, 0, list[str]()
+    for sha256 in copied.every_needed_hash():
+        whole = linked is not None and files.take(sha256, linked, link=True) is FileState.WHOLE
+        if whole or files.take(sha256, source) is FileState.WHOLE:
+            n_files, n_bytes = n_files + 1, n_bytes + files.path(sha256).stat().st_size
+        elif live is not None and not live.needed_hashes((sha256,)):  # its time was up meanwhile
+            with copied.database.writing() as tx:
+                tx.execute(sa.update(evidence).where(evidence.c.sha256 == sha256).values(gone=True))
+        else:
+            lost.append(sha256)
     return n_files, n_bytes, lost
 
 
 def _refuse_unless_empty(tx: Transaction, store: Store) -> None:
     if any(tx.execute(sa.select(table).limit(1)).first() is not None for table in METADATA.sorted_tables):
-        raise ConflictError(
-            f"the store {store.database.shown} is not empty", hint="restore into a new one: --folder, --store"
-        )
+        raise ConflictError(f"the store {store.database.shown} is not empty", hint="restore into a new one")
 
 
 @contextlib.contextmanager

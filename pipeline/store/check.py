@@ -7,21 +7,18 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
-from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Row
 
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import PartRecord, PartState
 from pipeline.store.backup import unpacked
-from pipeline.store.database import Transaction
+from pipeline.store.database import AnyRow, Transaction
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.rows import READ, REVIEWED, searched
 from pipeline.store.store import Store
@@ -48,12 +45,14 @@ class Fault(StrEnum):
     ORPHANS = "orphans"
 
 
+_COPY = "copy the file of that name from a backup's evidence/files"
+_WRITTEN = "something other than this program has written there"
 WHAT_TO_DO: Mapping[Fault, str] = {
     Fault.DATABASE: "stop the service and restore the last good backup",
-    Fault.MISSING: "copy the file of that name from a backup's evidence/files into the service's",
-    Fault.DAMAGED: "copy the file of that name from a backup's evidence/files over the service's, and check the disk",
-    Fault.DERIVED: "something other than this program has written there: compare the part with a backup",
-    Fault.CHANGED: "what the backup holds of the part has been changed or removed since: find out who has written",
+    Fault.MISSING: f"{_COPY} into the service's",
+    Fault.DAMAGED: f"{_COPY} over the service's, and check the disk",
+    Fault.DERIVED: f"{_WRITTEN}: compare the part with a backup",
+    Fault.CHANGED: f"{_WRITTEN} since the backup: find out who",
     Fault.STUCK: "start the service of its line, or send a scan of the part",
     Fault.UNDELIVERED: "see that the receiver runs and that its address is in the service's settings",
     Fault.ORPHANS: "nothing: a running service removes them within the hour",
@@ -140,75 +139,65 @@ def _check_database(store: Store, report: CheckReport) -> None:
 
 
 def _check_parts(store: Store, report: CheckReport) -> None:
-    after = ""
-    while True:
-        with store.database.reading() as tx:
-            page = _page(tx, after)
-        if not page:
-            return
-        after = page[-1][0].id
-        for row, happened in page:
+    for tx, found in _pages(store):
+        happened = _by_part(tx, found, events)
+        for row in found:
             report.parts += 1
             part = from_json(PartRecord, row.record)
-            if wrong := _not_derived(part, row, happened):
-                what = f"its {' and '.join(wrong)} do not follow from its history"
-                report.add(Fault.DERIVED, row.id, what)
-            waits = part.touch.until if part.touch is not None else None
-            due = waits or part.changed_at + timedelta(days=1)
+            if wrong := _not_derived(part, row, happened.get(row.id, [])):
+                report.add(Fault.DERIVED, row.id, f"its {' and '.join(wrong)} do not follow from its history")
+            due = row.touch_until or part.changed_at + timedelta(days=1)
             if row.state == PartState.TOUCH_NEEDED and tx.now - due > LATE:
-                what = f"waits for touch since {part.changed_at:%Y-%m-%d %H:%M} UTC"
-                report.add(Fault.STUCK, row.id, what)
+                report.add(Fault.STUCK, row.id, f"waits for touch since {part.changed_at:%Y-%m-%d %H:%M} UTC")
 
 
-def _page(tx: Transaction, after: str) -> list[tuple[Row[*tuple[Any, ...]], list[Row[*tuple[Any, ...]]]]]:
-    """Parts with their events."""
-    found = tx.execute(sa.select(parts).where(parts.c.id > after).order_by(parts.c.id).limit(_PAGE)).all()
-    happened = _by_part(tx, events, found[0].id, found[-1].id) if found else {}
-    return [(row, happened.get(row.id, [])) for row in found]
+def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
+    """Rows of parts, some hundreds at once, each time as they are at one moment."""
+    after = ""
+    asked = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
+    while True:
+        with store.database.reading() as tx:
+            found = tx.execute(asked.where(parts.c.id > after)).all()
+            if not found:
+                return
+            yield tx, found
+            after = found[-1].id
 
 
-def _by_part(
-    tx: Transaction, table: sa.Table, first: str, last: str
-) -> dict[str, list[Row[*tuple[Any, ...]]]]:
-    columns = [column for column in table.c if column.name != "gone"]  # which may change
-    mine = sa.select(*columns).where(table.c.part_id.between(first, last))
-    rows = tx.execute(mine.order_by(table.c.part_id, table.c.id))
-    return {part_id: list(of_part) for part_id, of_part in groupby(rows, lambda row: row.part_id)}
+def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dict[str, list[AnyRow]]:
+    """The rows that belong to parts, without what may change."""
+    of_part: dict[str, list[AnyRow]] = {}
+    for table in tables:
+        columns = [column for column in table.c if column.name != "gone"]
+        mine = sa.select(*columns).where(table.c.part_id.between(found[0].id, found[-1].id))
+        for row in tx.execute(mine.order_by(table.c.id)):
+            of_part.setdefault(row.part_id, []).append(row)
+    return of_part
 
 
-def _not_derived(
-    part: PartRecord, row: Row[*tuple[Any, ...]], happened: list[Row[*tuple[Any, ...]]]
-) -> list[str]:
+def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[str]:
     """What a part's row holds that is not what its record and its events make of it."""
     wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
+    given = last.get("received", {})
     wanted = {"reading": last.get(READ), "review": last.get(REVIEWED)}
-    given = {
-        name: value for event in happened if event.kind == "received" for name, value in event.data.items()
-    }
     wanted |= {name: given.get(name) for name in ("name", "expected", "database", "job")}
     return wrong + [name for name, value in wanted.items() if row.record[name] != value]
 
 
 def _check_outbox(store: Store, report: CheckReport) -> None:
+    target, since, error = outbox.c.target, sa.func.min(outbox.c.created_at), sa.func.max(outbox.c.error)
     with store.database.reading() as tx:
-        late = outbox.c.created_at < tx.now - LATE
-        asked = sa.select(
-            outbox.c.target,
-            sa.func.count().label("n"),
-            sa.func.min(outbox.c.created_at).label("since"),
-            sa.func.max(outbox.c.error).label("error"),
-        )
-        for row in tx.execute(asked.where(late).group_by(outbox.c.target).order_by(outbox.c.target)):
-            why = f"; it was said: {row.error}" if row.error else "; none was tried"
-            what = f"{row.n} results wait, the first since {row.since:%Y-%m-%d %H:%M} UTC{why}"
-            report.add(Fault.UNDELIVERED, row.target, what, n=row.n)
+        asked = sa.select(target, sa.func.count(), since, error).where(outbox.c.created_at < tx.now - LATE)
+        for name, n, first, said in tx.execute(asked.group_by(target).order_by(target)):
+            why = f"it was said: {said}" if said else "none was tried"
+            what = f"{n} results wait, the first since {first:%Y-%m-%d %H:%M} UTC; {why}"
+            report.add(Fault.UNDELIVERED, name, what, n=n)
 
 
 def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, read_files: bool) -> None:
-    look: Callable[[str], FileState] = files.state if read_files else files.presence
-    for sha256 in _needed(store):
-        state = look(sha256)
+    for sha256 in store.every_needed_hash():
+        state = files.state(sha256, read=read_files)
         if state is FileState.WHOLE:
             report.files += 1
         elif store.needed_hashes((sha256,)):  # else its time was up meanwhile
@@ -221,29 +210,13 @@ def _check_files(store: Store, files: EvidenceFolder, report: CheckReport, *, re
         report.add(Fault.ORPHANS, str(files.root), f"{orphans} files belong to no part", n=orphans)
 
 
-def _needed(store: Store) -> Iterator[str]:
-    after = ""
-    while hashes := store.needed_after(after):
-        yield from hashes
-        after = hashes[-1]
-
-
 def _check_against(store: Store, backup: Path, report: CheckReport) -> None:
-    after = ""
     with unpacked(backup) as (made, copied):
-        while True:
-            with copied.database.reading() as tx:
-                page = _page(tx, after)
-                if not page:
-                    return
-                first, after = page[0][0].id, page[-1][0].id
-                then = [_by_part(tx, table, first, after) for table in (events, evidence)]
-            changed: dict[str, str] = {}
-            with store.database.reading() as tx:
-                now = [_by_part(tx, table, first, after) for table in (events, evidence)]
-            for old, new in zip(then, now, strict=True):
-                for part_id, rows in old.items():
-                    if any(row not in new.get(part_id, ()) for row in rows):
-                        changed.setdefault(part_id, "is not" if part_id in now[0] else "is gone, and was")
-            for part_id, what in sorted(changed.items()):
-                report.add(Fault.CHANGED, part_id, f"{what} as it was on {made.made_at[:16]}")
+        for tx, found in _pages(copied):
+            then = _by_part(tx, found, events, evidence)
+            with store.database.reading() as now_tx:
+                now = _by_part(now_tx, found, events, evidence)
+            for part_id, rows in sorted(then.items()):
+                if any(row not in now.get(part_id, ()) for row in rows):
+                    what = "is not" if part_id in now else "is gone, and was"
+                    report.add(Fault.CHANGED, part_id, f"{what} as it was on {made.made_at[:16]}")

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import sqlalchemy as sa
 from sqlalchemy import exc
 from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Row
 
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import close_to_others, private_file
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION_TABLE = "tactile_marks_version"
+AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _HASH = re.compile(r"[0-9a-f]{64}")
-_CHUNK = 1 << 20
 _BATCH = 200
 _PROBE_BYTES = 4096
 LEAST_ROOM_BYTES = 64 << 20
@@ -83,7 +82,7 @@ class EvidenceFolder:
         """Move a file in; the same content twice is one file. When this returns it survives a power cut.
 
         Args:
-            path: the file, no link; best from `incoming`, else it is copied first.
+            path: the file, no link, in `incoming`.
 
         Returns:
             Its SHA-256 in hexadecimal, and its length in bytes.
@@ -100,7 +99,7 @@ class EvidenceFolder:
                 sync_folder(self._files)
                 self._synced.add(target.parent)
             with exclusively(self._lock):
-                self._move(path, target)
+                os.replace(path, target)
                 os.utime(target)
             sync_folder(target.parent)
         return sha256, n_bytes
@@ -126,20 +125,16 @@ class EvidenceFolder:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
 
-    def state(self, sha256: str) -> FileState:
-        """Whether the file of that hash is kept, and holds what it was named after; all of it is read."""
+    def state(self, sha256: str, *, read: bool = True) -> FileState:
+        """Whether the file of that hash is kept, and, if all of it is read, holds what it was named after."""
         try:
             with self.path(sha256).open("rb") as stream:
-                found = hashlib.file_digest(stream, "sha256").hexdigest()
+                whole = not read or hashlib.file_digest(stream, "sha256").hexdigest() == sha256
         except FileNotFoundError:
             return FileState.MISSING
         except OSError:  # a bad sector, say
             return FileState.DAMAGED
-        return FileState.WHOLE if found == sha256 else FileState.DAMAGED
-
-    def presence(self, sha256: str) -> FileState:
-        """As `state`, without a look at what the file holds."""
-        return FileState.WHOLE if self.path(sha256).is_file() else FileState.MISSING
+        return FileState.WHOLE if whole else FileState.DAMAGED
 
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
         """Where those of the files are that are kept and hold what they were named after; the others are logged."""
@@ -237,14 +232,8 @@ class EvidenceFolder:
         for folder in sorted(self._files.iterdir()):
             names = []
             with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
-                for entry in entries:
-                    if _HASH.fullmatch(entry.name) and _kept_before(entry, before_s):
-                        names.append(entry.name)
-                    if len(names) == _BATCH:
-                        yield names
-                        names = []
-            if names:
-                yield names
+                names = [e.name for e in entries if _HASH.fullmatch(e.name) and _kept_before(e, before_s)]
+            yield from (names[k : k + _BATCH] for k in range(0, len(names), _BATCH))
 
     def expire(self, store: Store, *, before: datetime) -> int:
         """Remove evidence from before a time, of every part, whatever its state.
@@ -264,20 +253,6 @@ class EvidenceFolder:
                     with exclusively(self._lock):
                         n_removed += _remove_if_older(self.path(file.sha256), time.time() - _SETTLED_S)
         return n_removed
-
-    def _move(self, path: Path, target: Path) -> None:
-        try:
-            os.replace(path, target)
-        except OSError as error:
-            if error.errno != errno.EXDEV:
-                raise
-            handle, name = tempfile.mkstemp(prefix="copy-", dir=self.incoming)
-            with os.fdopen(handle, "wb") as copy, path.open("rb") as original:
-                shutil.copyfileobj(original, copy, _CHUNK)
-                copy.flush()
-                os.fsync(copy.fileno())
-            os.replace(name, target)
-            path.unlink()
 
 
 def _settle(path: Path) -> tuple[str, int]:

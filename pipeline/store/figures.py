@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
@@ -16,6 +17,7 @@ from pipeline.store.tables import events, parts
 
 HOUR, DAY = timedelta(hours=1), timedelta(days=1)
 _LONGEST = timedelta(days=3660)
+_WRITTEN = {HOUR: "%Y-%m-%d %H", DAY: "%Y-%m-%d"}
 
 
 def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> Statistics:
@@ -25,9 +27,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         UnfitError: the time has no zone, or is more than ten years ago.
     """
     if since.tzinfo is None or tx.now - since > _LONGEST:
-        raise UnfitError(
-            "statistics cannot begin there", hint="give a time with its zone, within the last ten years"
-        )
+        raise UnfitError("statistics cannot begin there", hint="give a time with its zone, not ten years ago")
     since = since.astimezone(UTC)
     names = ("state", "by_camera", "fell_back", "rejected", "was_right")
     lengths = [sa.func.sum(parts.c[name]).label(name) for name in ("characters", "characters_right")]
@@ -84,8 +84,7 @@ def _counted(
         utc = sa.func.timezone("UTC", parts.c.created_at)
         begin = sa.func.to_char(utc, "YYYY-MM-DD HH24" if step == HOUR else "YYYY-MM-DD")
     else:
-        length = len("2026-11-21 18" if step == HOUR else "2026-11-21")
-        begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, length)
+        begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, 13 if step == HOUR else 10)
     columns = [begin.label("begin"), *(parts.c[name] for name in names)]
     # by their place, for PostgreSQL takes the same function with other parameters for another one
     places: list[sa.ColumnElement[Any]] = [sa.literal_column(str(k + 1)) for k in range(len(columns))]
@@ -94,6 +93,8 @@ def _counted(
 
 
 def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, float]]:
+    import numpy as np
+
     # counted by the millisecond, which is several times quicker than to sort them
     ms = sa.func.round(events.c.seconds * 1000.0).label("ms")
     read = sa.select(events.c.actor, ms).where(events.c.kind == READ, events.c.at >= since).subquery()
@@ -101,41 +102,27 @@ def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, floa
     found: dict[str, dict[float, int]] = {}
     for source, took_ms, n in tx.execute(sa.select(*kinds, sa.func.count()).group_by(*kinds)):
         found.setdefault(source, {})[took_ms / 1000.0] = n
-    return {
-        source: (_nearest_rank(found[source], 50), _nearest_rank(found[source], 99))
-        for source in sorted(found)
+    ranks = {
+        source: np.quantile(list(counts), (0.5, 0.99), weights=list(counts.values()), method="inverted_cdf")
+        for source, counts in sorted(found.items())
     }
-
-
-def _nearest_rank(counts: Mapping[float, int], percent: int) -> float:
-    """The least value that at least so many percent of all do not exceed."""
-    wanted = -(-percent * sum(counts.values()) // 100)
-    passed = 0
-    for value in sorted(counts):
-        passed += counts[value]
-        if passed >= wanted:
-            return value
-    raise AssertionError("no values")
+    return {source: (float(p50), float(p99)) for source, (p50, p99) in ranks.items()}
 
 
 def _trend(rows: list[Any], since: datetime, now: datetime, step: timedelta) -> tuple[TrendStep, ...]:
     first = since.replace(minute=0, second=0, microsecond=0)
     first = first if step == HOUR else first.replace(hour=0)
-    written = "%Y-%m-%d %H" if step == HOUR else "%Y-%m-%d"
-    by_begin: dict[str, list[Any]] = {}
+    steps = {
+        at.strftime(_WRITTEN[step]): TrendStep(at)
+        for at in (first + k * step for k in range(max(0, int((now - first) / step) + 1)))
+    }
     for row in rows:
-        by_begin.setdefault(row.begin, []).append(row)
-    trend = []
-    for at in (first + k * step for k in range(max(0, int((now - first) / step) + 1))):
-        of_step = by_begin.get(at.strftime(written), ())
-        questioned = (PartState.REVIEW, PartState.REVIEWED)
-        trend.append(
-            TrendStep(
-                at,
-                parts=sum(row.n for row in of_step),
-                accepted=sum(row.n for row in of_step if row.state == PartState.ACCEPTED),
-                review=sum(row.n for row in of_step if row.state in questioned),
-                rejects=sum(row.n for row in of_step if row.rejected),
+        if (so_far := steps.get(row.begin)) is not None:
+            steps[row.begin] = replace(
+                so_far,
+                parts=so_far.parts + row.n,
+                accepted=so_far.accepted + row.n * (row.state == PartState.ACCEPTED),
+                review=so_far.review + row.n * (row.state in (PartState.REVIEW, PartState.REVIEWED)),
+                rejects=so_far.rejects + row.n * bool(row.rejected),
             )
-        )
-    return tuple(trend)
+    return tuple(steps.values())

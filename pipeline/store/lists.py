@@ -114,9 +114,7 @@ def reviewed(
 
 def _page_end(part_id: str) -> str:
     if not is_part_id(part_id):
-        raise UnfitError(
-            f"{part_id[:40]!r} is not a part's id", hint="give the one the page before ended with"
-        )
+        raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="give the last page's last one")
     return part_id
 
 

@@ -109,15 +109,12 @@ def add_part(
         "job": fit(job, "the name of the job"),
         "line": fit(line, "the name of the line"),
     }
-    part = PartRecord(
-        id=part_id, state=state, text="", created_at=tx.now, changed_at=tx.now, touch=touch, **given
-    )
+    times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
+    part = PartRecord(id=part_id, state=state, text="", touch=touch, **times, **given)
     came = _read(tx, part, state, readings, plan, shadow, audit, rules)
-    happened = [
-        ("received", given),
-        *came.happened,
-        *((("not_felt", {"why": not_felt}),) if not_felt else ()),
-    ]
+    happened = [("received", given), *came.happened]
+    if not_felt:
+        happened.append(("not_felt", {"why": not_felt}))
     figures = {"fell_back": False, "by_camera": False, "rejected": False, **came.figures}
     part = write_part(tx, came.part, happened, targets=targets, new=True, figures=figures)
     _keep_files(tx, part_id, evidence)
@@ -151,9 +148,7 @@ def add_readings(
     _claim_key(tx, idempotency, part_id)
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
-        raise ConflictError(
-            f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review if it is wrong"
-        )
+        raise ConflictError(f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review")
     came = _read(tx, part, state, readings, plan, shadow, audit, rules)
     if came.part.state is not PartState.ACCEPTED:  # nothing is left to audit
         came.figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
@@ -240,9 +235,7 @@ def _events(
 def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) -> None:
     for file in files:
         if _SHA256.fullmatch(file.sha256) is None:
-            raise UnfitError(
-                f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 hexadecimal digits in lower case"
-            )
+            raise UnfitError(f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 digits 0-9, a-f")
         texts = {"name": cleaned(file.name), "media_type": cleaned(file.media_type)}
         row = {**vars(file), **texts, "meta": dict(file.meta), "part_id": part_id, "at": tx.now}
         tx.execute(sa.insert(tables.evidence).values(**row))
@@ -302,9 +295,8 @@ def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[
 def _locked_waiting(tx: Transaction, part_id: str) -> PartRecord:
     part = part_by_id(tx, part_id, lock=True)
     if part.state is not PartState.TOUCH_NEEDED:
-        raise ConflictError(
-            f"the part {part_id} does not wait for touch; it is {part.state.value}", hint="look at it again"
-        )
+        what = f"the part {part_id} does not wait for touch; it is {part.state.value}"
+        raise ConflictError(what, hint="look at it again")
     return part
 
 

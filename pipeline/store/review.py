@@ -145,26 +145,22 @@ def review(
     _refuse_if_held(tx, part_id, person)
     if before is not None and before != part.text:
         quicker = part.review.who if part.review is not None else "a reader"
-        raise ConflictError(
-            f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}",
-            hint="look at it again",
-        )
+        what = f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}"
+        raise ConflictError(what, hint="look at it again")
     after = _text_after(part, action, text)
     if not who.strip():
         raise UnfitError("no name is given", hint="say who reviews the part")
     texts = {"who": fit(who, "the person's name"), "token": fit(token, "the token's name")}
-    said = ReviewRecord(
-        action, part.text, after, **texts, note=fit(note, "the note", limit=MAX_NOTE), at=tx.now
-    )
+    texts["note"] = fit(note, "the note", limit=MAX_NOTE)
+    said = ReviewRecord(action, part.text, after, at=tx.now, **texts)
     unreadable = action is ReviewAction.UNREADABLE
     if audit:
         found = _NOT_JUDGED if unreadable else _RIGHT if after == part.text else _DISPUTED
         part = replace(part, state=PartState.REVIEW if found == _DISPUTED else part.state)
         return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
     agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
-    if not agrees and not any(
-        other.after == after and not person.said(other) for other in opinions(tx, part_id)
-    ):
+    others = () if agrees else (said for said in opinions(tx, part_id) if not person.said(said))
+    if not agrees and after not in {other.after for other in others}:
         part = replace(part, state=PartState.REVIEW, touch=None)
         return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
     figures = _how_right(part, action, after)
@@ -193,10 +189,8 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
     if part.state is not PartState.REVIEWED or said is None:
         raise ConflictError(f"part {part_id} is not reviewed", hint="there is nothing to undo")
     if not person.said(said):
-        raise ConflictError(
-            f"part {part_id} was reviewed by {said.who}",
-            hint="who reviewed it can undo it; or review it anew",
-        )
+        hint = "who reviewed it can undo it; or review it anew"
+        raise ConflictError(f"part {part_id} was reviewed by {said.who}", hint=hint)
     figures: dict[str, Any] = {"was_right": None, "characters": None, "characters_right": None}
     figures |= {"audit": sa.case((parts.c.audit.is_not(None), _DISPUTED))}
     undone = ("review_undone", {"who": person.name, "text": said.before})
@@ -270,10 +264,9 @@ def audit_figures(tx: Transaction, since: datetime) -> AuditFigures:
 def _refuse_if_held(tx: Transaction, part_id: str, person: Person) -> None:
     held = _claims(tx, sa.and_(parts.c.id == part_id, held_by_another(tx, person))).get(part_id)
     if held is not None and person.holder:
-        raise ClaimedError(
-            f"{held.who or 'somebody else'} is at part {part_id} until {held.until:%H:%M:%S} UTC",
-            hint="take another, or wait",
-        )
+        who = held.who or "somebody else"
+        what = f"{who} is at part {part_id} until {held.until:%H:%M:%S} UTC"
+        raise ClaimedError(what, hint="take another, or wait")
 
 
 def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
@@ -286,10 +279,8 @@ def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
     if not part.text:
         raise UnfitError("there is no text to confirm", hint="correct it, or say that the part is unreadable")
     if text not in ("", part.text):
-        raise ConflictError(
-            f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}",
-            hint="correct it instead",
-        )
+        what = f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}"
+        raise ConflictError(what, hint="correct it instead")
     return part.text
 
 

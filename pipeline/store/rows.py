@@ -10,12 +10,11 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Row
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, from_json, to_json
 from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
-from pipeline.store.database import Transaction, json_text
+from pipeline.store.database import AnyRow, Transaction, json_text
 from pipeline.store.errors import ConflictError, NotFoundError, fit_limit
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.tables import events, evidence, parts
@@ -139,7 +138,7 @@ def signature(*, who: str, token: str, **_: Any) -> str:
     return f"token {token}" if token else f"name {who}"
 
 
-def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[Row[*tuple[Any, ...]]]:
+def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
     """A part's events, in order; of these kinds, if any are given.
 
     Raises:
@@ -211,7 +210,7 @@ def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple
     return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(fit_limit(limit))).scalars())
 
 
-def record_of(kind: type[T], row: Row[*tuple[Any, ...]]) -> T:
+def record_of(kind: type[T], row: AnyRow) -> T:
     """The record whose fields are columns of a row."""
     return from_json(kind, dict(row._mapping))
 

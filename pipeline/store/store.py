@@ -7,7 +7,7 @@ An operation is a function of a transaction, written and described where its tab
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from datetime import datetime
 from typing import Concatenate, ParamSpec, TypeVar
@@ -158,6 +158,12 @@ class Store:
     evidence_gone = _writes(rows.evidence_gone)
     needed_hashes = _reads(rows.needed_hashes)
     needed_after = _reads(rows.needed_after)
+
+    def every_needed_hash(self) -> Iterator[str]:
+        """Hashes of all files that are still needed, in order, some hundreds at a time."""
+        hashes: tuple[str, ...] = ("",)
+        while hashes := self.needed_after(hashes[-1]):
+            yield from hashes
 
     # tokens and sessions
     add_token = _writes(access.add_token)

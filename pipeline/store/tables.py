@@ -11,6 +11,7 @@ A part's row holds its record as JSON, as it is answered and published, and the 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -49,8 +50,9 @@ class UtcTime(sa.TypeDecorator[datetime]):
         return made.astimezone(UTC)
 
 
-TEXT, FLAG, NUMBER, JSON = sa.Text(), sa.Boolean(), sa.Integer(), sa.JSON()
-WORD, HASH = sa.String(16), sa.String(64)
+TEXT, FLAG, NUMBER, JSON, TIME = sa.Text(), sa.Boolean(), sa.Integer(), sa.JSON(), UtcTime()
+WORD, LONG_WORD, HASH = sa.String(16), sa.String(32), sa.String(64)
+_FIGURES = "created_at state fell_back by_camera rejected was_right characters characters_right"
 # SQLite counts rows by INTEGER PRIMARY KEY alone
 _ROW = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 # ids sort by their bytes, whatever the language of the server
@@ -61,158 +63,132 @@ def _key(name: str, kind: sa.types.TypeEngine[Any] = _ROW) -> sa.Column[Any]:
     return sa.Column(name, kind, primary_key=True, autoincrement=kind is _ROW)
 
 
-def _filled(name: str, kind: sa.types.TypeEngine[Any] | type[UtcTime] = TEXT) -> sa.Column[Any]:
-    return sa.Column(name, kind, nullable=False)
+def _filled(kind: sa.types.TypeEngine[Any], *names: str) -> Iterator[sa.Column[Any]]:
+    return (sa.Column(name, kind, nullable=False) for name in names)
+
+
+def _empty(kind: sa.types.TypeEngine[Any], *names: str) -> Iterator[sa.Column[Any]]:
+    return (sa.Column(name, kind) for name in names)
 
 
 def _of_part() -> sa.Column[str]:
     return sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False)
 
 
-parts = sa.Table(
+def _table(name: str, *columns: Any, indexes: Sequence[str] = (), **options: Any) -> sa.Table:
+    return sa.Table(
+        name, METADATA, *columns, *(sa.Index(None, *names.split()) for names in indexes), **options
+    )
+
+
+parts = _table(
     "parts",
-    METADATA,
     _key("id", _PART_ID),
-    _filled("state", WORD),
-    _filled("created_at", UtcTime),
-    _filled("changed_at", UtcTime),
-    # casefolded, to be searched: the databases differ in what lower case is
-    _filled("name_folded"),
-    _filled("text_folded"),
-    _filled("job"),
-    _filled("line"),
+    *_filled(WORD, "state"),
+    *_filled(TIME, "created_at", "changed_at"),
+    # names and texts are casefolded, to be searched: the databases differ in what lower case is
+    *_filled(TEXT, "name_folded", "text_folded", "job", "line"),
     # while it waits for touch: whether the stage of its line is to feel it, and when a person gets it all the same
-    sa.Column("touch_by_stage", FLAG),
-    sa.Column("touch_until", UtcTime),
-    _filled("fell_back", FLAG),
-    _filled("by_camera", FLAG),
-    _filled("rejected", FLAG),
+    *_empty(FLAG, "touch_by_stage"),
+    *_empty(TIME, "touch_until"),
+    *_filled(FLAG, "fell_back", "by_camera", "rejected"),
     # after review: whether the reading was right, of how many characters, and how many of them
-    sa.Column("was_right", FLAG),
-    sa.Column("characters", NUMBER),
-    sa.Column("characters_right", NUMBER),
-    # of a part read in shadow mode: whether the line's own reader has said the same, and where it would stand
-    sa.Column("agreement", WORD),
-    sa.Column("would_be", WORD),
-    # of an accepted part drawn to be read by a person as well: waiting, or what came of it
-    sa.Column("audit", WORD),
+    *_empty(FLAG, "was_right"),
+    *_empty(NUMBER, "characters", "characters_right"),
+    # in shadow mode: whether the line's own reader has said the same, and where the part would stand; of an accepted
+    # part drawn to be read by a person as well: waiting, or what came of it
+    *_empty(WORD, "agreement", "would_be", "audit"),
     # the person who has it open, and until when the others leave it alone
-    sa.Column("claim_holder", TEXT),
-    sa.Column("claim_who", TEXT),
-    sa.Column("claim_until", UtcTime),
+    *_empty(TEXT, "claim_holder", "claim_who"),
+    *_empty(TIME, "claim_until"),
     # last: SQLite reads a row from its beginning, and lists need not read as far
-    _filled("record", JSON),
-    sa.Index("ix_parts_search", "id", "state", "name_folded", "text_folded", "job", "line", "created_at"),
-    sa.Index(None, "state", "id"),
-    sa.Index(None, "text_folded"),
-    sa.Index(None, "agreement", "id"),
-    sa.Index(None, "agreement", "created_at", "would_be"),
-    sa.Index(None, "audit", "id"),
-    sa.Index(None, "audit", "created_at"),
-    sa.Index(
-        "ix_parts_figures",
-        *("created_at", "state", "fell_back", "by_camera", "rejected"),
-        *("was_right", "characters", "characters_right"),
+    *_filled(JSON, "record"),
+    sa.Index("ix_parts_search", *["id", "state", "name_folded", "text_folded", "job", "line", "created_at"]),
+    sa.Index("ix_parts_figures", *_FIGURES.split()),
+    indexes=(
+        *("state id", "text_folded", "audit id", "audit created_at"),
+        *("agreement id", "agreement created_at would_be"),
     ),
 )
 
-events = sa.Table(
+events = _table(
     "events",
-    METADATA,
     _key("id"),
     _of_part(),
-    _filled("at", UtcTime),
-    _filled("kind", sa.String(32)),
+    *_filled(TIME, "at"),
+    *_filled(LONG_WORD, "kind"),
     # of readings their source and duration, of a first reader's opinion who it was
-    sa.Column("actor", TEXT),
-    sa.Column("seconds", sa.Double),
-    _filled("data", JSON),
-    sa.Index(None, "part_id"),
-    sa.Index(None, "kind", "at", "actor", "seconds"),
+    *_empty(TEXT, "actor"),
+    *_empty(sa.Double(), "seconds"),
+    *_filled(JSON, "data"),
+    indexes=("part_id", "kind at actor seconds"),
 )
 
-evidence = sa.Table(
+evidence = _table(
     "evidence",
-    METADATA,
     _key("id"),
     _of_part(),
-    _filled("at", UtcTime),
-    _filled("kind", sa.String(32)),
-    _filled("sha256", HASH),
-    _filled("n_bytes", sa.BigInteger()),
-    _filled("name"),
-    _filled("media_type"),
-    _filled("meta", JSON),
-    _filled("gone", FLAG),
-    sa.Index(None, "part_id"),
-    sa.Index(None, "sha256", "gone"),
-    sa.Index(None, "gone", "at"),
+    *_filled(TIME, "at"),
+    *_filled(LONG_WORD, "kind"),
+    *_filled(HASH, "sha256"),
+    *_filled(sa.BigInteger(), "n_bytes"),
+    *_filled(TEXT, "name", "media_type"),
+    *_filled(JSON, "meta"),
+    *_filled(FLAG, "gone"),
+    indexes=("part_id", "sha256 gone", "gone at"),
 )
 
-idempotency = sa.Table(
+# the key's SHA-256: callers choose keys of any length and alphabet
+idempotency = _table(
     "idempotency",
-    METADATA,
-    # the key's SHA-256: callers choose keys of any length and alphabet
     _key("key_hash", HASH),
-    _filled("fingerprint"),
+    *_filled(TEXT, "fingerprint"),
     _of_part(),
-    _filled("at", UtcTime),
-    sa.Index(None, "at"),
+    *_filled(TIME, "at"),
+    indexes=("at",),
 )
 
-outbox = sa.Table(
+outbox = _table(
     "outbox",
-    METADATA,
     _key("id"),
     _of_part(),
-    _filled("target", sa.String(32)),
-    _filled("payload", JSON),
-    _filled("attempts", NUMBER),
-    _filled("error"),
-    _filled("created_at", UtcTime),
-    _filled("due_at", UtcTime),
+    *_filled(LONG_WORD, "target"),
+    *_filled(JSON, "payload"),
+    *_filled(NUMBER, "attempts"),
+    *_filled(TEXT, "error"),
+    *_filled(TIME, "created_at", "due_at"),
     # the dispatcher that is at it, and until when the others leave it alone
-    sa.Column("owner", sa.String(32)),
-    sa.Column("leased_until", UtcTime),
-    sa.Index(None, "target", "due_at", "id"),
-    sa.Index(None, "part_id", "target", "id"),
+    *_empty(LONG_WORD, "owner"),
+    *_empty(TIME, "leased_until"),
+    indexes=("target due_at id", "part_id target id"),
     # a number is never given twice, for by it receivers know what they have had
     sqlite_autoincrement=True,
 )
 
 # those that are raised now
-alerts = sa.Table(
-    "alerts", METADATA, _key("name", TEXT), _of_part(), _filled("at", UtcTime), _filled("message")
-)
+alerts = _table("alerts", _key("name", TEXT), _of_part(), *_filled(TIME, "at"), *_filled(TEXT, "message"))
 
-golden = sa.Table(
+golden = _table(
     "golden",
-    METADATA,
     _key("id"),
-    _filled("line"),
-    _filled("reference", FLAG),
-    _filled("record", JSON),
-    sa.Index(None, "line", "id"),
+    *_filled(TEXT, "line"),
+    *_filled(FLAG, "reference"),
+    *_filled(JSON, "record"),
+    indexes=("line id",),
 )
 
-tokens = sa.Table(
+tokens = _table(
     "tokens",
-    METADATA,
     _key("name", TEXT),
-    _filled("secret_hash", HASH),
-    _filled("scopes", JSON),
-    _filled("created_at", UtcTime),
-    sa.Column("expires_at", UtcTime),
-    sa.Column("revoked_at", UtcTime),
+    *_filled(HASH, "secret_hash"),
+    *_filled(JSON, "scopes"),
+    *_filled(TIME, "created_at"),
+    *_empty(TIME, "expires_at", "revoked_at"),
     sa.UniqueConstraint("secret_hash"),
 )
 
-sessions = sa.Table(
-    "sessions",
-    METADATA,
-    _key("cookie_hash", HASH),
-    _filled("token_hash", HASH),
-    _filled("created_at", UtcTime),
+sessions = _table(
+    "sessions", _key("cookie_hash", HASH), *_filled(HASH, "token_hash"), *_filled(TIME, "created_at")
 )
 
 _REFUSED = "events are never changed"

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from typing import TypeVar
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
-from pipeline.common.records import Delivery, EvidenceKind, EvidenceRecord, PartRecord, PartState
+from pipeline.common.records import (
+    Delivery,
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReviewAction,
+)
 from pipeline.store.store import Store
 
+T = TypeVar("T")
 START = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
 PHOTO = EvidenceRecord(EvidenceKind.PHOTO, "a" * 64, 1000, "part 1.png", "image/png", {"mm_per_pixel": 0.05})
 SCAN = EvidenceRecord(EvidenceKind.SCAN, "b" * 64, 2000, "part 1.h5")
@@ -72,6 +84,24 @@ def received(
     decision = "accept" if state is PartState.ACCEPTED else "review"
     given = {"readings": (reading(text, source, decision),), **more}
     return store.add_part(part_id=new_part_id(), name=name, state=state, **given)
+
+
+def correct(store: Store, part_id: str, text: str, who: str = "Ada", **more: object) -> PartRecord:
+    """What a person says of a part; an empty text: that it is unreadable."""
+    action = ReviewAction.CORRECT if text else ReviewAction.UNREADABLE
+    return store.review(part_id, action=action, text=text, who=who, **more)
+
+
+def race(run: Callable[[int], T], n: int = 12) -> list[T]:
+    """What came of it, begun by many threads at one moment."""
+    line = threading.Barrier(n)
+
+    def one(k: int) -> T:
+        line.wait(30)
+        return run(k)
+
+    with ThreadPoolExecutor(n) as pool:
+        return list(pool.map(one, range(n)))
 
 
 def due(store: Store, *, limit: int = 20) -> tuple[Delivery, ...]:

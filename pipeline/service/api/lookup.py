@@ -141,6 +141,6 @@ def _whole(service: PartService, record: EvidenceRecord) -> FilePath:
         raise Problem(404, f"the {what} is no longer kept; its time was up")
     for path in service.evidence.whole((record.sha256,)):
         return path
-    if service.evidence.presence(record.sha256) is FileState.MISSING:
+    if service.evidence.state(record.sha256, read=False) is FileState.MISSING:
         raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
     raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")

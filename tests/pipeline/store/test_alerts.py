@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from concurrent.futures import ThreadPoolExecutor
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.store.alerts import DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
 from pipeline.store.store import Store
-from tests.support.store_samples import due, reading, received
+from tests.support.store_samples import due, race, reading, received
 
 WINDOW = 10
 LIMITS = {REJECT_RATE: 0.35, REVIEW_RATE: 0.0}
@@ -75,8 +74,7 @@ def test_a_restart_repeats_nothing(blank_url: str) -> None:
 
 def test_many_who_look_at_once_raise_it_once(store: Store) -> None:
     parts(store, rejected=WINDOW)
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda _: look(store), range(8)))
+    race(lambda _: look(store), n=8)
     assert sent(store) == [(REJECT_RATE, "raised")]
 
 

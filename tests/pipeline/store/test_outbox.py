@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import threading
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 
 from pipeline.common.reading_records import from_json
-from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.common.records import PartRecord, PartState
 from pipeline.store.store import Store
-from tests.support.store_samples import Clock, due, reading, received
+from tests.support.store_samples import Clock, correct, due, race, received
 
 
 def test_a_result_waits_until_it_has_arrived(store: Store, clock: Clock) -> None:
@@ -34,25 +31,19 @@ def test_a_result_waits_until_it_has_arrived(store: Store, clock: Clock) -> None
 
 def test_what_happens_to_one_part_is_told_in_order(store: Store, clock: Clock) -> None:
     part = received(store, PartState.REVIEW, "KX4", targets=("mqtt", "webhook"))
-    store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
+    correct(store, part.id, "KX5", targets=("mqtt",))
     other = received(store, targets=("mqtt",))
     first, to_webhook, of_other = due(store)
-    assert [(d.part_id, d.target) for d in (first, to_webhook, of_other)] == [
-        (part.id, "mqtt"),
-        (part.id, "webhook"),
-        (other.id, "mqtt"),
-    ]
+    told = [(d.part_id, d.target) for d in (first, to_webhook, of_other)]
+    assert told == [(part.id, "mqtt"), (part.id, "webhook"), (other.id, "mqtt")]
     # the first is not taken in: the second of that part waits, other parts and receivers do not
     store.postpone(first.id, "tests", error="away", wait_s=60.0)
     assert [d.id for d in due(store)] == [to_webhook.id, of_other.id]
     clock.go_on(minutes=1)
     assert [d.id for d in due(store)] == [first.id, to_webhook.id, of_other.id]
     store.delivered(first.id)
-    second = due(store)[-1]
-    assert {d.payload["state"] for d in due(store) if d.target == "mqtt" and d.part_id == part.id} == {
-        "reviewed"
-    }
-    assert second.id > first.id
+    (second,) = [d for d in due(store) if d.target == "mqtt" and d.part_id == part.id]
+    assert (second.payload["state"], second.id > first.id) == ("reviewed", True)
 
 
 def test_what_cannot_be_sent_does_not_hold_up_what_is_new(store: Store, clock: Clock) -> None:
@@ -81,7 +72,7 @@ def test_a_clock_that_is_set_back_holds_up_no_delivery(store: Store, clock: Cloc
 
 def test_what_one_has_leased_the_others_leave_alone_until_the_lease_is_over(store: Store) -> None:
     part = received(store, PartState.REVIEW, "KX4", targets=("mqtt",))
-    store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
+    correct(store, part.id, "KX5", targets=("mqtt",))
     (first,) = store.lease("one", ("mqtt", "webhook"), lease_s=60.0)
     assert store.lease("one", ("mqtt",), lease_s=60.0) == (first,), "what is its own it is given again"
     assert store.lease("other", ("mqtt",), lease_s=60.0) == (), "nor is the second sent before the first"
@@ -118,14 +109,8 @@ def test_a_target_that_one_cannot_send_to_is_left_to_others(store: Store) -> Non
 def test_of_many_that_lease_at_once_each_has_its_own(store: Store) -> None:
     for _ in range(20):
         received(store, targets=("mqtt",))
-    line = threading.Barrier(6)
-
-    def lease(owner: str) -> list[int]:
-        line.wait(30)
-        return [d.id for d in store.lease(owner, ("mqtt",), lease_s=60.0, limit=3)]
-
-    with ThreadPoolExecutor(6) as pool:
-        leased = [number for found in pool.map(lease, "abcdef") for number in found]
+    found = race(lambda k: store.lease(f"owner {k}", ("mqtt",), lease_s=60.0, limit=3), n=6)
+    leased = [delivery.id for taken in found for delivery in taken]
     assert len(leased) == len(set(leased))
     assert len(leased) >= 3, "one at least has what it asked for"
 
@@ -136,16 +121,3 @@ def test_numbers_are_not_given_twice(store: Store) -> None:
     store.delivered(first.id)
     received(store, targets=("mqtt",))
     assert due(store)[0].id > first.id
-
-
-def test_touch_needed_is_sent_without_a_text_and_so_is_what_came_of_it(store: Store) -> None:
-    unsure = reading("KX4O", "vision")
-    part = received(store, PartState.TOUCH_NEEDED, readings=(unsure,), targets=("mqtt",))
-    (needed,) = due(store)
-    assert (needed.payload["state"], needed.payload["text"]) == ("touch_needed", "")
-    store.add_readings(
-        part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED, targets=("mqtt",)
-    )
-    store.delivered(needed.id)
-    (felt,) = due(store)
-    assert (felt.payload["state"], felt.payload["text"]) == ("accepted", "KX4")

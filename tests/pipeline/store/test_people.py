@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
 import pytest
 
 from pipeline.common.people_records import Person
-from pipeline.common.records import PartState, ReviewAction
+from pipeline.common.records import PartState
 from pipeline.common.shares import share
 from pipeline.store.errors import ClaimedError, ConflictError, NotFoundError
 from pipeline.store.review import CLAIM_S
 from pipeline.store.store import Store
-from tests.support.store_samples import START, Clock, reading, received
+from tests.support.store_samples import START, Clock, correct, race, reading, received
 
 ADA, GRACE, MARY = (Person(name, token=name) for name in ("Ada", "Grace", "Mary"))
 EVE, EVE_ELSEWHERE = Person("Eve", seat="one"), Person("Eve", seat="two")
 
 
-def said(store: Store, part_id: str, person: Person, text: str, *, readers: int = 2) -> PartState:
-    """A person says what stands there."""
-    action = ReviewAction.CORRECT if text else ReviewAction.UNREADABLE
-    part = store.review(
-        part_id,
-        action=action,
-        text=text,
-        who=person.name,
-        token=person.token,
-        seat=person.seat,
-        readers=readers,
-    )
-    return part.state
+def said(
+    store: Store, part_id: str, by: Person, text: str, *, readers: int = 2, audit: bool = False
+) -> PartState:
+    """Where a part stands after a person has said what it reads."""
+    about = {"token": by.token, "seat": by.seat, "readers": readers, "audit": audit}
+    return correct(store, part_id, text, by.name, **about).state
 
 
 # ---- claims
@@ -43,8 +35,7 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     assert (claim.who, claim.until) == ("Ada", START + timedelta(seconds=CLAIM_S))
     assert store.claim_part(first.id, GRACE) == claim
     assert store.claimed() == {first.id: claim}
-    assert store.next_in_queue(person=GRACE) == second
-    assert store.next_in_queue(person=ADA) == first
+    assert (store.next_in_queue(person=GRACE), store.next_in_queue(person=ADA)) == (second, first)
     with pytest.raises(ClaimedError, match="Ada is at part"):
         said(store, first.id, GRACE, "KX1", readers=1)
     assert store.reviews(first.id) == ()
@@ -52,9 +43,10 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     renewed = store.claim_part(first.id, ADA)
     clock.go_on(seconds=2.0)
     assert store.claim_part(first.id, GRACE) == renewed
+    assert store.claim_part(first.id, GRACE, take_over=True).who == "Grace"
     clock.go_on(seconds=CLAIM_S)
     assert store.claimed() == {}
-    assert store.claim_part(first.id, GRACE).who == "Grace"
+    assert store.claim_part(first.id, ADA).who == "Ada"
 
 
 def test_a_claim_of_a_clock_that_was_set_back_since_holds_nobody_up(store: Store, clock: Clock) -> None:
@@ -89,10 +81,10 @@ def test_people_without_tokens_are_told_apart_by_their_browsers(store: Store) ->
 
 def test_of_many_who_ask_at_once_one_has_the_part(store: Store) -> None:
     part = received(store, PartState.REVIEW)
-    people = [Person(f"P{k}", seat=str(k)) for k in range(8)]
-    with ThreadPoolExecutor(8) as pool:
-        claims = list(pool.map(lambda p: store.claim_part(part.id, p), people))
-    assert len({c.who for c in claims}) == 1
+    assert (
+        len({claim.who for claim in race(lambda k: store.claim_part(part.id, Person(f"P{k}", seat=str(k))))})
+        == 1
+    )
 
 
 # ---- two who agree
@@ -101,8 +93,7 @@ def test_of_many_who_ask_at_once_one_has_the_part(store: Store) -> None:
 def test_a_part_is_reviewed_when_two_people_say_the_same(store: Store) -> None:
     part = received(store, PartState.REVIEW, "KX4")
     assert said(store, part.id, ADA, "KX1") is PartState.REVIEW
-    assert store.part(part.id).text == "KX4"
-    assert store.undelivered() == 0
+    assert (store.part(part.id).text, store.undelivered()) == ("KX4", 0)
     assert said(store, part.id, ADA, "KX1") is PartState.REVIEW  # nobody agrees with herself
     assert store.next_in_queue(person=ADA) is None
     assert store.next_in_queue(person=GRACE) == store.part(part.id)
@@ -111,69 +102,81 @@ def test_a_part_is_reviewed_when_two_people_say_the_same(store: Store) -> None:
     assert [o.after for o in store.opinions(part.id)] == ["KX1", "KX7"]
     assert said(store, part.id, MARY, "KX1") is PartState.REVIEWED
     assert store.part(part.id).text == "KX1"
-    assert len(store.reviews(part.id)) == 4
-    assert store.opinions(part.id) == ()
-    assert not any("KX1" in str(e.data) for e in store.history(part.id) if e.kind == "read_by_person")
+    assert (len(store.reviews(part.id)), store.opinions(part.id), store.half_reviewed()) == (4, (), {})
+    told = [dict(e.data) for e in store.history(part.id) if e.kind == "read_by_person"]
+    assert told == [{"who": "Ada"}, {"who": "Ada"}, {"who": "Grace"}], "not what was said"
 
 
 def test_two_who_cannot_read_it_agree_too_and_a_correction_needs_two_again(store: Store) -> None:
     part = received(store, PartState.REVIEW, "KX4")
-    said(store, part.id, ADA, "")
-    assert said(store, part.id, GRACE, "") is PartState.REVIEWED
-    assert said(store, part.id, ADA, "KX1") is PartState.REVIEW
-    assert said(store, part.id, MARY, "KX1") is PartState.REVIEWED
+    came = [
+        said(store, part.id, by, text) for by, text in ((ADA, ""), (GRACE, ""), (ADA, "KX1"), (MARY, "KX1"))
+    ]
+    assert came == [PartState.REVIEW, PartState.REVIEWED] * 2
     assert said(store, part.id, GRACE, "KX1") is PartState.REVIEWED  # as it stands
+
+
+def test_who_has_reviewed_a_part_can_undo_it(store: Store) -> None:
+    part = received(store, PartState.REVIEW, "KX4")
+    said(store, part.id, ADA, "KX1", readers=1)
+    with pytest.raises(ConflictError, match="reviewed by Ada"):
+        store.undo_review(part.id, person=GRACE)
+    undone = store.undo_review(part.id, person=ADA, targets=("mqtt",))
+    assert (undone.state, undone.text, store.undelivered()) == (PartState.REVIEW, "KX4", 1)
+    assert store.statistics(START).reviewed == 0
+    with pytest.raises(ConflictError, match="is not reviewed"):
+        store.undo_review(part.id, person=ADA)
 
 
 # ---- audits
 
 
-def audited(store: Store, text: str = "KX4", *, audit: bool = True, **more: object) -> str:
+def audited(store: Store) -> str:
     """An accepted part that was drawn."""
-    return received(store, PartState.ACCEPTED, text, audit=audit, **more).id
+    return received(store, PartState.ACCEPTED, "KX4", audit=True).id
 
 
 def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store: Store) -> None:
-    audited(store, audit=False)
+    not_drawn = received(store, PartState.ACCEPTED, "KX4").id
     received(store, PartState.REVIEW, audit=True)  # not accepted: nothing to audit
     part_id = audited(store)
     assert [p.id for p in store.queue(audits=True)] == [part_id]
+    assert (store.awaits_audit(part_id), store.awaits_audit(not_drawn), store.audit(part_id)) == (
+        True,
+        False,
+        None,
+    )
     store.claim_part(part_id, GRACE)
     assert store.next_in_queue(person=ADA, audits=True) is None
     with pytest.raises(ClaimedError):
-        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
-    store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Grace", token="Grace", audit=True)
+        said(store, part_id, ADA, "KX4", audit=True)
+    assert said(store, part_id, GRACE, "KX4", audit=True) is PartState.ACCEPTED
     found = store.audit(part_id)
     assert found is not None
-    assert (found.after, found.before, found.who) == ("KX4", "KX4", "Grace")
-    assert store.part(part_id).state is PartState.ACCEPTED
+    assert (found.before, found.after, found.who) == ("KX4", "KX4", "Grace")
     assert (store.queue(audits=True), store.undelivered(), store.claimed()) == ((), 0, {})
     with pytest.raises(ConflictError, match="does not wait for an audit"):
-        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
+        said(store, part_id, ADA, "KX4", audit=True)
 
 
 def test_the_estimate_counts_what_reviews_have_said_of_those_read_otherwise(store: Store) -> None:
-    right = [audited(store) for _ in range(3)]
-    mistyped, wrong, disputed, unreadable, waiting, found_before = (audited(store) for _ in range(6))
-    for part_id in right:
-        store.review(part_id, action=ReviewAction.CORRECT, text="KX4", who="Ada", token="Ada", audit=True)
-    for part_id in (mistyped, wrong, disputed):
-        store.review(part_id, action=ReviewAction.CORRECT, text="KX7", who="Ada", token="Ada", audit=True)
-        assert store.part(part_id).state is PartState.REVIEW
-    store.review(unreadable, action=ReviewAction.UNREADABLE, text="", who="Ada", token="Ada", audit=True)
-    assert store.part(unreadable).state is PartState.ACCEPTED
+    for _ in range(3):
+        said(store, audited(store), ADA, "KX4", audit=True)
+    mistyped, wrong, _, unreadable, found_before = (audited(store) for _ in range(5))
+    for part_id in store.queue(audits=True)[:3]:
+        assert said(store, part_id.id, ADA, "KX7", audit=True) is PartState.REVIEW
+    assert said(store, unreadable, ADA, "", audit=True) is PartState.ACCEPTED
     said(store, mistyped, GRACE, "KX4", readers=1)
     said(store, wrong, GRACE, "KX7", readers=1)
     said(store, found_before, GRACE, "KX9", readers=1)  # by whoever complained, before its audit
+    waiting = audited(store)
     figures = store.audit_figures(START)
     assert (figures.drawn, figures.waiting, figures.disputed, figures.not_judged) == (9, 1, 1, 1)
     assert figures.accepted_wrong == share(2, 6, exact=True)
     assert [p.id for p in store.queue(audits=True)] == [waiting]
     assert store.audit_figures(START + timedelta(hours=1)).drawn == 0
-
-
-def test_a_part_read_anew_and_no_longer_accepted_is_dropped(store: Store) -> None:
-    part_id = audited(store)
-    store.add_readings(part_id, readings=(reading("KX5", "fused", "review"),), state=PartState.REVIEW)
-    assert store.queue(audits=True) == ()
-    assert store.audit_figures(START).drawn == 0
+    store.undo_review(wrong, person=GRACE)
+    assert store.audit_figures(START).disputed == 2
+    # one that is read anew, and no longer accepted, is dropped
+    store.add_readings(waiting, readings=(reading("KX5", "fused", "review"),), state=PartState.REVIEW)
+    assert (store.queue(audits=True), store.audit_figures(START).drawn) == ((), 8)

@@ -7,118 +7,93 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartState, ReviewAction
+from pipeline.common.records import PartState
 from pipeline.store.store import AlreadyDoneError, ConflictError, IdempotencyKey, Store
-from tests.support.store_samples import PHOTO, reading, received
-
-_N_RACERS = 12
+from tests.support.store_samples import PHOTO, correct, race, reading, received
 
 
-def _race(run: Callable[[int], Any]) -> list[Any]:
-    """What came of it, started at one moment; what was raised is what came of it."""
-    line = threading.Barrier(_N_RACERS)
+def _refused(run: Callable[[int], Any]) -> Callable[[int], Any]:
+    """What came of it; a refusal is what came of it."""
 
     def one(k: int) -> Any:
-        line.wait(30)
         try:
             return run(k)
         except ConflictError as error:
             return error
 
-    with ThreadPoolExecutor(_N_RACERS) as pool:
-        return list(pool.map(one, range(_N_RACERS)))
+    return one
 
 
-def test_one_of_many_equal_requests_makes_a_part(store_url: str) -> None:
-    with contextlib.closing(Store.open(store_url)) as store:
-        for k in range(5):
-            request = IdempotencyKey(f"line-3:{k}", "f")
-            made = _race(
-                lambda _, request=request: received(
-                    store, evidence=(PHOTO,), targets=("mqtt",), idempotency=request
-                )
-            )
-            parts = [part for part in made if not isinstance(part, Exception)]
-            assert len(parts) == 1
-            refused = [error for error in made if isinstance(error, AlreadyDoneError)]
-            assert len(refused) == _N_RACERS - 1
-            assert {error.part_id for error in refused} == {parts[0].id}
-        assert len(store.parts()) == 5
-        assert store.undelivered() == 5
+def test_one_of_many_equal_requests_makes_a_part(store: Store) -> None:
+    for n in range(5):
+        asked = {
+            "targets": ("mqtt",),
+            "evidence": (PHOTO,),
+            "idempotency": IdempotencyKey(f"line-3:{n}", "f"),
+        }
+        made = race(_refused(lambda _, asked=asked: received(store, **asked)))
+        (part,) = [one for one in made if not isinstance(one, Exception)]
+        refused = [error for error in made if isinstance(error, AlreadyDoneError)]
+        assert len(refused) == len(made) - 1
+        assert {error.part_id for error in refused} == {part.id}
+    assert (len(store.parts()), store.undelivered()) == (5, 5)
 
 
-def test_one_of_many_people_is_first(store_url: str) -> None:
-    with contextlib.closing(Store.open(store_url)) as store:
-        for _ in range(5):
-            part = received(store, PartState.REVIEW, "KX4")
-            said = _race(
-                lambda k, part=part: store.review(
-                    part.id, action=ReviewAction.CORRECT, text=f"KX{k:03d}", who=f"person {k}", before="KX4"
-                )
-            )
-            (won,) = [s for s in said if not isinstance(s, Exception)]
-            assert all(type(s) is ConflictError for s in said if s is not won)
-            assert store.part(part.id) == won
-            assert len(store.reviews(part.id)) == 1
+def test_one_of_many_people_is_first(store: Store) -> None:
+    for _ in range(5):
+        part = received(store, PartState.REVIEW, "KX4").id
+        said = race(_refused(lambda k, p=part: correct(store, p, f"KX{k:03d}", f"person {k}", before="KX4")))
+        (won,) = [s for s in said if not isinstance(s, Exception)]
+        assert all(type(s) is ConflictError for s in said if s is not won)
+        assert store.part(part) == won
+        assert len(store.reviews(part)) == 1
 
 
-def test_every_review_stands_where_nobody_asks_what_was_before(store_url: str) -> None:
-    with contextlib.closing(Store.open(store_url)) as store:
-        part = received(store, PartState.REVIEW, "KX4")
-        _race(
-            lambda k: store.review(part.id, action=ReviewAction.CORRECT, text=f"KX{k:03d}", who=f"person {k}")
-        )
-        reviews = store.reviews(part.id)
-        assert sorted(r.who for r in reviews) == sorted(f"person {k}" for k in range(_N_RACERS))
-        # a chain: each began where the one before ended
-        assert [r.before for r in reviews] == ["KX4", *(r.after for r in reviews[:-1])]
-        now = store.part(part.id)
-        assert (now.text, now.review) == (reviews[-1].after, reviews[-1])
+def test_every_review_stands_where_nobody_asks_what_was_before(store: Store) -> None:
+    part = received(store, PartState.REVIEW, "KX4")
+    said = race(lambda k: correct(store, part.id, f"KX{k:03d}", f"person {k}"))
+    reviews = store.reviews(part.id)
+    assert sorted(r.who for r in reviews) == sorted(f"person {k}" for k in range(len(said)))
+    # a chain: each began where the one before ended
+    assert [r.before for r in reviews] == ["KX4", *(r.after for r in reviews[:-1])]
+    now = store.part(part.id)
+    assert (now.text, now.review) == (reviews[-1].after, reviews[-1])
 
 
-def test_a_scan_and_a_person_race(store_url: str) -> None:
-    with contextlib.closing(Store.open(store_url)) as store:
-        for _ in range(5):
-            part = received(store, PartState.TOUCH_NEEDED, "KX4")
+def test_a_scan_and_a_person_race(store: Store) -> None:
+    for _ in range(5):
+        part = received(store, PartState.TOUCH_NEEDED, "KX4").id
 
-            def one(k: int, part_id: str = part.id) -> Any:
-                if k == 0:
-                    return store.review(part_id, action=ReviewAction.CORRECT, text="KX5", who="Ada")
-                felt = (reading(f"KX{k}", "fused"),)
-                return store.add_readings(part_id, readings=felt, state=PartState.ACCEPTED, targets=("mqtt",))
+        def one(k: int, part: str = part) -> Any:
+            if k == 0:
+                return correct(store, part, "KX5")
+            return store.add_readings(part, readings=(reading(f"KX{k}", "fused"),), state=PartState.ACCEPTED)
 
-            came = _race(one)
-            n_felt = sum(not isinstance(c, Exception) for c in came[1:])
-            # whoever came after the person was refused, and the person has the last word
-            assert len(store.readings(part.id)) == 1 + n_felt
-            now = store.part(part.id)
-            assert (now.state, now.text) == (PartState.REVIEWED, "KX5")
-            assert now.reading == store.readings(part.id)[-1]
-            # while touch is needed the part has no text
-            before = store.readings(part.id)[-1].text if n_felt else ""
-            assert store.reviews(part.id)[0].before == before
+        n_felt = sum(not isinstance(came, Exception) for came in race(_refused(one))[1:])
+        # whoever came after the person was refused, and the person has the last word
+        readings, now = store.readings(part), store.part(part)
+        assert len(readings) == 1 + n_felt
+        assert (now.state, now.text, now.reading) == (PartState.REVIEWED, "KX5", readings[-1])
+        # while touch is needed the part has no text
+        assert store.reviews(part)[0].before == (readings[-1].text if n_felt else "")
 
 
-def test_many_write_and_look_at_once(store_url: str) -> None:
-    with contextlib.closing(Store.open(store_url)) as store:
+def test_many_write_and_look_at_once(store: Store) -> None:
+    def one(k: int) -> list[str]:
+        made = []
+        for n in range(8):
+            made.append(received(store, name=f"{k}-{n}", targets=("mqtt",)).id)
+            assert store.part(made[-1]).name == f"{k}-{n}"
+            store.parts(limit=5)
+        return made
 
-        def one(k: int) -> list[str]:
-            made = []
-            for n in range(8):
-                made.append(received(store, name=f"{k}-{n}", targets=("mqtt",)).id)
-                assert store.part(made[-1]).name == f"{k}-{n}"
-                store.parts(limit=5)
-            return made
-
-        made = {i for ids in _race(one) for i in ids}
-        assert {p.id for p in store.parts(limit=1000)} == made
-        assert len(made) == 8 * _N_RACERS == store.undelivered()
+    made = [part_id for ids in race(one) for part_id in ids]
+    assert {p.id for p in store.parts(limit=1000)} == set(made)
+    assert len(set(made)) == len(made) == store.undelivered()
 
 
 _WRITER = """
