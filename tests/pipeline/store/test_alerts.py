@@ -7,10 +7,10 @@ import contextlib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.common.records import PartState, ReviewAction
+from pipeline.common.records import PartState
 from pipeline.store.alerts import DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
 from pipeline.store.store import Store
-from tests.support.store_samples import due, race, reading, received
+from tests.support.store_samples import correct, due, race, reading, received
 
 WINDOW = 10
 LIMITS = {REJECT_RATE: 0.35, REVIEW_RATE: 0.0}
@@ -83,7 +83,7 @@ def test_the_review_rate_counts_parts_that_a_person_has_dealt_with(store: Store)
     parts(store, good=5)
     for _ in range(5):
         part = received(store, PartState.REVIEW)
-        store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+        correct(store, part.id, "KX407251")
     received(store, PartState.TOUCH_NEEDED)  # not decided yet
     assert look(store, limits) == [REVIEW_RATE]
     assert look(store, {REVIEW_RATE: 0.0}) == []  # nobody asks any more

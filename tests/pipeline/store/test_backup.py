@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -19,7 +21,7 @@ import sqlalchemy as sa
 from glyphs.errors import FileError
 from pipeline.cli.main import main
 from pipeline.common.golden_record import GoldenMeasure, Measured
-from pipeline.common.records import EvidenceRecord, PartState, ReviewAction, Scope
+from pipeline.common.records import EvidenceRecord, PartState, Scope
 from pipeline.store.backup import SKIPPED_DELIVERIES, back_up, read_manifest, restore
 from pipeline.store.check import CheckReport, Fault, check
 from pipeline.store.database import Transaction
@@ -27,7 +29,7 @@ from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import IdempotencyKey, Store
 from pipeline.store.tables import METADATA
-from tests.support.store_samples import PHOTO, PLAN, START, Clock, due, reading, received
+from tests.support.store_samples import PHOTO, PLAN, START, Clock, correct, due, reading, received
 
 Stores = Callable[[str, pytest.FixtureRequest], str]
 
@@ -43,9 +45,7 @@ def synced(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def _keep(folder: EvidenceFolder, content: bytes) -> EvidenceRecord:
-    path = folder.new_work_folder() / "photo"
-    path.write_bytes(content)
-    sha256, n_bytes = folder.keep(path)
+    sha256, n_bytes = folder.keep_content(content)
     return replace(PHOTO, sha256=sha256, n_bytes=n_bytes)
 
 
@@ -57,7 +57,7 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
         store, PartState.TOUCH_NEEDED, name="Größe", plan=PLAN, idempotency=IdempotencyKey("line:1", "f")
     )
     store.add_readings(part.id, readings=(reading("KX9", "fused", "review"),), state=PartState.REVIEW)
-    store.review(part.id, action=ReviewAction.CORRECT, text="KX8", who="Ada", targets=("webhook",))
+    correct(store, part.id, "KX8", targets=("webhook",))
     store.add_token("line-3", [Scope.WRITE])
     store.add_golden({GoldenMeasure.GAIN: Measured(1.01, 0.001)}, line="press", reference=False)
     store.look_for_alerts(limits={}, window=1, drifts={"": "the parts are duller"})
@@ -80,6 +80,10 @@ def _all_rows(store: Store) -> dict[str, list[tuple[Any, ...]]]:
         }
 
 
+def _contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def _files(folder: EvidenceFolder) -> dict[str, bytes]:
     return {name: folder.path(name).read_bytes() for names in folder.kept() for name in names}
 
@@ -87,6 +91,19 @@ def _files(folder: EvidenceFolder) -> dict[str, bytes]:
 @pytest.fixture
 def evidence(tmp_path: Path) -> EvidenceFolder:
     return EvidenceFolder(tmp_path / "service" / "evidence")
+
+
+@pytest.fixture
+def filled(store: Store, evidence: EvidenceFolder) -> Store:
+    _filled(store, evidence)
+    return store
+
+
+@pytest.fixture
+def backup(filled: Store, evidence: EvidenceFolder, tmp_path: Path) -> Path:
+    """A backup of `filled`."""
+    back_up(filled, evidence, tmp_path / "backup")
+    return tmp_path / "backup"
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -105,12 +122,9 @@ def test_what_is_brought_back_elsewhere_is_what_was_there(
     assert cookie is not None
     made = back_up(store, evidence, tmp_path / "backup")
     assert (made.rows["parts"], made.files, made.lost) == (6, 5, [])
-    assert sorted(p.name for p in (tmp_path / "backup").iterdir()) == [
-        "evidence",
-        "manifest.json",
-        "store.db",
-    ]
-    before = {p: p.read_bytes() for p in (tmp_path / "backup").rglob("*") if p.is_file()}
+    names = ["evidence", "manifest.json", "store.db"]
+    assert sorted(p.name for p in (tmp_path / "backup").iterdir()) == names
+    before = _contents(tmp_path / "backup")
     back = EvidenceFolder(tmp_path / "elsewhere" / "evidence")
     assert restore(tmp_path / "backup", other, back).lost == []
     assert all(_all_rows(store).values()), "every table has a row to be compared"
@@ -119,7 +133,7 @@ def test_what_is_brought_back_elsewhere_is_what_was_there(
     assert other.session_token(cookie) is None
     assert _files(back) == _files(evidence)
     assert check(other, back, against=tmp_path / "backup").counts == {}
-    assert {p: p.read_bytes() for p in (tmp_path / "backup").rglob("*") if p.is_file()} == before
+    assert _contents(tmp_path / "backup") == before
     # it goes on: rows and numbers of deliveries
     last = max(delivery.id for delivery in due(store))
     part = received(other, targets=("mqtt",))
@@ -133,52 +147,39 @@ def test_what_is_brought_back_elsewhere_is_what_was_there(
 def test_a_backup_taken_while_parts_come_in_is_of_one_moment(
     store: Store, evidence: EvidenceFolder, clock: Clock, tmp_path: Path
 ) -> None:
-    stop = threading.Event()
-    ids: list[str] = []
+    stop, ids = threading.Event(), list[str]()
 
     def work() -> None:
         while not stop.is_set():
-            part = received(
-                store,
-                PartState.REVIEW,
-                "KX4",
-                evidence=(_keep(evidence, os.urandom(200)),),
-                targets=("mqtt",),
-            )
-            store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
+            about = {"evidence": (_keep(evidence, os.urandom(200)),), "targets": ("mqtt",)}
+            part = received(store, PartState.REVIEW, "KX4", **about)
+            correct(store, part.id, "KX5", targets=("mqtt",))
             ids.append(part.id)
 
-    threads = [threading.Thread(target=work) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    try:
-        while len(ids) < 20:
-            time.sleep(0.005)
-        made = back_up(store, evidence, tmp_path / "backup")
-        known = len(ids)
-    finally:
-        stop.set()
-        for thread in threads:
-            thread.join()
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(2):
+            pool.submit(work)
+        try:
+            while len(ids) < 20:
+                time.sleep(0.005)
+            made, known = back_up(store, evidence, tmp_path / "backup"), len(ids)
+        finally:
+            stop.set()
     assert made.lost == []
     assert 20 <= made.rows["parts"] <= known + 2
-    target = Store.open(f"sqlite:///{tmp_path}/back.db", now=clock)
-    restore(tmp_path / "backup", target, EvidenceFolder(tmp_path / "back"))
-    report = check(target, EvidenceFolder(tmp_path / "back"))
+    with contextlib.closing(Store.open(f"sqlite:///{tmp_path}/back.db", now=clock)) as target:
+        restore(tmp_path / "backup", target, EvidenceFolder(tmp_path / "back"))
+        report = check(target, EvidenceFolder(tmp_path / "back"))
     assert (report.parts, report.findings) == (made.rows["parts"], [])
-    target.close()
 
 
 def test_files_of_the_backup_before_are_linked(
-    store: Store, evidence: EvidenceFolder, tmp_path: Path
+    filled: Store, backup: Path, evidence: EvidenceFolder, tmp_path: Path
 ) -> None:
-    _filled(store, evidence)
-    back_up(store, evidence, tmp_path / "first")
-    kept = EvidenceFolder(tmp_path / "first" / "evidence")
+    kept = EvidenceFolder(backup / "evidence")
     rotten, whole, *_ = _files(kept)
     kept.path(rotten).write_bytes(b"rotten")
-    made = back_up(store, evidence, tmp_path / "second", previous=tmp_path / "first")
-    assert made.lost == []
+    assert back_up(filled, evidence, tmp_path / "second", previous=backup).lost == []
     second = EvidenceFolder(tmp_path / "second" / "evidence")
     assert _files(second) == _files(evidence)
     assert os.path.samefile(second.path(whole), kept.path(whole))
@@ -187,43 +188,44 @@ def test_files_of_the_backup_before_are_linked(
 
 
 def test_a_backup_appears_whole_or_not_at_all(
-    store: Store,
+    filled: Store,
     evidence: EvidenceFolder,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     synced: list[str],
 ) -> None:
-    _filled(store, evidence)
-    taken = EvidenceFolder.take
-    n_taken = 0
+    taken, calls = EvidenceFolder.take, itertools.count(1)
 
     def killed(folder: EvidenceFolder, *given: Any, **options: Any) -> Any:
-        nonlocal n_taken
-        n_taken += 1
-        if n_taken == 3:
+        if next(calls) == 3:
             raise KeyboardInterrupt
         return taken(folder, *given, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(EvidenceFolder, "take", killed)
         with pytest.raises(KeyboardInterrupt):
-            back_up(store, evidence, tmp_path / "backup")
+            back_up(filled, evidence, tmp_path / "backup")
     assert not (tmp_path / "backup").exists()
     with pytest.raises(FileError, match="is no whole backup"):
         read_manifest(tmp_path / "backup.partial")
-    assert back_up(store, evidence, tmp_path / "backup").files == 5
+    assert back_up(filled, evidence, tmp_path / "backup").files == 5
     assert synced == ["sync", "rename"], "all is on the disk before it has its name"
     assert not (tmp_path / "backup.partial").exists()
     with pytest.raises(FileError, match="is there already"):
-        back_up(store, evidence, tmp_path / "backup")
+        back_up(filled, evidence, tmp_path / "backup")
 
 
-def test_a_restore_that_is_killed_is_begun_again(
-    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
+    filled: Store, backup: Path, other: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _filled(store, evidence)
-    back_up(store, evidence, tmp_path / "backup")
     back = EvidenceFolder(tmp_path / "back")
+    whole = (backup / "store.db").read_bytes()
+    (backup / "store.db").write_bytes(whole[:5000] + b"x" + whole[5001:])
+    with pytest.raises(FileError, match="is not as it was written; take another backup"):
+        restore(backup, other, back)
+    with pytest.raises(FileError, match="is no whole backup"):
+        restore(tmp_path, other, back)
+    (backup / "store.db").write_bytes(whole)
 
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
@@ -231,25 +233,10 @@ def test_a_restore_that_is_killed_is_begun_again(
     with monkeypatch.context() as patch:
         patch.setattr("pipeline.store.backup.last_delivery", killed)
         with pytest.raises(KeyboardInterrupt):
-            restore(tmp_path / "backup", other, back)
+            restore(backup, other, back)
     assert other.parts() == ()
-    restore(tmp_path / "backup", other, back)
-    assert _all_rows(other) == _all_rows(store)
-
-
-def test_a_backup_that_has_changed_is_not_brought_back(
-    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path
-) -> None:
-    _filled(store, evidence)
-    back_up(store, evidence, tmp_path / "backup")
-    with (tmp_path / "backup" / "store.db").open("r+b") as stream:
-        stream.seek(5000)
-        stream.write(b"x")
-    with pytest.raises(FileError, match="is not as it was written; take another backup"):
-        restore(tmp_path / "backup", other, EvidenceFolder(tmp_path / "back"))
-    with pytest.raises(FileError, match="is no whole backup"):
-        restore(tmp_path, other, EvidenceFolder(tmp_path / "back"))
-    assert other.parts() == ()
+    restore(backup, other, back)
+    assert _all_rows(other) == _all_rows(filled)
 
 
 def test_what_retention_takes_meanwhile_is_gone_and_not_lost(
@@ -292,13 +279,12 @@ def _tamper(tx: Transaction, table: str, statement: str) -> None:
     assert tx.execute(sa.text(statement)).rowcount > 0
 
 
-def test_a_store_that_is_well(store: Store, evidence: EvidenceFolder) -> None:
-    _filled(store, evidence)
-    blind = store.parts(state=PartState.REVIEWED)[0].id
+def test_a_store_that_is_well(filled: Store, evidence: EvidenceFolder) -> None:
+    blind = filled.parts(state=PartState.REVIEWED)[0].id
     for who, text in (("Bea", "KX1"), ("Cy", "KX2"), ("Di", "KX2")):  # one has read it otherwise, two agree
-        store.review(blind, action=ReviewAction.CORRECT, text=text, who=who, readers=2)
-        assert check(store, evidence).findings == []
-    report = check(store, evidence)
+        correct(filled, blind, text, who, readers=2)
+        assert check(filled, evidence).findings == []
+    report = check(filled, evidence)
     assert (report.parts, report.files, report.findings, report.well) == (6, 5, [], True)
 
 
@@ -316,15 +302,13 @@ def test_a_store_that_is_well(store: Store, evidence: EvidenceFolder) -> None:
     ],
 )
 def test_what_is_changed_behind_the_programs_back_is_found(
-    store: Store, evidence: EvidenceFolder, tmp_path: Path, table: str, statement: str, derived: bool
+    filled: Store, backup: Path, evidence: EvidenceFolder, table: str, statement: str, derived: bool
 ) -> None:
-    _filled(store, evidence)
-    back_up(store, evidence, tmp_path / "backup")
-    (reviewed,) = store.parts(state=PartState.REVIEWED)
-    of_file = store.evidence_before(START + timedelta(days=1))[-1][0]
-    with store.database.writing() as tx:
+    (reviewed,) = filled.parts(state=PartState.REVIEWED)
+    of_file = filled.evidence_before(START + timedelta(days=1))[-1][0]
+    with filled.database.writing() as tx:
         _tamper(tx, table, statement)
-    report = check(store, evidence, against=tmp_path / "backup")
+    report = check(filled, evidence, against=backup)
     assert _told(report, Fault.DERIVED) == [reviewed.id] * derived
     changed = {"events": [reviewed.id], "evidence": [of_file], "parts": []}
     assert _told(report, Fault.CHANGED) == changed[table]

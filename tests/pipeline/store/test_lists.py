@@ -7,9 +7,9 @@ from datetime import timedelta
 import pytest
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.common.records import PartRecord, PartState
 from pipeline.store.store import Store, UnfitError
-from tests.support.store_samples import START, Clock, received
+from tests.support.store_samples import START, Clock, correct, received
 
 
 def _ids(parts: tuple[PartRecord, ...]) -> list[str]:
@@ -17,20 +17,17 @@ def _ids(parts: tuple[PartRecord, ...]) -> list[str]:
 
 
 def test_newest_first_and_page_by_page(store: Store) -> None:
-    made = [received(store).id for _ in range(7)]
-    newest = made[::-1]
+    made = [received(store).id for _ in range(6)]
+    part = received(store, PartState.REVIEW, "KX4")
+    part = correct(store, part.id, "KX5")
+    newest = [part.id, *made[::-1]]
     assert _ids(store.parts()) == newest
     pages = [store.parts(limit=3)]
     while pages[-1]:
         pages.append(store.parts(limit=3, before=pages[-1][-1].id))
     assert [len(page) for page in pages] == [3, 3, 1, 0]
     assert [i for page in pages for i in _ids(page)] == newest
-
-
-def test_a_page_is_the_parts_themselves(store: Store) -> None:
-    part = received(store, PartState.REVIEW, "KX4")
-    part = store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada")
-    assert store.parts() == (part,)
+    assert pages[0][0] == part
 
 
 @pytest.mark.parametrize(
@@ -106,13 +103,11 @@ def test_the_queue_is_worked_off_from_its_head(store: Store) -> None:
     assert store.next_in_queue(first.id) == second
     assert store.next_in_queue(third.id) == first
     assert store.next_in_queue(new_part_id()) == first
-    store.review(second.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    correct(store, second.id, "KX4")
     assert store.next_in_queue(first.id) == third
     for part in (first, third):
-        store.review(part.id, action=ReviewAction.UNREADABLE, text="", who="Ada")
-    assert store.queue() == ()
-    assert store.next_in_queue() is None
-    assert store.next_in_queue(first.id) is None
+        correct(store, part.id, "")
+    assert (store.queue(), store.next_in_queue(), store.next_in_queue(first.id)) == ((), None, None)
 
 
 def test_reviewed_parts_since_a_time(store: Store, clock: Clock) -> None:
@@ -120,7 +115,7 @@ def test_reviewed_parts_since_a_time(store: Store, clock: Clock) -> None:
     # in another order than they were received
     for part in (parts[2], parts[0], parts[1]):
         clock.go_on(hours=1)
-        store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+        correct(store, part.id, "KX4")
     by_id = [p.id for p in parts[:3]]
     assert _ids(store.reviewed()) == by_id
     assert _ids(store.reviewed(since=START + timedelta(hours=2))) == by_id[:2]

@@ -8,18 +8,11 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from pipeline.common.records import Agreement, PartState, ReviewAction, ShadowRecord
+from pipeline.common.records import Agreement, PartState, ShadowRecord
 from pipeline.store.store import Store, UnfitError
-from tests.support.store_samples import START, Clock, reading, received
+from tests.support.store_samples import START, Clock, correct, reading, received
 
 WOULD_BE = (PartState.ACCEPTED, PartState.TOUCH_NEEDED, PartState.REVIEW)
-
-
-def test_nothing_yet(store: Store) -> None:
-    assert store.agreement_by_day(START) == ()
-    assert store.parts(agreement=Agreement.OTHER) == ()
-    with pytest.raises(UnfitError, match="time with its zone"):
-        store.agreement_by_day(START.replace(tzinfo=None))
 
 
 def test_days_of_a_line(store: Store, clock: Clock) -> None:
@@ -39,6 +32,9 @@ def test_days_of_a_line(store: Store, clock: Clock) -> None:
             key = (clock.at.date().isoformat(), Agreement(kind))
             everything[key] += 1
             accepted[key] += would_be is PartState.ACCEPTED
+    with pytest.raises(UnfitError, match="time with its zone"):
+        store.agreement_by_day(since.replace(tzinfo=None))
+    assert store.agreement_by_day(clock.at + timedelta(hours=1)) == ()
     days = store.agreement_by_day(since)
     assert [d.day for d in days] == sorted(d.day for d in days)
     assert len(days) > 3
@@ -56,7 +52,7 @@ def test_what_would_have_been_decided_is_kept(store: Store) -> None:
     assert (last.kind, dict(last.data)) == ("compared", {"agreement": "other", "would_be": "accepted"})
     assert store.queue() == ()
     # a person's review keeps it, and a later reading changes it
-    store.review(part.id, action=ReviewAction.CORRECT, text="KX407257", who="Ada")
+    correct(store, part.id, "KX407257")
     assert store.part(part.id).shadow == kept
     again = received(store, PartState.SHADOW, shadow=kept)
     better = ShadowRecord(Agreement.SAME, PartState.REVIEW)
