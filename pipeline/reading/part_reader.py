@@ -298,7 +298,7 @@ def read_surface(
 
     found = reader.touch.weigh_orientation(found, rows_known=False)
     # what scans the part again has the dirt of the map as it was given
-    if serial_is_sure(found) or not found.text or (feel is not None and soil is not None):
+    if serial_is_sure(found) or (feel is not None and soil is not None):
         return found
     if not reader.touch.may_be_mirrored(found):
         return found
