@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line, picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import MAX_PIXELS, MapError
 
 
-@dataclass(frozen=True, eq=False)
-class Photo:
+@dataclass(frozen=True, eq=False, repr=False)
+class Photo(OneLine):
     """A photograph, row 0 at the top.
 
     Attributes:
@@ -36,8 +36,6 @@ class Photo:
     shrunk: float = 1.0
     others: tuple[Photo, ...] = ()
     notes: tuple[str, ...] = ()
-
-    __repr__ = one_line
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.grey())

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 
 DEFAULT_PIXEL_MM = 0.06
 
 
-@dataclass(frozen=True)
-class Camera:
+@dataclass(frozen=True, repr=False)
+class Camera(OneLine):
     """A camera straight above a plate.
 
     Attributes:
@@ -50,8 +50,6 @@ class Camera:
     dark_noise: float = 0.004
     vignetting: float = 0.15
     bloom: float = 0.04
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_finite(MapError, self)

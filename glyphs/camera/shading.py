@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import require_range
 from glyphs.soiling.coat import Look
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field
 
 
-@dataclass(frozen=True)
-class Light:
+@dataclass(frozen=True, repr=False)
+class Light(OneLine):
     """Light on a part.
 
     Attributes:
@@ -49,8 +49,6 @@ class Light:
     gradient: float = 0.4
     shadows: bool = True
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_range(MapError, -1e6, 1e6, self, "azimuth_deg")

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 Points = NDArray[np.float64]
 
@@ -65,8 +65,8 @@ def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
     return array
 
 
-@dataclass(frozen=True, eq=False)
-class Glyph:
+@dataclass(frozen=True, eq=False, repr=False)
+class Glyph(OneLine):
     """One character's shape in the glyph frame.
 
     Attributes:
@@ -94,8 +94,6 @@ class Glyph:
     stroke: float = 0.0
     relief: NDArray[np.float32] | None = None
     guessed: bool = False
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if len(self.char) != 1:
@@ -141,8 +139,8 @@ class Glyph:
         return _ink_boundary(self.segments) if self.contours else self.segments
 
 
-@dataclass(frozen=True, eq=False)
-class Font:
+@dataclass(frozen=True, eq=False, repr=False)
+class Font(OneLine):
     """A set of glyphs.
 
     Attributes:
@@ -159,8 +157,6 @@ class Font:
     glyphs: Mapping[str, Glyph]
     stroke_ratio: float
     source: str
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.name:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from glyphs.ranges import freeze_arrays, require_range
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.stamp import StampedPart
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field, bilinear, smooth_noise
 
@@ -25,8 +25,8 @@ _STEEL_REFLECTANCE = 0.55
 _STEEL_ROUGHNESS = 0.34
 
 
-@dataclass(frozen=True, eq=False)
-class Look:
+@dataclass(frozen=True, eq=False, repr=False)
+class Look(OneLine):
     """Optical properties of a surface, sample by sample.
 
     Attributes:
@@ -42,8 +42,6 @@ class Look:
     roughness: NDArray[np.float32]
     reflectance: NDArray[np.float32]
 
-    __repr__ = one_line
-
     def __post_init__(self) -> None:
         grid = ("rows", "cols")
         shapes = {"roughness": grid, "albedo": (*grid, 3), "reflectance": grid}
@@ -51,8 +49,8 @@ class Look:
         require_range(MapError, 1e-3, 1.0, least_roughness=float(self.roughness.min()))
 
 
-@dataclass(frozen=True, eq=False)
-class Coat:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coat(OneLine):
     """The surface so far; all arrays (rows, cols) float32 unless said otherwise.
 
     Attributes:
@@ -81,8 +79,6 @@ class Coat:
     roughness: Field
     reflectance: Field
 
-    __repr__ = one_line
-
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, cols)."""
@@ -100,6 +96,17 @@ class Coat:
     def noise(self, length_mm: float, rng: np.random.Generator) -> Field:
         """`smooth_noise` on this grid."""
         return smooth_noise(self.shape, pitch_mm=self.pitch_mm, length_mm=length_mm, rng=rng)
+
+    def under_film(self, thickness_mm: Field, hardness_mpa: ArrayLike, friction: Field) -> Coat:
+        """The coat under a film that yields where it is thicker than a tenth of a micrometre."""
+        lies = thickness_mm > 1e-4
+        return replace(
+            self,
+            z_mm=self.z_mm + thickness_mm,
+            soft_mm=np.where(lies, thickness_mm, self.soft_mm),
+            hardness_mpa=np.where(lies, np.asarray(hardness_mpa, np.float32), self.hardness_mpa),
+            friction=friction.astype(np.float32),
+        )
 
     def shaded(
         self,

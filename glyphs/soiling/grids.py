@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import Field, bilinear, smooth_noise
@@ -19,6 +22,12 @@ def coarse_noise(coat: Coat, length_mm: float, step: float, rng: np.random.Gener
     """Smooth noise on samples `step` apart, with room at the far borders; see `smooth_noise`."""
     shape = (int(coat.shape[0] / step) + 2, int(coat.shape[1] / step) + 2)
     return smooth_noise(shape, pitch_mm=coat.pitch_mm * step, length_mm=length_mm, rng=rng)
+
+
+def slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+    """`Coat.noise` of a long length, drawn on a thinned grid."""
+    step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
+    return stretch(coarse_noise(coat, length_mm, step, rng), step, coat.shape)
 
 
 def stretch(values: Field, step: float, shape: tuple[int, int]) -> Field:
@@ -39,3 +48,11 @@ def resize(values: Field, shape: tuple[int, ...], *, how: str = "linear") -> Fie
 
     flag = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}[how]
     return np.asarray(cv2.resize(values, shape[::-1], interpolation=flag), dtype=np.float32)
+
+
+def blur(values: NDArray[Any], sigma: float, *, mirror: bool = False) -> Field:
+    """Blur a field by a Gaussian of `sigma` samples; beyond its borders it goes on as at them, or as in a mirror."""
+    from glyphs.opencv import cv2
+
+    border = cv2.BORDER_REFLECT if mirror else cv2.BORDER_REPLICATE
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma, borderType=border), dtype=np.float32)

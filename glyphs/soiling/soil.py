@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
 
 
-@dataclass(frozen=True, eq=False)
-class Soil:
+@dataclass(frozen=True, eq=False, repr=False)
+class Soil(OneLine):
     """Dirt and friction of a part, on the grid of its height map.
 
     Attributes:
@@ -37,8 +37,6 @@ class Soil:
     thickness_mm: NDArray[np.float32]
     hardness_mpa: NDArray[np.float32]
     friction: NDArray[np.float32]
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name in ("hardness_mpa", "friction"):

@@ -20,7 +20,7 @@ from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.soiling.workshop.mixture import Dirt, lay_mixture
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap
 
 WORKSHOP = "workshop"
@@ -28,8 +28,8 @@ _LOOK_STREAM = 7
 """Random stream of the bare metal's look; the workshop's seven kinds draw from the streams before it."""
 
 
-@dataclass(frozen=True)
-class Soiling:
+@dataclass(frozen=True, repr=False)
+class Soiling(OneLine):
     """The soils of a part and their severity.
 
     Attributes:
@@ -44,8 +44,6 @@ class Soiling:
     soils: tuple[str, ...] = (WORKSHOP,)
     severity: float = 0.0
     mixture: Dirt | None = None
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_range(StampError, 0.0, 1.0, self, "severity", hint="it lies between 0 (clean) and 1")
@@ -65,8 +63,8 @@ class Soiling:
         return self.severity == 0.0 if self.mixture is None else self.mixture.clean
 
 
-@dataclass(frozen=True, eq=False)
-class SoiledPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class SoiledPart(OneLine):
     """A part with what lies on it.
 
     Attributes:
@@ -83,8 +81,6 @@ class SoiledPart:
     height_map: HeightMap
     soil: Soil
     look: Look
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shapes = {self.part.height_map.shape, self.height_map.shape, self.soil.shape}

@@ -12,11 +12,11 @@ from glyphs.fonts.glyph import Glyph
 from glyphs.stamping.die import Box, middle_mm, plate_box, shape_distance_mm, to_plate
 from glyphs.stamping.faces import Die, relief_mm
 from glyphs.stamping.variation import StampingVariation
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 
-@dataclass(frozen=True)
-class Blow:
+@dataclass(frozen=True, repr=False)
+class Blow(OneLine):
     """One character's blow: where it lands (plate offset of the ink's centre, mm) and how.
 
     `lean_deg` is the side to which it leans, in the plate frame: there the burr is the higher by `pile_up_lean`, and
@@ -36,8 +36,6 @@ class Blow:
     lean_deg: float = 0.0
     pile_up_lean: float = 0.0
     flank_loss: float = 0.0
-
-    __repr__ = one_line
 
 
 @dataclass(frozen=True)

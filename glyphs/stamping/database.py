@@ -27,7 +27,7 @@ from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
 from glyphs.stamping.faces import Die
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import EdgeMap, TraceDirection
 
 FORMAT_NAME = "tactile-marks glyph database"
@@ -50,8 +50,8 @@ class DatabaseError(MarksError):
     """A database that cannot be read, written or made."""
 
 
-@dataclass(frozen=True, eq=False)
-class Exemplar:
+@dataclass(frozen=True, eq=False, repr=False)
+class Exemplar(OneLine):
     """One character as it was once felt, enrolled by hand.
 
     Attributes:
@@ -84,8 +84,6 @@ class Exemplar:
     part: str = ""
     evidence: str = ""
 
-    __repr__ = one_line
-
     def __post_init__(self) -> None:
         if self.relief is not None and np.shape(self.relief) != self.edge_map.shape:
             raise DatabaseError(
@@ -102,8 +100,8 @@ class Exemplar:
             ) from None
 
 
-@dataclass(frozen=True, eq=False)
-class GlyphDatabase:
+@dataclass(frozen=True, eq=False, repr=False)
+class GlyphDatabase(OneLine):
     """Fonts, dies and enrolled exemplars of the letters in use.
 
     Attributes:
@@ -118,8 +116,6 @@ class GlyphDatabase:
     fonts: Mapping[str, Font] = field(default_factory=dict)
     dies: Mapping[str, Die] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name, font in self.fonts.items():

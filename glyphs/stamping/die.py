@@ -13,7 +13,7 @@ from glyphs.fonts.glyph import Glyph, Points, signed_distance, transform_glyph, 
 from glyphs.ranges import require_not_negative, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Die, Face, relief_mm
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 Box = tuple[float, float, float, float]
@@ -21,8 +21,8 @@ Box = tuple[float, float, float, float]
 _CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a time, Hershey's by up to 30
 
 
-@dataclass(frozen=True, eq=False)
-class IdealGlyph:
+@dataclass(frozen=True, eq=False, repr=False)
+class IdealGlyph(OneLine):
     """The relief of one faultless character.
 
     Attributes:
@@ -34,8 +34,6 @@ class IdealGlyph:
     height_map: HeightMap
     centre_mm: tuple[float, float]
     ink_box_mm: tuple[float, float, float, float]
-
-    __repr__ = one_line
 
 
 def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:

@@ -11,13 +11,13 @@ from glyphs.ranges import require_not_negative
 from glyphs.stamping.errors import StampError, pick
 from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
 from glyphs.stamping.variation import StampingVariation
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 _WIDEST = 1.25  # of the font's stroke, as `default_die` has it
 
 
-@dataclass(frozen=True)
-class DieKind:
+@dataclass(frozen=True, repr=False)
+class DieKind(OneLine):
     """One kind of die.
 
     Attributes:
@@ -33,8 +33,6 @@ class DieKind:
     face: Face
     tip: float = 0.0
     changes: tuple[tuple[str, float], ...] = ()
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_not_negative(StampError, self)

@@ -18,7 +18,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.ranges import require_not_negative, require_positive, require_range
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
     (3.2, 0.15),
@@ -46,8 +46,8 @@ class Face(StrEnum):
         raise StampError(f"unknown face {value!r}", hint=f"use one of {', '.join(cls)}")
 
 
-@dataclass(frozen=True)
-class Die:
+@dataclass(frozen=True, repr=False)
+class Die(OneLine):
     """A die's cutting geometry, as the mark it leaves.
 
     Attributes:
@@ -75,8 +75,6 @@ class Die:
     burr_height_mm: float = 0.0
     burr_width_mm: float = 0.2
     dot_pitch_mm: float = 0.6
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "face", Face(self.face))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.stamping.errors import StampError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 MAX_SAG_MM = 3.0
 """Most rise or fall of a form from the middle to an edge: beyond it neither an array of whiskers on a straight rail
@@ -28,8 +28,8 @@ _STEEPEST = 0.9
 """Most half width over the radius: slopes of up to 64 degrees at the edge."""
 
 
-@dataclass(frozen=True)
-class PlateForm:
+@dataclass(frozen=True, repr=False)
+class PlateForm(OneLine):
     """Radii of a plate about its two axes; default: flat.
 
     Attributes:
@@ -43,8 +43,6 @@ class PlateForm:
 
     radius_x_mm: float = math.inf
     radius_y_mm: float = math.inf
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name in ("radius_x_mm", "radius_y_mm"):

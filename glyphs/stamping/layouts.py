@@ -12,14 +12,14 @@ import numpy as np
 from glyphs.fonts.glyph import Font
 from glyphs.ranges import require_finite, require_not_negative
 from glyphs.stamping.errors import StampError, pick
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
 _TIGHTEST = 0.9  # of half a line's length over the radius of its arc
 
 
-@dataclass(frozen=True)
-class Layout:
+@dataclass(frozen=True, repr=False)
+class Layout(OneLine):
     """Layout of a line on the plate; default: straight and alone.
 
     Attributes:
@@ -39,8 +39,6 @@ class Layout:
     other_text: str = ""
     other_above: bool = False
     gap: float = 0.5
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_finite(StampError, self, "turned_deg")

@@ -19,12 +19,12 @@ from glyphs.stamping.forms import PlateForm, along_skin_mm, seen_mm
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.variation import StampingVariation
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 
-@dataclass(frozen=True, eq=False)
-class StampedPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class StampedPart(OneLine):
     """A stamped plate and what is known about it.
 
     Attributes:
@@ -49,8 +49,6 @@ class StampedPart:
     other_text: str = ""
     other_boxes_mm: tuple[Box, ...] = ()
     form: PlateForm = field(default_factory=PlateForm)
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for text, boxes in ((self.text, self.boxes_mm), (self.other_text, self.other_boxes_mm)):

@@ -10,11 +10,11 @@ from glyphs.ranges import require_finite, require_not_negative, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.textures import Texture
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 
-@dataclass(frozen=True)
-class PlateVariation:
+@dataclass(frozen=True, repr=False)
+class PlateVariation(OneLine):
     """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) one.
 
     Attributes:
@@ -48,8 +48,6 @@ class PlateVariation:
     form: PlateForm = field(default_factory=PlateForm)
     texture: Texture | None = None
 
-    __repr__ = one_line
-
     def __post_init__(self) -> None:
         require_finite(StampError, self, "lay_direction_deg")
         lengths = "waviness_wavelength_mm", "lay_wavelength_mm", "roughness_length_mm"
@@ -66,8 +64,8 @@ class PlateVariation:
         )
 
 
-@dataclass(frozen=True)
-class StampingVariation:
+@dataclass(frozen=True, repr=False)
+class StampingVariation(OneLine):
     """Variation from blow to blow; numbers are standard deviations if nothing else is said.
 
     Attributes:
@@ -105,8 +103,6 @@ class StampingVariation:
     flank_loss: float = 0.0
     jump_probability: float = 0.0
     jump_fraction: float = 0.0
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_not_negative(StampError, self)

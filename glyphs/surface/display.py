@@ -21,10 +21,7 @@ _PICTURE_ROWS, _PICTURE_COLS = 160, 640
 
 
 def one_line(value: Any) -> str:
-    """A dataclass on one line: what differs from its defaults, arrays as shape and range, long values cut.
-
-    Give it to a class as its `__repr__`.
-    """
+    """A dataclass on one line: what differs from its defaults, arrays as shape and range, long values cut."""
     parts: list[str] = []
     for item in fields(value):
         held = getattr(value, item.name)
@@ -36,6 +33,12 @@ def one_line(value: Any) -> str:
             parts[-1] = "..."
             break
     return f"{type(value).__name__}({', '.join(parts)})"
+
+
+class OneLine:
+    """Base of dataclasses, made with `repr=False`, that are shown on one line; see `one_line`."""
+
+    __repr__ = one_line
 
 
 def _same(held: object, default: object) -> bool:

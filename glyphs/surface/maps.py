@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_range
-from glyphs.surface.display import one_line, picture_html
+from glyphs.surface.display import OneLine, picture_html
 
 MAX_PIXELS = 64_000_000
 """Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
@@ -72,8 +72,8 @@ LEAST_PITCH_MM = 1e-7
 """A tenth of a nanometre: no instrument's samples lie closer."""
 
 
-@dataclass(frozen=True, eq=False)
-class HeightMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class HeightMap(OneLine):
     """Heights of a surface on a square grid.
 
     Attributes:
@@ -86,8 +86,6 @@ class HeightMap:
 
     z_mm: NDArray[np.float32]
     pitch_mm: float
-
-    __repr__ = one_line
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.z_mm)
@@ -133,8 +131,8 @@ class HeightMap:
         return ((cols - 1) * self.pitch_mm, (rows - 1) * self.pitch_mm)
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class EdgeMap(OneLine):
     """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
 
     A land sample is 0; +0.16 means that the moment stood 16 % above the land's. By physics.md the value is
@@ -156,8 +154,6 @@ class EdgeMap:
     valid: NDArray[np.bool_]
     pitch_mm: float
     origin_mm: tuple[float, float] = (0.0, 0.0)
-
-    __repr__ = one_line
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.enhancement[0])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 
 
@@ -32,8 +32,8 @@ class PieceKind(StrEnum):
     STEP = "step"
 
 
-@dataclass(frozen=True)
-class Piece:
+@dataclass(frozen=True, repr=False)
+class Piece(OneLine):
     """A test piece, in millimetres and degrees.
 
     Attributes:
@@ -56,8 +56,6 @@ class Piece:
     width_mm: float = 12.0
     radius_mm: float = 3.0
     land_mm: float = 2.0
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.angle_deg or not all(0.0 < a < 90.0 for a in self.angle_deg):

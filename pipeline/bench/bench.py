@@ -195,12 +195,7 @@ class BenchSession:
         if self._bench is None:
             raise StageError("the part is no longer on the stage", "open a session of its own for every part")
         settings = self._bench.settings
-        along, across = (self._x_mm, self._y_mm) if order.direction.along_x else (self._y_mm, self._x_mm)
-        on_plate = replace(
-            order,
-            line_mm=tuple(v + across for v in order.line_mm),
-            along_mm=(order.along_mm[0] + along, order.along_mm[1] + along),
-        )
+        on_plate = order.moved(self._x_mm, self._y_mm)
         moves = moves_of(on_plate, settings, preload_mm=self.fitting.touch.preload_mm)
         air, felt, clipped = samples(self._bench.run(moves), order, moves)
         gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, measured_plans, ways_words
@@ -70,8 +70,8 @@ class ArrayRequest:
         return (0.0, 0.0, length + 2.0 * BESIDE_HEIGHTS * h, (1.0 + 2.0 * BESIDE_HEIGHTS) * h)
 
 
-@dataclass(frozen=True, eq=False)
-class ArrayChoice:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArrayChoice(OneLine):
     """An array, its plan, and what they give.
 
     Attributes:
@@ -85,8 +85,6 @@ class ArrayChoice:
     plan: RasterPlan
     lines: int
     measured: PlanCounts
-
-    __repr__ = one_line
 
     @property
     def stage_s(self) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.sections import Material, Rectangle, Round, Section, Taper
@@ -30,8 +30,8 @@ _FREQUENCY_PARTS = 3
 Values = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Checked:
+@dataclass(frozen=True, repr=False)
+class Checked(OneLine):
     """A whisker in use, against a request and limits: everything that a search needs, as arrays.
 
     Attributes:
@@ -43,8 +43,6 @@ class Checked:
     contrast: Values
     values: Mapping[Bound, Values]
     limits: Mapping[Bound, tuple[float, bool]] = field(repr=False)
-
-    __repr__ = one_line
 
     def reserve(self) -> dict[Bound, Values]:
         """ln(limit / value) or ln(value / limit): positive where held; straight on below a tenth of a limit."""

@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,
@@ -76,8 +76,8 @@ class Worst:
     lip: Lip
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(OneLine):
     """A whisker, its use, and how it stands to every limit.
 
     Attributes:
@@ -113,8 +113,6 @@ class Design:
     linear_error: float
     frequency_hz: float
     land_force_n: float
-
-    __repr__ = one_line
 
     @property
     def contrast(self) -> float:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
 from whisker_array.whisker.validity import LINEAR_ERROR_LIMIT
@@ -70,8 +70,8 @@ class Bound(enum.Enum):
         return self.value[1]
 
 
-@dataclass(frozen=True)
-class Request:
+@dataclass(frozen=True, repr=False)
+class Request(OneLine):
     """Use of a whisker: walls, friction, marks and speed.
 
     Attributes:
@@ -92,8 +92,6 @@ class Request:
     character_height_mm: float
     speed_mm_s: float | None = None
     material: Material = MUSIC_WIRE
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         low, high = self.alpha_rad
@@ -144,8 +142,8 @@ class Request:
         return min(by_wall, 0.25 * NARROWEST_STROKE_HEIGHTS * self.character_height_mm)
 
 
-@dataclass(frozen=True)
-class Limits:
+@dataclass(frozen=True, repr=False)
+class Limits(OneLine):
     """Limits of making and use; see the head of the module.
 
     Attributes:
@@ -181,8 +179,6 @@ class Limits:
     strain: float = 200e-6
     clearance_depths: float = 1.0
     axis_raise: float = 0.0
-
-    __repr__ = one_line
 
     def scaled(self, factor: float) -> Limits:
         """The same limits for everything so many times larger: lengths times the factor, force its square."""

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
 """The counts, and the command that made them."""
 
 
-@dataclass(frozen=True)
-class PlanCounts:
+@dataclass(frozen=True, repr=False)
+class PlanCounts(OneLine):
     """Counts of parts and characters read by one plan under one severity of dirt.
 
     Attributes:
@@ -38,8 +38,6 @@ class PlanCounts:
     right: int
     accepted: int
     accepted_wrong: int
-
-    __repr__ = one_line
 
     def __add__(self, other: PlanCounts) -> PlanCounts:
         return PlanCounts(

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.design.checks import FINEST_WAVELENGTH_LINES, Checked, Values, check, first_frequency_hz
 from whisker_array.design.limits import Bound, Limits, Request
 from whisker_array.whisker.sections import Rectangle, Round
@@ -36,8 +36,8 @@ Objective = Callable[[LShaped, float], Values]
 """Function of whisker and preload whose smallest entry is maximised."""
 
 
-@dataclass(frozen=True)
-class Candidate:
+@dataclass(frozen=True, repr=False)
+class Candidate(OneLine):
     """A whisker in use, found or tried.
 
     Attributes:
@@ -52,11 +52,9 @@ class Candidate:
     worth: float
     reserve: float
 
-    __repr__ = one_line
 
-
-@dataclass(frozen=True)
-class Problem:
+@dataclass(frozen=True, repr=False)
+class Problem(OneLine):
     """A search: use, limits, kind of section and objective.
 
     Attributes:
@@ -75,8 +73,6 @@ class Problem:
     error_scale: float = 1.0
     objective: Objective | None = None
     axis_lean_rad: float | None = None
-
-    __repr__ = one_line
 
     def box(self) -> Values:
         """(7, 2) bounds of the variables."""

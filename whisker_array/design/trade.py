@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.design.checks import check
 from whisker_array.design.design import Design
 from whisker_array.design.limits import Bound, Limits, Request
@@ -19,8 +19,8 @@ SLIDE_FACTORS = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 SPEED_FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 
-@dataclass(frozen=True)
-class TradeOff:
+@dataclass(frozen=True, repr=False)
+class TradeOff(OneLine):
     """Contrast at other values of one limit, the whisker designed anew for each.
 
     Attributes:
@@ -36,8 +36,6 @@ class TradeOff:
     allowed: tuple[float, ...]
     contrast: tuple[float | None, ...]
     at: float
-
-    __repr__ = one_line
 
 
 def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) -> TradeOff:

@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.design.checks import Values, edge_steps
 from whisker_array.design.design import SEED, Design, describe_design, settled
 from whisker_array.design.limits import DesignError, Limits, Request
@@ -47,8 +47,8 @@ class Kind(enum.Enum):
     THRESHOLD = "threshold"
 
 
-@dataclass(frozen=True)
-class Tuned:
+@dataclass(frozen=True, repr=False)
+class Tuned(OneLine):
     """A whisker for one inclination.
 
     Attributes:
@@ -71,8 +71,6 @@ class Tuned:
     table_mu: tuple[float, float, float]
     table: Values
     place_rad: tuple[float, float, float]
-
-    __repr__ = one_line
 
 
 def factors(whisker: LShaped, *, alpha_rad: Values, mu: Values) -> Values:

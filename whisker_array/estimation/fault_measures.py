@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
@@ -38,8 +38,8 @@ _LOCKED = 0.5
 """Agreement of phases from pass to pass, above which a wave stands on the plate."""
 
 
-@dataclass(frozen=True, eq=False)
-class SweepShares:
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepShares(OneLine):
     """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
 
     Attributes:
@@ -51,8 +51,6 @@ class SweepShares:
     sweep: Sweep
     share: Floats
     air: Floats
-
-    __repr__ = one_line
 
 
 def sweep_shares(scan: Scan) -> list[SweepShares]:

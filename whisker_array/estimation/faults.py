@@ -14,7 +14,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation.estimate import moment_per_lift
 from whisker_array.estimation.fault_measures import Floats, SweepShares
@@ -26,69 +26,72 @@ Mask = NDArray[np.bool_]
 
 
 class FaultKind(StrEnum):
-    """The faults."""
+    """The faults: name, what is measured, and the remedy.
 
-    DEAD = "dead whisker"
-    NOISY = "noisy whisker"
-    LOOSE = "loose clamp"
-    BENT = "bent whisker"
-    WORN = "worn tip"
-    HEIGHT = "wrong height"
-    TILTED = "tilted plate"
-    BOWED = "bowed plate"
-    VIBRATION = "vibration"
-    SPIKES = "spikes"
+    Attributes:
+        measure: message with gaps for the numbers measured.
+        hint: remedy of the fault.
+    """
 
-    @property
-    def hint(self) -> str:
-        """Remedy of the fault."""
-        return _TABLE[self][1]
+    measure: str
+    hint: str
 
+    def __new__(cls, name: str, measure: str, hint: str) -> FaultKind:
+        """A kind of fault, equal to its name."""
+        member = str.__new__(cls, name)
+        member._value_, member.measure, member.hint = name, measure, hint
+        return member
 
-# what is measured, and what to do
-_TABLE = {
-    FaultKind.DEAD: (
+    DEAD = (
+        "dead whisker",
         "gives {:.0f} % of the moment of land",
         "see whether it is broken, then to its gauge and wire",
-    ),
-    FaultKind.NOISY: (
+    )
+    NOISY = (
+        "noisy whisker",
         "its noise is {:.1f} % of the moment of land",
         "see to its plug, solder joints and screen",
-    ),
-    FaultKind.LOOSE: ("its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"),
-    FaultKind.BENT: (
+    )
+    LOOSE = "loose clamp", "its level on land jumps by {:.1f} % from pass to pass", "tighten its clamp"
+    BENT = (
+        "bent whisker",
         "gives {:.0f} % of what the others give where they meet",
         "straighten or replace it, then calibrate",
-    ),
-    FaultKind.WORN: (
+    )
+    WORN = (
+        "worn tip",
         "marks are {:.0f} % as deep and sharp as under the others",
         "look at its tip under a glass, grind or replace it",
-    ),
-    FaultKind.HEIGHT: (
+    )
+    HEIGHT = (
+        "wrong height",
         "land gives {:.0f} % of its moment, the stage is about {:.2f} mm too {}",
         "set the stage to the height that the whisker file says, then calibrate",
-    ),
-    FaultKind.TILTED: (
+    )
+    TILTED = (
+        "tilted plate",
         "it rises by {:.2f} mm along {}, the preload is {:.2f} mm",
         "seat the part flat, clean its rests",
-    ),
-    FaultKind.BOWED: (
+    )
+    BOWED = (
+        "bowed plate",
         "its middle stands off by {:.2f} mm along {}, the preload is {:.2f} mm",
         "clamp the part flat; a round part needs a stage that follows it",
-    ),
-    FaultKind.VIBRATION: (
+    )
+    VIBRATION = (
+        "vibration",
         "all whiskers swing by {:.1f} % at {:.0f} Hz",
         "stop the machine that shakes the bench, or see to mains hum in the amplifier",
-    ),
-    FaultKind.SPIKES: (
+    )
+    SPIKES = (
+        "spikes",
         "{} single samples stand out where nothing is to be felt",
         "keep the signal wires away from motors and relays, screen and earth them",
-    ),
-}
+    )
 
 
-@dataclass(frozen=True)
-class FaultLimits:
+@dataclass(frozen=True, repr=False)
+class FaultLimits(OneLine):
     """Limits of sound recordings; they stand well above what sound sensors, dies, plates and dirt do in simulation.
 
     That of a worn tip was set on the same recordings on which its false alarms are counted.
@@ -135,8 +138,6 @@ class FaultLimits:
     spike: float = 0.05
     few_spikes: int = 12
 
-    __repr__ = one_line
-
 
 @dataclass(frozen=True)
 class Fault:
@@ -155,7 +156,7 @@ class Fault:
 
 def _fault(kind: FaultKind, *numbers: object, whisker: int | None = None, message: str = "") -> Fault:
     place = kind.value if whisker is None else f"whisker {whisker}, {kind.value}"
-    return Fault(kind, f"{place}: {(message or _TABLE[kind][0]).format(*numbers)} ({kind.hint})", whisker)
+    return Fault(kind, f"{place}: {(message or kind.measure).format(*numbers)} ({kind.hint})", whisker)
 
 
 def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault, ...]:

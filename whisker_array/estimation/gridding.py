@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError, TraceDirection
 from whisker_array.estimation.averaging import average_onto, averaging_weights
 
 Lines = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class SweptLines:
+@dataclass(frozen=True, eq=False, repr=False)
+class SweptLines(OneLine):
     """One value for every sample of the lines of a sweep.
 
     Attributes:
@@ -31,8 +31,6 @@ class SweptLines:
     along_mm: Lines
     direction: TraceDirection
 
-    __repr__ = one_line
-
     def __post_init__(self) -> None:
         if self.values.shape != (self.place_mm.size, self.along_mm.size):
             raise MapError(
@@ -40,8 +38,8 @@ class SweptLines:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class PlateGrid:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlateGrid(OneLine):
     """Pixels of a map.
 
     Attributes:
@@ -53,8 +51,6 @@ class PlateGrid:
     x_mm: Lines
     y_mm: Lines
     pitch_mm: float
-
-    __repr__ = one_line
 
     @property
     def origin_mm(self) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line, picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, MapError
 from whisker_array.estimation.both_ways import both_ways
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
@@ -41,8 +41,8 @@ class Route(StrEnum):
     FLOORS = "floors"
 
 
-@dataclass(frozen=True, eq=False)
-class Relief:
+@dataclass(frozen=True, eq=False, repr=False)
+class Relief(OneLine):
     """Height and slopes of the surface as felt, on a grid of the plate frame.
 
     Attributes:
@@ -66,8 +66,6 @@ class Relief:
     friction_sd: float | None
     route: Route
     friction_map: NDArray[np.float32] | None = None
-
-    __repr__ = one_line
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.height_mm)

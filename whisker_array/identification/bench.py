@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
@@ -57,8 +57,8 @@ of 0.004 mm to either side within a turn."""
 _OF_A_SCREW = 1 + 2 * len(LEADS_MM)
 
 
-@dataclass(frozen=True, eq=False)
-class Bench:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bench(OneLine):
     """A whisker and its bench, in numbers.
 
     Attributes:
@@ -76,8 +76,6 @@ class Bench:
     gain: NDArray[np.float64]
     memory: NDArray[np.float64]
     screw: NDArray[np.float64]
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         missing = [name for name in Unknown if name not in self.values]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.traces import Trace
 
@@ -30,8 +30,8 @@ COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fitted:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fitted(OneLine):
     """A fit as it stands, in parts of each sample's sigma.
 
     Attributes:
@@ -49,8 +49,6 @@ class Fitted:
     weight: tuple[NDArray[np.float64], ...]
     before: NDArray[np.float64]
     free: NDArray[np.bool_]
-
-    __repr__ = one_line
 
     @property
     def data(self) -> NDArray[np.float64]:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import sample_sigma_n_mm
@@ -33,8 +33,8 @@ _NONE = 1e-9
 """Least width, or share of one: numbers below it are not moved, or depend on others."""
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(OneLine):
     """The plane through the moments of a cloud of benches.
 
     Attributes:
@@ -46,8 +46,6 @@ class Plane:
     moment: tuple[NDArray[np.float64], ...]
     jacobian: tuple[NDArray[np.float64], ...]
     sigma: tuple[NDArray[np.float64], ...]
-
-    __repr__ = one_line
 
 
 def plane_through(

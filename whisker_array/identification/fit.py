@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.identification.bench import (
     BENCH_GAIN,
@@ -92,8 +92,8 @@ class IdentifyError(MarksError):
     """A recording that tells nothing of its bench."""
 
 
-@dataclass(frozen=True, eq=False)
-class Identified:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identified(OneLine):
     """A bench as found.
 
     Attributes:
@@ -121,8 +121,6 @@ class Identified:
     scatter_n_mm: float
     settled: bool
     drawn: LShaped | None = None
-
-    __repr__ = one_line
 
     @property
     def sd(self) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.estimation.edges import calibrated_moments
 from whisker_array.estimation.memory_removal import BETWEEN_S, remove_memory
 from whisker_array.scan.calibration import Calibration
@@ -35,8 +35,8 @@ _WITHIN_SECONDS = RELAX_S[:2]
 _LITTLE = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class GaugeEffects:
+@dataclass(frozen=True, eq=False, repr=False)
+class GaugeEffects(OneLine):
     """Contributions of the gauges to a sweep.
 
     Attributes:
@@ -48,8 +48,6 @@ class GaugeEffects:
     crept_n_mm: NDArray[np.float64]
     play_n_mm: NDArray[np.float64]
     load_n_mm: NDArray[np.float64]
-
-    __repr__ = one_line
 
 
 def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.identification.bench import DRAWN, Unknown, nominal_bench
 from whisker_array.identification.fit import Identified
 from whisker_array.whisker.enhancement import moment_ratio
@@ -26,8 +26,8 @@ OF_WHISKER = (*DRAWN, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
 Quantity = Callable[[LShaped, Touch], float]
 
 
-@dataclass(frozen=True, eq=False)
-class Knowledge:
+@dataclass(frozen=True, eq=False, repr=False)
+class Knowledge(OneLine):
     """Covariance of a whisker's numbers.
 
     Attributes:
@@ -40,8 +40,6 @@ class Knowledge:
 
     names: tuple[Unknown, ...]
     covariance: NDArray[np.float64]
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         n = len(self.names)

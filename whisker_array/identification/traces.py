@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.identification.bench import Bench
@@ -21,8 +21,8 @@ JAM_LANDS = 1.7
 _BESIDE = 3
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace(OneLine):
     """One line of one whisker, as it was recorded.
 
     Attributes:
@@ -44,8 +44,6 @@ class Trace:
     crept_n_mm: NDArray[np.float64]
     play_n_mm: NDArray[np.float64]
     load_n_mm: NDArray[np.float64]
-
-    __repr__ = one_line
 
 
 def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST_TRACES) -> tuple[Trace, ...]:

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
 from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
@@ -30,7 +29,7 @@ MAX_GAIN_UNCERTAINTY = 0.01
 """Largest standard error of an estimated gain, as a share of it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Gauges):
     """Gain and offset of every whisker as estimated from a lead-in, raw per moment and N mm.
 
@@ -40,8 +39,6 @@ class Calibration(Gauges):
     """
 
     from_land: bool = False
-
-    __repr__ = one_line
 
     def applied(self) -> Calibration:
         """The calibration of a signal to which gain and offset were applied."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import FileError
+from glyphs.errors import FileError, MarksError
 
 SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
 MAX_SAMPLES = 200_000_000
@@ -30,6 +32,29 @@ class CheckedFile:
         """Make an error for this file."""
         return FileError(self.path, what, hint)
 
+    def require(self, right: bool | np.bool_, what: str, hint: str = SEE_LAYOUT) -> None:
+        """Check a condition.
+
+        Raises:
+            FileError: it does not hold.
+        """
+        if not right:
+            raise self.fail(what, hint)
+
+    @contextmanager
+    def naming(self, what: str = "", *, hint: str = "") -> Iterator[None]:
+        """Turn errors of the values read within into errors of this file, which begin with `what`.
+
+        Raises:
+            FileError: so.
+        """
+        try:
+            yield
+        except FileError:
+            raise
+        except MarksError as error:
+            raise self.fail(what + error.what, hint or error.hint or SEE_LAYOUT) from error
+
     def dataset(
         self, name: str, shape: Shape, *, kinds: str = "fiu", most: int = MAX_SAMPLES
     ) -> h5py.Dataset:
@@ -47,25 +72,23 @@ class CheckedFile:
         found = self.file.get(name)
         if not isinstance(found, h5py.Dataset):
             raise self.fail(f"has no dataset /{name}")
-        if found.dtype.kind not in kinds:
-            wanted = "numbers" if "f" in kinds else "whole numbers"
-            raise self.fail(f"/{name} is of type {found.dtype}, not {wanted}")
+        numbers = "numbers" if "f" in kinds else "whole numbers"
+        self.require(found.dtype.kind in kinds, f"/{name} is of type {found.dtype}, not {numbers}")
         actual = found.shape or ()
-        if len(actual) != len(shape) or any(
-            n not in (None, have) for n, have in zip(shape, actual, strict=True)
-        ):
-            wanted = " x ".join("any" if n is None else str(n) for n in shape)
-            raise self.fail(f"/{name} has shape {found.shape}, not {wanted}")
-        if found.size == 0:
-            raise self.fail(f"/{name} is empty", "record at least one pass")
-        if found.size > most:
-            raise self.fail(
-                f"/{name} holds {found.size:,} values, over the limit of {most:,}", "split the scan"
-            )
-        if found.is_virtual or found.external:
-            raise self.fail(f"/{name} keeps its data in another file", "copy the data into this one")
-        if found.nbytes > _MOST_PACKED * found.id.get_storage_size():
-            raise self.fail(f"/{name} declares data that was never written", "let the recording end properly")
+        alike = len(actual) == len(shape) and all(
+            n in (None, have) for n, have in zip(shape, actual, strict=True)
+        )
+        wanted = " x ".join("any" if n is None else str(n) for n in shape)
+        self.require(alike, f"/{name} has shape {found.shape}, not {wanted}")
+        self.require(found.size > 0, f"/{name} is empty", "record at least one pass")
+        over = f"/{name} holds {found.size:,} values, over the limit of {most:,}"
+        self.require(found.size <= most, over, "split the scan")
+        elsewhere = found.is_virtual or found.external
+        self.require(not elsewhere, f"/{name} keeps its data in another file", "copy the data into this one")
+        written = found.nbytes <= _MOST_PACKED * found.id.get_storage_size()
+        self.require(
+            written, f"/{name} declares data that was never written", "let the recording end properly"
+        )
         return found
 
     def numbers(
@@ -79,8 +102,8 @@ class CheckedFile:
         if default is not None and name not in self.file:
             return np.full([n or 0 for n in shape], default, dtype=np.float64)
         values = np.asarray(self.dataset(name, shape, most=most)[()], dtype=np.float64)
-        if (default is None or np.isfinite(default)) and not np.isfinite(values).all():
-            raise self.fail(f"/{name} has values that are not finite")
+        finite = np.isfinite(values).all() or not (default is None or np.isfinite(default))
+        self.require(finite, f"/{name} has values that are not finite")
         return values
 
     def integers(self, name: str, n_rows: int, *, default: int | None = None) -> NDArray[np.integer[Any]]:
@@ -106,8 +129,7 @@ class CheckedFile:
             number = float(value)
         except (TypeError, ValueError) as error:
             raise self.fail(f"attribute {name} is {value!r}, not a number") from error
-        if not np.isfinite(number):
-            raise self.fail(f"attribute {name} is {number}")
+        self.require(np.isfinite(number), f"attribute {name} is {number}")
         return number
 
     def text(self, name: str, default: str = "", *, group: str = "/") -> str:

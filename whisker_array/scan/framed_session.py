@@ -41,12 +41,7 @@ class FramedSession:
         Raises:
             StageError: it could not be felt.
         """
-        along, across = (self._x_mm, self._y_mm) if order.direction.along_x else (self._y_mm, self._x_mm)
-        moved = replace(
-            order,
-            line_mm=tuple(v + across for v in order.line_mm),
-            along_mm=(order.along_mm[0] + along, order.along_mm[1] + along),
-        )
+        moved = order.moved(self._x_mm, self._y_mm)
         return replace(self._session.feel(moved), plan=order.sweep_plan())
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from glyphs.soiling.soil import Soil
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import SensorState
@@ -30,8 +30,8 @@ from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
 
 
-@dataclass(frozen=True, eq=False)
-class Mounted:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mounted(OneLine):
     """A part's surface as tips feel it, in the plate frame.
 
     Attributes:
@@ -44,8 +44,6 @@ class Mounted:
     origin_mm: float
     size_mm: tuple[float, float]
     _turned: dict[tuple[float, TraceDirection], TouchSurface] = field(default_factory=dict)
-
-    __repr__ = one_line
 
     def feel(
         self,

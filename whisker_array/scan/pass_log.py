@@ -9,15 +9,15 @@ import math
 from dataclasses import dataclass
 
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.sections import WhiskerError
 
 
-@dataclass(frozen=True, eq=False)
-class LoggedPass:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoggedPass(OneLine):
     """One pass, what was felt, and what was believed after it.
 
     Attributes:
@@ -34,11 +34,9 @@ class LoggedPass:
     text: str = ""
     confidence: float = 0.0
 
-    __repr__ = one_line
 
-
-@dataclass(frozen=True, eq=False)
-class PassLog:
+@dataclass(frozen=True, eq=False, repr=False)
+class PassLog(OneLine):
     """The passes of a scan, as one stage session felt them.
 
     Attributes:
@@ -61,8 +59,6 @@ class PassLog:
     stopped: str = ""
     problem: str = ""
     budget_s: float | None = None
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.passes:

@@ -9,7 +9,6 @@ from typing import Any
 import h5py
 import numpy as np
 
-from glyphs.errors import MarksError
 from whisker_array.scan.checked_file import CheckedFile
 from whisker_array.scan.pass_log import LoggedPass, PassLog
 from whisker_array.scan.sweep import Sweep
@@ -58,13 +57,13 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
     confidence = file.numbers(f"{GROUP}/confidence", (n,), default=0.0)
     texts = {name: _texts(file, name, n) for name in _TEXTS}
     field = np.atleast_1d(group.attrs.get("field_mm", ()))
-    if field.shape != (4,) or field.dtype.kind not in "fiu" or not np.isfinite(field).all():
-        raise file.fail("/log has no field that could be felt", "write field_mm as x0, y0, x1, y1")
+    numbers = field.shape == (4,) and field.dtype.kind in "fiu" and np.isfinite(field).all()
+    file.require(numbers, "/log has no field that could be felt", "write field_mm as x0, y0, x1, y1")
     x0, y0, x1, y1 = field.tolist()
     passes = []
     for k, sweep in enumerate(sweeps):
         plan = sweep.plan
-        try:
+        with file.naming(f"pass {k} of the log cannot be used: "):
             order = Pass(
                 direction=plan.direction,
                 line_mm=tuple(float(v) for v in plan.line_mm[0]),
@@ -76,17 +75,15 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
                 preload_mm=None if np.isnan(preload[k]) else float(preload[k]),
                 **{name: float(values[k]) for name, values in times.items()},
             )
-        except MarksError as error:
-            raise file.fail(f"pass {k} of the log cannot be used: {error.what}", error.hint) from error
         late = abs(plan.start_mm - order.start_mm) > _MISSED_STEPS * plan.step_mm
-        if late or plan.n_samples != order.n_samples:
-            raise file.fail(
-                f"pass {k} has {plan.n_samples} samples from {plan.start_mm:.3f} mm, its plan "
-                f"{order.n_samples} from {order.start_mm:.3f} mm"
-            )
+        file.require(
+            not late and plan.n_samples == order.n_samples,
+            f"pass {k} has {plan.n_samples} samples from {plan.start_mm:.3f} mm, its plan "
+            f"{order.n_samples} from {order.start_mm:.3f} mm",
+        )
         said = {name: values[k] for name, values in texts.items()}
         passes.append(LoggedPass(order, sweep, confidence=float(confidence[k]), **said))
-    try:
+    with file.naming("log of passes cannot be used: "):
         return PassLog(
             tuple(passes),
             array=_read_array(file),
@@ -96,8 +93,6 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
             problem=file.text("problem", group=GROUP),
             budget_s=file.attribute("budget_s", group=GROUP) if "budget_s" in group.attrs else None,
         )
-    except MarksError as error:
-        raise file.fail(f"log of passes cannot be used: {error.what}", error.hint) from error
 
 
 def _texts(file: CheckedFile, name: str, n: int) -> list[str]:
@@ -105,8 +100,7 @@ def _texts(file: CheckedFile, name: str, n: int) -> list[str]:
     if found is None:
         return [""] * n
     texts = isinstance(found, h5py.Dataset) and h5py.check_string_dtype(found.dtype) is not None
-    if not texts or found.shape != (n,):
-        raise file.fail(f"/log/{name} is not one text for each pass")
+    file.require(texts and found.shape == (n,), f"/log/{name} is not one text for each pass")
     return [str(text)[:_LONGEST_TEXT] for text in found.asstr(errors="replace")[()]]
 
 

@@ -12,10 +12,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.calibration import Calibration, apply_calibration
-from whisker_array.scan.checked_file import SEE_LAYOUT, CheckedFile
+from whisker_array.scan.checked_file import CheckedFile
 from whisker_array.scan.pass_log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import SensorMemory
@@ -25,7 +24,6 @@ from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 from whisker_array.whisker.passes import SweepPlan
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 
@@ -54,8 +52,8 @@ class RecordingReader(CheckedFile):
         self._n_passes = self._direction.size
         self._lines = self.numbers("passes/line_mm", (self._n_passes, None), most=_LARGEST_TABLE)
         self._n_whiskers = self._lines.shape[1]
-        if not np.isin(self._direction, _DIRECTIONS).all():
-            raise self.fail("/passes/direction_deg holds other values than 0, 90, 180 and 270")
+        ways = np.isin(self._direction, _DIRECTIONS).all()
+        self.require(ways, "/passes/direction_deg holds other values than 0, 90, 180 and 270")
 
     def scan(self) -> Scan:
         """Read the whole file as a Scan.
@@ -64,8 +62,8 @@ class RecordingReader(CheckedFile):
             FileError: anything not according to the layout.
         """
         units = self.text("units", "N*mm")
-        if units not in (*UNIT_N_MM, VOLT):
-            raise self.fail(f"units are {units!r}", f"use one of {', '.join([*UNIT_N_MM, VOLT])}")
+        known = (*UNIT_N_MM, VOLT)
+        self.require(units in known, f"units are {units!r}", f"use one of {', '.join(known)}")
         moment, flags = self._moments(UNIT_N_MM.get(units, 1.0))
         calibration = None if self.raw else self._calibration(volt=units == VOLT)
         if calibration is not None and units == VOLT:
@@ -90,7 +88,7 @@ class RecordingReader(CheckedFile):
                 sweeps = gather_sweeps(sweeps)
             except ValueError as error:
                 raise self.fail(str(error), "give all passes of a direction one step_mm") from error
-        try:
+        with self.naming():
             return Scan(
                 sweeps=sweeps,
                 touch=touches[0],
@@ -105,17 +103,15 @@ class RecordingReader(CheckedFile):
                 kind=kind,
                 log=log,
             )
-        except MarksError as error:
-            raise self.fail(error.what, error.hint or SEE_LAYOUT) from error
 
     def _check_format(self) -> None:
-        if self.text("format") != FORMAT:
-            raise self.fail(f"is not a scan (its attribute `format` is not {FORMAT!r})")
+        foreign = f"is not a scan (its attribute `format` is not {FORMAT!r})"
+        self.require(self.text("format") == FORMAT, foreign)
         version = self.attribute("format_version")
-        if version > FORMAT_VERSION:
-            raise self.fail(f"is of the newer format version {version:g}", "update tactile-marks to read it")
-        if version != FORMAT_VERSION:
-            raise self.fail(f"format_version is {version:g}", f"it must be {FORMAT_VERSION}")
+        newer = f"is of the newer format version {version:g}"
+        self.require(version <= FORMAT_VERSION, newer, "update tactile-marks to read it")
+        must = f"it must be {FORMAT_VERSION}"
+        self.require(version == FORMAT_VERSION, f"format_version is {version:g}", must)
 
     def _columns(self, n_channels: int) -> Rows:
         """Column of each whisker."""
@@ -123,48 +119,44 @@ class RecordingReader(CheckedFile):
         if "channels/whisker" in self.file:
             whisker = self.numbers("channels/whisker", (n_channels,)).astype(int)
         columns = np.argsort(whisker, kind="stable")[np.sum(whisker < 0) :]
-        if not np.array_equal(whisker[columns], np.arange(self._n_whiskers)):
-            raise self.fail(
-                f"/scan/signal has {n_channels} channels of whiskers {whisker.tolist()[:20]}, "
-                f"and /passes/line_mm {self._n_whiskers} whiskers",
-                "number them 0, 1, 2, ... in /channels/whisker; -1 marks a channel that is not a whisker",
-            )
+        self.require(
+            np.array_equal(whisker[columns], np.arange(self._n_whiskers)),
+            f"/scan/signal has {n_channels} channels of whiskers {whisker.tolist()[:20]}, "
+            f"and /passes/line_mm {self._n_whiskers} whiskers",
+            "number them 0, 1, 2, ... in /channels/whisker; -1 marks a channel that is not a whisker",
+        )
         return columns
 
     def _calibration(self, *, volt: bool) -> Calibration | None:
-        n, memory = self._n_whiskers, None
         if "calibration/gain" not in self.file:
-            if volt:
-                raise self.fail(
-                    "is in volts without a calibration", "run `tactile-marks calibrate` on it first"
-                )
+            unknown = "is in volts without a calibration"
+            self.require(not volt, unknown, "run `tactile-marks calibrate` on it first")
             return None
+        n, memory, at = self._n_whiskers, None, "calibration/memory"
         gain = self.numbers("calibration/gain", (n,))
         offset = self.numbers("calibration/offset_v" if volt else "calibration/offset_n_mm", (n,))
         from_land = bool(self.file["calibration"].attrs.get("from_land", False))
-        try:
-            if (at := "calibration/memory") in self.file:
+        with self.naming("calibration cannot be used: ", hint="calibrate it again"):
+            if at in self.file:
                 tables = {
                     name: self.numbers(f"{at}/{name}", shape, most=_LARGEST_TABLE)
                     for name, shape in memory_shapes(n).items()
                 }
                 memory = SensorMemory(**tables, largest_n_mm=self.attribute("largest_n_mm", group=at))
             return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land, memory=memory)
-        except MarksError as error:
-            raise self.fail(f"calibration cannot be used: {error.what}", "calibrate it again") from error
 
     def _kinds(self) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
         """Kind of each whisker, and the touch of each kind."""
         kind = self.integers("whisker/kind", self._n_whiskers, default=0)
-        if kind.min() < 0 or not np.array_equal(np.unique(kind), np.arange(kind.max() + 1)):
-            raise self.fail("/whisker/kind does not number the kinds of whisker 0, 1, 2, ...")
+        numbered = kind.min() >= 0 and np.array_equal(np.unique(kind), np.arange(kind.max() + 1))
+        self.require(numbered, "/whisker/kind does not number the kinds of whisker 0, 1, 2, ...")
         names = ["whisker", *(f"whisker_{i}" for i in range(1, int(kind.max()) + 1))]
         return tuple(int(k) for k in kind), tuple(self._touch(name) for name in names)
 
     def _touch(self, group: str) -> Touch:
         compliance = self.numbers(f"{group}/compliance_mm_per_n", (3, 3))
         arm = self.numbers(f"{group}/moment_arm_mm", (3,))
-        try:
+        with self.naming("its whisker is not possible: "):
             return Touch(
                 tip=TipModel(compliance_mm_per_n=compliance, moment_arm_mm=arm),
                 preload_mm=self.attribute("preload_mm", group=group),
@@ -172,26 +164,23 @@ class RecordingReader(CheckedFile):
                 friction=self.attribute("friction", NOMINAL_FRICTION, group=group),
                 whisker=self.text("description", group=group),
             )
-        except WhiskerError as error:
-            raise self.fail(f"its whisker is not possible: {error.what}", error.hint or SEE_LAYOUT) from error
 
     def _offsets(self) -> NDArray[np.float64]:
         """Distance of each whisker behind whisker 0, mm."""
         offset = self.numbers("whisker/offset_mm", (self._n_whiskers,), default=0.0)
-        if offset[0] != 0.0 or offset.min() < 0.0:
-            raise self.fail(
-                f"/whisker/offset_mm is {offset[0]:g} mm for whisker 0, and {offset.min():g} mm at least",
-                "count offsets from whisker 0, which is to stand in the foremost row",
-            )
+        self.require(
+            offset[0] == 0.0 and offset.min() >= 0.0,
+            f"/whisker/offset_mm is {offset[0]:g} mm for whisker 0, and {offset.min():g} mm at least",
+            "count offsets from whisker 0, which is to stand in the foremost row",
+        )
         return offset
 
     def _rows(self, n_rows: int) -> list[tuple[Rows, Rows]]:
         """For each pass its rows in the air and its touching rows, in time order."""
         number = self.integers("stage/pass", n_rows)
-        if number.max() >= self._n_passes:
-            raise self.fail(
-                f"/stage/pass names pass {number.max()}, /passes has {self._n_passes} (0 to {self._n_passes - 1})"
-            )
+        n = self._n_passes
+        there = f"/passes has {n} (0 to {n - 1})"
+        self.require(number.max() < n, f"/stage/pass names pass {number.max()}, {there}")
         phase = self.integers("stage/phase", n_rows, default=1)
         order = np.argsort(number, kind="stable")
         ends = np.searchsorted(number[order], np.arange(self._n_passes + 1))
@@ -226,12 +215,13 @@ class RecordingReader(CheckedFile):
     ) -> Sweep:
         """All passes in one direction and way (direction in degrees, pushed)."""
         direction = TraceDirection(int(way[0]))
+        name = f"passes in direction {int(direction)} deg"
         counts = sorted({rows[p][1].size for p in members})
-        if len(counts) > 1 or counts[0] < 2:
-            raise self.fail(
-                f"passes in direction {int(direction)} deg have {counts[0]} to {counts[-1]} touching samples",
-                "give all passes of a direction the same number, at least 2",
-            )
+        self.require(
+            len(counts) == 1 and counts[0] >= 2,
+            f"{name} have {counts[0]} to {counts[-1]} touching samples",
+            "give all passes of a direction the same number, at least 2",
+        )
         touching = np.stack([rows[p][1] for p in members])
         n_air = min(rows[p][0].size for p in members)
         air = np.stack([rows[p][0][:n_air] for p in members])
@@ -240,16 +230,14 @@ class RecordingReader(CheckedFile):
         whole = np.rint(behind)
         behind = np.where(np.abs(behind - whole) <= 1e-3 * np.maximum(1.0, whole), whole, behind)
         n_samples = counts[0] - int(np.ceil(behind.max(initial=0.0)))
-        if n_samples < 2:
-            raise self.fail(
-                f"passes in direction {int(direction)} deg are shorter than the rows' offsets",
-                "the array runs on until its last row has felt the part; see /whisker/offset_mm",
-            )
+        self.require(
+            n_samples >= 2,
+            f"{name} are shorter than the rows' offsets",
+            "the array runs on until its last row has felt the part; see /whisker/offset_mm",
+        )
         n_lead = int(self.numbers("passes/n_lead", (self._n_passes,), default=0.0)[members].min())
-        if not 0 <= 2 * n_lead < n_samples:
-            raise self.fail(
-                f"/passes/n_lead is {n_lead} of {n_samples} samples", "it counts those before the marks"
-            )
+        counted = f"/passes/n_lead is {n_lead} of {n_samples} samples"
+        self.require(0 <= 2 * n_lead < n_samples, counted, "it counts those before the marks")
         plan = SweepPlan(
             direction=direction,
             line_mm=self._lines[members],
@@ -285,17 +273,18 @@ class RecordingReader(CheckedFile):
             starts, uneven = along[:, 0], float(np.abs(along - even).max())
         else:
             raise self.fail("has neither /passes/start_mm and step_mm nor /stage/position_mm")
-        if not step > 0.0:
-            raise self.fail(
-                f"the samples of direction {int(direction)} deg are {step} mm apart",
-                "positions grow in directions 0 and 90 and fall in 180 and 270; step_mm is positive",
-            )
+        samples = f"the samples of direction {int(direction)} deg"
+        self.require(
+            step > 0.0,
+            f"{samples} are {step} mm apart",
+            "positions grow in directions 0 and 90 and fall in 180 and 270; step_mm is positive",
+        )
         start = _common(starts)
-        if max(uneven, float(np.abs(starts - start).max())) > step:
-            raise self.fail(
-                f"the samples of direction {int(direction)} deg do not lie evenly, and alike in all passes",
-                "take them at even steps from one start, or resample them so",
-            )
+        self.require(
+            max(uneven, float(np.abs(starts - start).max())) <= step,
+            f"{samples} do not lie evenly, and alike in all passes",
+            "take them at even steps from one start, or resample them so",
+        )
         return start, step
 
 

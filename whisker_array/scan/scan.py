@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive
 from glyphs.soiling.soil import Soil
-from glyphs.surface.display import one_line, picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import mount, require_generator
@@ -23,8 +23,8 @@ from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch
 
 
-@dataclass(frozen=True, eq=False)
-class Scan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scan(OneLine):
     """All passes over one part.
 
     Attributes:
@@ -53,8 +53,6 @@ class Scan:
     others: tuple[Touch, ...] = ()
     kind: tuple[int, ...] = ()
     log: PassLog | None = None
-
-    __repr__ = one_line
 
     def _repr_html_(self) -> str:
         return picture_html(self, _overview(self))

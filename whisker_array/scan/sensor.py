@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays, require_not_negative, require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
 NOISE = 2e-4
@@ -31,8 +31,8 @@ class SensorError(MarksError):
     """A sensor chain, signal or lead-in that cannot be used."""
 
 
-@dataclass(frozen=True, eq=False)
-class Gauges:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gauges(OneLine):
     """Gain, offset and memory of the gauges of an array.
 
     Attributes:
@@ -47,8 +47,6 @@ class Gauges:
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
     memory: SensorMemory | None = field(default=None, kw_only=True)
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze_arrays(SensorError, self, {"gain": ("whiskers",), "offset_n_mm": ("whiskers",)})
@@ -75,7 +73,7 @@ class Gauges:
         return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SensorChain(Gauges):
     """Gauge, amplifier and converter of every whisker of an array.
 
@@ -96,8 +94,6 @@ class SensorChain(Gauges):
     vibration: float = 0.0
     adc_range_n_mm: float = math.inf
     adc_bits: int | None = None
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from glyphs.compiled import kernel, read_only
 from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays, require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 RELAX_S = (0.3, 3.0, 60.0)
 """Times of the creep's terms: one a decade of what a pass and a scan take; the first two share their part."""
@@ -53,8 +53,8 @@ SHIFT_AFTER_CYCLES = 0.035
 """Reading right after the last of `CYCLES` unloadings, of the largest load."""
 
 
-@dataclass(frozen=True, eq=False)
-class SensorMemory:
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorMemory(OneLine):
     """Creep and hysteresis of the gauges of an array.
 
     Attributes:
@@ -73,8 +73,6 @@ class SensorMemory:
     play_weight: NDArray[np.float64]
     play_n_mm: NDArray[np.float64]
     largest_n_mm: float
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         creep, play = ("whiskers", "terms"), ("whiskers", "plays")
@@ -100,8 +98,8 @@ class SensorMemory:
         return replace(self, creep=self.creep[chosen], play_weight=self.play_weight[chosen])
 
 
-@dataclass(eq=False)
-class SensorState:
+@dataclass(eq=False, repr=False)
+class SensorState(OneLine):
     """State of the gauges of an array; `measure` moves it on, as it does its generator.
 
     Attributes:
@@ -113,8 +111,6 @@ class SensorState:
     play_n_mm: NDArray[np.float64]
     strain_n_mm: NDArray[np.float64]
     drift_n_mm: NDArray[np.float64]
-
-    __repr__ = one_line
 
     @classmethod
     def at_rest(cls, n_whiskers: int, memory: SensorMemory | None) -> SensorState:

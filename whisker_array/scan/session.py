@@ -15,7 +15,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
@@ -26,8 +26,8 @@ from whisker_array.whisker.touch import Touch
 Part = TypeVar("Part", contravariant=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Fitting:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fitting(OneLine):
     """Whiskers mounted on a stage, and their calibration.
 
     Attributes:
@@ -47,8 +47,6 @@ class Fitting:
     calibration: Calibration | None = None
     fidelity: str = "measured"
     part_id: str = ""
-
-    __repr__ = one_line
 
 
 class StageSession(Protocol):

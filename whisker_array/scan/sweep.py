@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
 from whisker_array.whisker.passes import SweepPlan
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(OneLine):
     """The raw moments of all passes in one direction.
 
     Attributes:
@@ -27,8 +27,6 @@ class Sweep:
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]
     air_n_mm: NDArray[np.float32]
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shape = (*self.plan.line_mm.shape, self.plan.n_samples)

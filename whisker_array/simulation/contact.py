@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
 from whisker_array.simulation.surface import TouchSurface
 from whisker_array.simulation.threads import in_threads
@@ -40,8 +40,8 @@ from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
 
-@dataclass(frozen=True)
-class Laid:
+@dataclass(frozen=True, repr=False)
+class Laid(OneLine):
     """Pose of a surface under traces whose grid is not its own, tilted a little, and changed::
 
         h(x, z) = H(u, v) + share D(u, v) + rise + along x + across z
@@ -62,8 +62,6 @@ class Laid:
     tilt: tuple[float, float, float]
     share: float
     friction: float
-
-    __repr__ = one_line
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:

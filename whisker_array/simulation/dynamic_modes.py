@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
@@ -33,8 +33,8 @@ DAMPING = 0.01
 _PARTS = 24
 
 
-@dataclass(frozen=True, eq=False)
-class WhiskerModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class WhiskerModes(OneLine):
     """A whisker in the plane of tracing, as modes normed to unit mass; units N, mm, t, s.
 
     Attributes:
@@ -55,8 +55,6 @@ class WhiskerModes:
     rest_moment_mm: NDArray[np.float64]
     held_hz: NDArray[np.float64]
     damping: float = DAMPING
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.omega_rad_s.size or not self.omega_rad_s.min() > 0.0:

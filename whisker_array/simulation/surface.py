@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import FAST, kernel, read_only
 from glyphs.soiling.soil import Soil
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
@@ -20,8 +20,8 @@ Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
 
 
-@dataclass(frozen=True, eq=False)
-class TouchSurface:
+@dataclass(frozen=True, eq=False, repr=False)
+class TouchSurface(OneLine):
     """A surface ready to be traced, sample by sample, in the plate frame.
 
     Attributes:
@@ -37,8 +37,6 @@ class TouchSurface:
     dropout: NDArray[np.bool_]
     pitch_mm: float
     yielding: NDArray[np.float32] | None = None
-
-    __repr__ = one_line
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from enum import IntFlag, StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 
 class Fidelity(StrEnum):
@@ -45,8 +45,8 @@ _MESSAGES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Traces:
+@dataclass(frozen=True, eq=False, repr=False)
+class Traces(OneLine):
     """Moments of a bundle of parallel traces.
 
     Attributes:
@@ -56,5 +56,3 @@ class Traces:
 
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]
-
-    __repr__ = one_line

@@ -16,13 +16,14 @@ used too: the array is then *pushed back* over the line it was dragged along.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.comb import Body, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
@@ -114,8 +115,8 @@ class WhiskerArray:
         return 0.0 if self.body is None else self.kinds * self.n_whiskers * self.body.mass_g
 
 
-@dataclass(frozen=True)
-class RasterPlan:
+@dataclass(frozen=True, repr=False)
+class RasterPlan(OneLine):
     """Raster of an array over a rectangle of the plate.
 
     Attributes:
@@ -141,8 +142,6 @@ class RasterPlan:
     air_samples: int = 16
     turnaround_s: float = 0.25
     two_way: bool = False
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
@@ -175,57 +174,48 @@ class RasterPlan:
 
     def sweeps(self) -> tuple[SweepPlan, ...]:
         """The passes of every direction, dragged, and then those pushed back."""
-        dragged = tuple(self._sweep(direction) for direction in self.directions)
-        if not self.two_way:
-            return dragged
-        returns = (TraceDirection((int(d) + 180) % 360) for d in self.directions)
-        return (*dragged, *(self._sweep(direction, pushed=True) for direction in returns))
-
-    def _sweep(self, direction: TraceDirection, *, pushed: bool = False) -> SweepPlan:
-        x0, y0, x1, y1 = self.region_mm
-        spans = ((x0, x1), (y0, y1))
-        (along0, along1), (across0, across1) = spans if direction.along_x else spans[::-1]
-        n_lines = math.floor((across1 - across0) / self.line_pitch_mm + 1e-6) + 1
-        per_block = self.array.n_whiskers * self.interlace
-        blocks = math.ceil(n_lines / per_block)
-        block, shift, whisker = np.meshgrid(
-            np.arange(blocks), np.arange(self.interlace), np.arange(self.array.n_whiskers), indexing="ij"
-        )
-        index = block * per_block + whisker * self.interlace + shift
-        line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers).astype(np.float64)
-        line_mm = np.tile(line_mm, (1, self.array.kinds))
-        first = self._pass(direction, line_mm[0], (along0, along1), pushed=pushed)
-        return replace(first.sweep_plan(), line_mm=line_mm)
-
-    def _pass(
-        self,
-        direction: TraceDirection,
-        line_mm: Iterable[float],
-        along_mm: tuple[float, float],
-        *,
-        pushed: bool,
-    ) -> Pass:
-        return Pass(
-            direction=direction,
-            line_mm=tuple(float(v) for v in line_mm),
-            along_mm=along_mm,
-            sample_pitch_mm=self.sample_pitch_mm,
-            speed_mm_s=self.speed_mm_s,
-            lead_mm=self.lead_mm,
-            air_samples=self.air_samples,
-            turnaround_s=self.turnaround_s,
-            pushed=pushed,
-            offset_mm=self.array.offset_mm if self.array.stagger_mm > 0.0 else (),
-        )
+        return tuple(replace(first.sweep_plan(), line_mm=line_mm) for first, line_mm in self._ways())
 
     def passes(self) -> tuple[Pass, ...]:
         """The travels of the array, one by one, in the order they are run."""
-        x0, y0, x1, y1 = self.region_mm
         return tuple(
-            self._pass(s.direction, lines, (x0, x1) if s.direction.along_x else (y0, y1), pushed=s.pushed)
-            for s in self.sweeps()
-            for lines in s.line_mm
+            replace(first, line_mm=tuple(lines))
+            for first, line_mm in self._ways()
+            for lines in line_mm.tolist()
         )
+
+    def _ways(self) -> Iterator[tuple[Pass, NDArray[np.float64]]]:
+        """First pass and (passes, whiskers) lines of every direction, dragged, and then of those pushed back."""
+        x0, y0, x1, y1 = self.region_mm
+        ways = [(direction, False) for direction in self.directions]
+        if self.two_way:
+            ways += [(TraceDirection((int(direction) + 180) % 360), True) for direction in self.directions]
+        for direction, pushed in ways:
+            along_mm, (low, high) = ((x0, x1), (y0, y1)) if direction.along_x else ((y0, y1), (x0, x1))
+            line_mm = self._lines_mm(low, high)
+            first = Pass(
+                direction=direction,
+                line_mm=tuple(line_mm[0].tolist()),
+                along_mm=along_mm,
+                sample_pitch_mm=self.sample_pitch_mm,
+                speed_mm_s=self.speed_mm_s,
+                lead_mm=self.lead_mm,
+                air_samples=self.air_samples,
+                turnaround_s=self.turnaround_s,
+                pushed=pushed,
+                offset_mm=self.array.offset_mm if self.array.stagger_mm > 0.0 else (),
+            )
+            yield first, line_mm
+
+    def _lines_mm(self, low: float, high: float) -> NDArray[np.float64]:
+        """(passes, whiskers) lines from one coordinate across the trace to another, block by block, interlaced."""
+        n_lines = math.floor((high - low) / self.line_pitch_mm + 1e-6) + 1
+        whiskers = self.array.n_whiskers
+        per_block = whiskers * self.interlace
+        block, shift, whisker = np.ogrid[: math.ceil(n_lines / per_block), : self.interlace, :whiskers]
+        index = block * per_block + whisker * self.interlace + shift
+        line_mm = low + self.line_pitch_mm * index.reshape(-1, whiskers).astype(np.float64)
+        return np.tile(line_mm, (1, self.array.kinds))
 
     @property
     def n_samples(self) -> int:
@@ -240,14 +230,7 @@ class RasterPlan:
     @property
     def scan_time_s(self) -> float:
         """Time of the whole scan: what each of its passes costs; those of one sweep cost the same."""
-        x0, y0, x1, y1 = self.region_mm
-        return math.fsum(
-            len(s.line_mm)
-            * self._pass(
-                s.direction, s.line_mm[0], (x0, x1) if s.direction.along_x else (y0, y1), pushed=s.pushed
-            ).stage_s
-            for s in self.sweeps()
-        )
+        return math.fsum(len(line_mm) * first.stage_s for first, line_mm in self._ways())
 
 
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:

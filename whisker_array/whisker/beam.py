@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
 
 Vector = NDArray[np.float64]
@@ -51,8 +51,8 @@ def cross_matrix(r: Vector) -> Matrix:
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class Segment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Segment(OneLine):
     """One straight piece of a whisker.
 
     Attributes:
@@ -69,8 +69,6 @@ class Segment:
     end_mm: Vector
     section: SectionLike
     material: Material
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze_arrays(WhiskerError, self, {"start_mm": (3,), "end_mm": (3,)})

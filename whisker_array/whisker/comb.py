@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
@@ -44,8 +44,8 @@ CLAMP_THICKNESSES = 4.0
 """Half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as wide as the whisker."""
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
+@dataclass(frozen=True, eq=False, repr=False)
+class Body(OneLine):
     """Room that a whisker takes.
 
     Attributes:
@@ -66,8 +66,6 @@ class Body:
     shapes_mm: tuple[NDArray[np.float64], ...]
     clamp_mm: tuple[float, float]
     mass_g: float
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "width_mm", "thickness_mm")

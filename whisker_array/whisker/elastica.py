@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays, require_finite, require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import Taper
@@ -45,8 +45,8 @@ class ElasticaError(MarksError):
     """A load or whisker that has no exact solution here."""
 
 
-@dataclass(frozen=True, eq=False)
-class LargeDeflection:
+@dataclass(frozen=True, eq=False, repr=False)
+class LargeDeflection(OneLine):
     """The exact answer of a whisker whose tip is held up.
 
     Attributes:
@@ -65,8 +65,6 @@ class LargeDeflection:
     moment_n_mm: float
     tip_shift_mm: Vector
     shape_mm: Matrix
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_finite(ElasticaError, self, "moment_n_mm")

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_finite, require_not_negative, require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
 
@@ -52,8 +52,8 @@ def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArra
     return whole
 
 
-@dataclass(frozen=True, eq=False)
-class SweepPlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepPlan(OneLine):
     """Passes in one trace direction that begin and end alike.
 
     Attributes:
@@ -78,8 +78,6 @@ class SweepPlan:
     pushed: bool = False
     offset_mm: tuple[float, ...] = ()
 
-    __repr__ = one_line
-
     @property
     def behind(self) -> NDArray[np.intp]:
         """(whiskers,) samples by which each whisker comes later to a place than the foremost row."""
@@ -92,8 +90,8 @@ class SweepPlan:
         return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class Pass:
+@dataclass(frozen=True, repr=False)
+class Pass(OneLine):
     """One travel of the array.
 
     Attributes:
@@ -124,8 +122,6 @@ class Pass:
     pushed: bool = False
     preload_mm: float | None = None
     offset_mm: tuple[float, ...] = ()
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "sample_pitch_mm", "speed_mm_s", "preload_mm")
@@ -191,6 +187,15 @@ class Pass:
             n_lead=self.n_lead,
             pushed=self.pushed,
             offset_mm=self.offset_mm,
+        )
+
+    def moved(self, x_mm: float, y_mm: float) -> Pass:
+        """The same pass in a frame whose coordinates are greater by so much."""
+        along, across = (x_mm, y_mm) if self.direction.along_x else (y_mm, x_mm)
+        return replace(
+            self,
+            line_mm=tuple(v + across for v in self.line_mm),
+            along_mm=(self.along_mm[0] + along, self.along_mm[1] + along),
         )
 
     def describe(self) -> str:

@@ -20,7 +20,7 @@ from typing import Self, TypeAlias
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 """1 + 1/3^5 + 1/5^5 + ... = 31/32 zeta(5)."""
@@ -239,8 +239,8 @@ class Rectangle(Section):
         return self.width_mm / 2.0
 
 
-@dataclass(frozen=True)
-class Taper:
+@dataclass(frozen=True, repr=False)
+class Taper(OneLine):
     """A section whose dimensions vary linearly along a segment.
 
     Attributes:
@@ -253,8 +253,6 @@ class Taper:
 
     start: Section
     end: Section
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         self.start.blend(self.end, 0.5)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays, require_finite, require_not_negative, require_positive
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
 
@@ -40,8 +40,8 @@ def _check_beta(beta_rad: float) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class TipModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class TipModel(OneLine):
     """Whisker as the contact sees it: compliance of the tip and moment arm of the sensor.
 
     Attributes:
@@ -54,8 +54,6 @@ class TipModel:
 
     compliance_mm_per_n: Matrix
     moment_arm_mm: Vector
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze_arrays(WhiskerError, self, {"compliance_mm_per_n": (3, 3), "moment_arm_mm": (3,)})
@@ -95,8 +93,8 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
     return TipModel(d11, np.asarray(cross_matrix(r)[2]))
 
 
-@dataclass(frozen=True)
-class LShaped:
+@dataclass(frozen=True, repr=False)
+class LShaped(OneLine):
     """The L-shaped whisker of Fig. 3, the differentiator.
 
     Attributes:
@@ -117,8 +115,6 @@ class LShaped:
     beta_rad: float
     section: SectionLike
     material: Material = MUSIC_WIRE
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "l1_mm")
@@ -187,8 +183,8 @@ def straight_whisker(
     return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
 
-@dataclass(frozen=True, eq=False)
-class Chain:
+@dataclass(frozen=True, eq=False, repr=False)
+class Chain(OneLine):
     """A whisker of any shape: straight segments between points (a curve is many short ones).
 
     Attributes:
@@ -205,8 +201,6 @@ class Chain:
     sections: SectionLike | tuple[SectionLike, ...]
     material: Material = MUSIC_WIRE
     l3_mm: float = 0.0
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         freeze_arrays(WhiskerError, self, {"points_mm": ("n", 3)})

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glyphs.ranges import require_not_negative, require_positive, require_range
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
     TIP_RADIUS_HEIGHTS,
@@ -19,8 +19,8 @@ from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Touch(OneLine):
     """Touch of a whisker: tip, preload, ball and friction.
 
     Attributes:
@@ -36,8 +36,6 @@ class Touch:
     tip_radius_mm: float
     friction: float = NOMINAL_FRICTION
     whisker: str = ""
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "preload_mm")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glyphs.ranges import require_not_negative
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import cross_matrix, split
 from whisker_array.whisker.sections import WhiskerError
@@ -40,8 +40,8 @@ def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float
     return float(np.linalg.norm(whisker.tip_model().compliance_mm_per_n @ force)) / whisker.reach_mm
 
 
-@dataclass(frozen=True, eq=False)
-class LumpedWhisker:
+@dataclass(frozen=True, eq=False, repr=False)
+class LumpedWhisker(OneLine):
     """A whisker with its mass at joints.
 
     Attributes:
@@ -53,8 +53,6 @@ class LumpedWhisker:
     joints_mm: Matrix
     mass_t: Vector
     strain: Matrix
-
-    __repr__ = one_line
 
     @property
     def flexibility_mm_per_n(self) -> Matrix:

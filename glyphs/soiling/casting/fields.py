@@ -26,9 +26,6 @@ def slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
 
 def blur(z: Field, width_mm: float, pitch_mm: float) -> Field:
     """Gaussian mean of `width_mm`, on a grid thinned where that is wide."""
-    from glyphs.opencv import cv2
-
     step = max(1, int(width_mm / pitch_mm / 2.0))
     mean = grids.resize(z, (max(2, z.shape[0] // step), max(2, z.shape[1] // step)), how="area")
-    cv2.GaussianBlur(mean, (0, 0), width_mm / pitch_mm / step, dst=mean, borderType=cv2.BORDER_REPLICATE)
-    return refine(mean, z.shape)
+    return refine(grids.blur(mean, width_mm / pitch_mm / step), z.shape)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.soiling.casting.fields import slow_noise
 from glyphs.soiling.coat import Coat
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field, ramp
 
 GRAIN_MM = (0.1, 0.6)
@@ -30,8 +30,8 @@ MARK = 0.045
 """Usual depth of a mark, in heights of its characters."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mould:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mould(OneLine):
     """The mould wall of one part, drawn before anything depends on the amount.
 
     Attributes:
@@ -49,8 +49,6 @@ class Mould:
     tone: Field
     warmth: Field
     ragged: Field
-
-    __repr__ = one_line
 
 
 def draw_mould(coat: Coat, rng: np.random.Generator) -> Mould:

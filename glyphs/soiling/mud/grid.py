@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.opencv import cv2
+from glyphs.soiling import grids
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import resize
 from glyphs.surface.noise import Field, smooth_noise
 
 
@@ -33,7 +33,7 @@ class Grid(NamedTuple):
         thin = [max(1.0, length / (2.5 * self.pitch_mm)) for length in (y_mm, x_mm)]
         small = (int(np.ceil(rows / thin[0])) + 2, int(np.ceil(cols / thin[1])) + 2)
         noise = smooth_noise(small, pitch_mm=1.0, length_mm=2.5, rng=rng)
-        return resize(noise, self.shape, how="cubic")
+        return grids.resize(noise, self.shape, how="cubic")
 
     def whole(self, field: Field, shape: tuple[int, int]) -> Field:
         """A field of this grid on all samples of the coat, linearly between."""
@@ -63,6 +63,5 @@ def thinned(coat: Coat) -> Grid:
 def blur(grid: Grid, field: Field, width_mm: float) -> Field:
     """A field of the coat as a Gaussian of that width leaves it."""
     thin = np.ascontiguousarray(field[:: grid.step, :: grid.step])
-    sigma = max(width_mm / grid.pitch_mm, 0.5)
-    smooth = cv2.GaussianBlur(thin, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-    return grid.whole(np.asarray(smooth, dtype=np.float32), (field.shape[0], field.shape[1]))
+    smooth = grids.blur(thin, max(width_mm / grid.pitch_mm, 0.5))
+    return grid.whole(smooth, (field.shape[0], field.shape[1]))

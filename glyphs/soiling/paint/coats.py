@@ -30,7 +30,7 @@ from dataclasses import replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import resize
+from glyphs.soiling.grids import blur, resize
 from glyphs.soiling.paint.shapes import (
     TENSION_N_PER_M,
     Can,
@@ -134,14 +134,10 @@ def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: flo
 
 def _flowed(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
     """Film of runs: so thick that it levels all under it, so a groove below is full and the run's back smooth."""
-    from glyphs.opencv import cv2
-
     if not caps.any():
         return caps
     thin = thinned(replace(coat, z_mm=top))
-    sigma = 0.09 * thin.height_mm / thin.pitch_mm
-    level = cv2.GaussianBlur(thin.z_mm, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-    level = resize(np.asarray(level, dtype=np.float32), coat.shape)
+    level = resize(blur(thin.z_mm, 0.09 * thin.height_mm / thin.pitch_mm, mirror=True), coat.shape)
     cover = caps / (caps + np.float32(0.4 * can.wet_mm))
     return np.asarray(caps + cover * np.maximum(level - top, 0.0), dtype=np.float32)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.grids import axes_mm, resize
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field, ramp, smooth_noise
 
 TENSION_N_PER_M = 0.03
@@ -19,8 +19,8 @@ _DENSITY_KG_PER_M3 = 1200.0
 _GRAVITY_M_PER_S2 = 9.81
 
 
-@dataclass(frozen=True)
-class Can:
+@dataclass(frozen=True, repr=False)
+class Can(OneLine):
     """The paint of one part and how it was put on.
 
     Attributes:
@@ -38,8 +38,6 @@ class Can:
     brushed: float
     seconds_per_pa_s: float
     downhill: tuple[float, float]
-
-    __repr__ = one_line
 
     @property
     def finger_mm(self) -> float:

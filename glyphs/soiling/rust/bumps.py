@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field
 
 
-@dataclass(frozen=True, eq=False)
-class Bumps:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bumps(OneLine):
     """Round things drawn over a plate, `born` when the amount passes that number; arrays (n,).
 
     Attributes:
@@ -39,8 +39,6 @@ class Bumps:
     stretch: NDArray[np.float64]
     turn_rad: NDArray[np.float64]
     born: NDArray[np.float64]
-
-    __repr__ = one_line
 
 
 def scatter_bumps(

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import resize
-from glyphs.surface.display import one_line
+from glyphs.soiling.grids import blur, resize
+from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field, ramp, share, smooth_noise
 
 
-@dataclass(frozen=True, eq=False)
-class Bench:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bench(OneLine):
     """A surface under the tools.
 
     Attributes:
@@ -25,8 +25,6 @@ class Bench:
     coat: Coat
     level_mm: Field
     deep_mm: float
-
-    __repr__ = one_line
 
     def low(self, z_mm: Field) -> Field:
         """0 on what a tool touches, 1 in the hollows."""
@@ -45,11 +43,8 @@ def on_bench(coat: Coat) -> Bench:
     # closing spans sunk strokes, opening then takes raised lines away; both leave tilt and bow of the plate alone
     top = cv2.morphologyEx(thin, cv2.MORPH_CLOSE, stroke)
     land = cv2.morphologyEx(top, cv2.MORPH_OPEN, line)
-    stands = cv2.GaussianBlur(
-        cv2.dilate(top - land, held), (0, 0), 0.2 * cell, borderType=cv2.BORDER_REPLICATE
-    )
-    smooth = cv2.GaussianBlur(land, (0, 0), 0.08 * cell, borderType=cv2.BORDER_REPLICATE) + stands
-    level = resize(smooth, coat.shape)
+    stands = blur(cv2.dilate(top - land, held), 0.2 * cell)
+    level = resize(blur(land, 0.08 * cell) + stands, coat.shape)
     deep = float(np.percentile((level - coat.z_mm)[::3, ::3], 98.0))
     return Bench(coat, level, max(deep, 0.01 * coat.height_mm))
 
@@ -61,11 +56,7 @@ def rise(values_mm: Field, full_mm: float) -> Field:
 
 def patches(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Broad patches, 0 to 1 evenly, drawn on a thinned grid."""
-    rows, cols = coat.shape
     step = max(1, int(length_mm / (8.0 * coat.pitch_mm)))
-    thin = share(
-        smooth_noise(
-            (-(-rows // step), -(-cols // step)), pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng
-        )
-    )
-    return resize(thin, coat.shape)
+    thin = (-(-coat.shape[0] // step), -(-coat.shape[1] // step))
+    noise = smooth_noise(thin, pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng)
+    return resize(share(noise), coat.shape)

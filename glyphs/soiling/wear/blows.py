@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import resize
+from glyphs.soiling.grids import blur, resize
 from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
@@ -28,14 +28,12 @@ def peened(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -
     gain = np.where((edge > 0) & (away < reach), np.maximum(lip - z, 0.0), 0.0).astype(np.float32)
     z = _drawn_from(z, gain, 0.35 * size / coat.pitch_mm)
     dents = dimples(coat, amount, rng) * (np.float32(1.0) - np.float32(0.6) * bench.low(z))
-    blown = cv2.GaussianBlur(dents, (0, 0), 0.06 * size / coat.pitch_mm, borderType=cv2.BORDER_REFLECT)
+    blown = blur(dents, 0.06 * size / coat.pitch_mm, mirror=True)
     return z - dents + blown, rise(dents, 0.004 * size)
 
 
 def _drawn_from(z: Field, gain: Field, width: float) -> Field:
     """The surface with `gain` on it, sunk by as much where it stands out from what lies within `width` samples."""
-    from glyphs.opencv import cv2
-
     rows, cols = z.shape
     step = max(1, int(width / 5.0))
 
@@ -43,7 +41,7 @@ def _drawn_from(z: Field, gain: Field, width: float) -> Field:
         return resize(values, (-(-rows // step), -(-cols // step)), how="area")
 
     def blurred(values: Field) -> Field:
-        return np.asarray(cv2.GaussianBlur(values, (0, 0), width / step, borderType=cv2.BORDER_REFLECT))
+        return blur(values, width / step, mirror=True)
 
     stands = thinned(z + gain)
     # on the thinned grid, so that the land's edge and the lip on it go down together

@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import blur
 from glyphs.soiling.wear.bench import Bench, on_bench, patches, rise
 from glyphs.soiling.wear.blows import knocked, peened
 from glyphs.surface.noise import Field
@@ -107,8 +108,6 @@ def _rubbed(
     bench: Bench, z: Field, amount: float, life: _Life, *, rng: np.random.Generator
 ) -> tuple[Field, Field]:
     """Lower what the tool reaches, scored; the surface, and how far (0 to 1) its metal is fresh."""
-    from glyphs.opencv import cv2
-
     coat, deep = bench.coat, bench.deep_mm
     uneven = patches(coat, 2.0 * coat.height_mm, rng)
     scores = _scores(coat, life.crossed, rng)
@@ -122,8 +121,7 @@ def _rubbed(
     cut = _smooth_min(z, tool, give)
     # loose grains turn against edges: what stands above its surroundings goes, what lies below stays
     width = 0.035 * coat.height_mm / coat.pitch_mm * (0.5 + life.soft)
-    around = cv2.GaussianBlur(cut, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
-    cut = cut - np.float32(amount * (0.4 + 0.6 * life.soft)) * np.maximum(cut - around, 0.0)
+    cut = cut - np.float32(amount * (0.4 + 0.6 * life.soft)) * np.maximum(cut - blur(cut, width), 0.0)
     return cut, rise(z - cut, 0.12 * deep)
 
 

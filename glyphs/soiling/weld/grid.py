@@ -1,19 +1,11 @@
-"""Slow noise and irregular cracks for the layers beside a weld."""
+"""Irregular cracks of the layers beside a weld."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import coarse_noise, stretch
 from glyphs.surface.noise import Field
-
-
-def slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """`Coat.noise` of a long length, drawn on a thinned grid."""
-    step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
-    return stretch(coarse_noise(coat, length_mm, step, rng), step, coat.shape)
 
 
 def cells(along_mm: Field, spacing_mm: float, rng: np.random.Generator) -> tuple[NDArray[np.intp], Field]:

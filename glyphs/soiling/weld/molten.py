@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.grids import axes_mm
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field, ramp
 
 DROP_MM = (0.1, 3.0)
@@ -24,8 +24,8 @@ _EDGE_MM = 0.02
 Numbers = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Seam:
+@dataclass(frozen=True, repr=False)
+class Seam(OneLine):
     """The bead of a weld beside the plate.
 
     Attributes:
@@ -37,8 +37,6 @@ class Seam:
     away: Numbers
     start_mm: float
     reach_mm: float
-
-    __repr__ = one_line
 
     def nearness(self, x_mm: Numbers, y_mm: Numbers) -> Numbers:
         """1 at the seam, falling by e every `reach_mm`."""

@@ -36,8 +36,8 @@ from typing import NamedTuple
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.grids import axes_mm
-from glyphs.soiling.weld.grid import cells, slow
+from glyphs.soiling.grids import axes_mm, slow_noise
+from glyphs.soiling.weld.grid import cells
 from glyphs.soiling.weld.grinder import crown, ground
 from glyphs.soiling.weld.molten import Seam, seam_of, spattered, struck
 from glyphs.surface.noise import Field, ramp
@@ -106,7 +106,7 @@ def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
 
 def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
     """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
-    wave = 1.0 + 0.06 * slow(coat, 1.5 * coat.height_mm, rng)
+    wave = 1.0 + 0.06 * slow_noise(coat, 1.5 * coat.height_mm, rng)
     x, y = (axis.astype(np.float64) for axis in axes_mm(coat))
     hot_c = (amount * rng.uniform(400.0, 600.0) * seam.nearness(x, y)).astype(np.float32) * wave + 20
     at_c = np.arange(0.0, 720.0, 2.0)
@@ -128,7 +128,7 @@ def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field,
     turn = rng.uniform(0.0, np.pi)
     c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
     x, y = axes_mm(coat)
-    u, v = (np.float32(0.6 * spacing) * slow(coat, 2.5 * spacing, rng) for _ in range(2))
+    u, v = (np.float32(0.6 * spacing) * slow_noise(coat, 2.5 * spacing, rng) for _ in range(2))
     u += y * c - x * s
     v += x * c + y * s
     row, across = cells(v, spacing, rng)
@@ -138,7 +138,7 @@ def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field,
     # a plate comes when its turn comes; three in ten never held, as many come off at one end
     onset, lost, end = rng.random((3, int(plate.max()) + 1), dtype=np.float32)
     turn_came = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate]
-    turn_came += 0.1 * slow(coat, 0.8 * coat.height_mm, rng) * np.float32(amount)
+    turn_came += 0.1 * slow_noise(coat, 0.8 * coat.height_mm, rng) * np.float32(amount)
     gap = 0.6 * coat.pitch_mm / spacing
     edge = np.minimum(1.7 * (0.5 - np.abs(along - 0.5)), 0.5 - np.abs(across - 0.5))
     cover = ramp(turn_came, 0.0, 0.45) * ramp(edge, 0.3 * gap, 1.5 * gap)

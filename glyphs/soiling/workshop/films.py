@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from glyphs.soiling.coat import Coat
@@ -52,14 +50,7 @@ def add_paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     thick = film * (0.5 + 0.5 * amount) + levelling * amount * coat.hollow_mm() + 0.5 * (smooth - coat.z_mm)
     thick = np.maximum(thick + 0.002 * peel, 0.3 * film * amount) * holds
     thick = np.maximum(thick, 0.0).astype(np.float32)
-    lies = thick > 1e-4
-    coat = replace(
-        coat,
-        z_mm=coat.z_mm + thick,
-        soft_mm=np.where(lies, thick, coat.soft_mm).astype(np.float32),
-        hardness_mpa=np.where(lies, np.float32(PAINT_MPA), coat.hardness_mpa),
-        friction=(coat.friction + holds * (0.25 - coat.friction)).astype(np.float32),
-    )
+    coat = coat.under_film(thick, PAINT_MPA, coat.friction + holds * (0.25 - coat.friction))
     skin = np.clip(np.asarray(colour, np.float32) * (1.0 + 0.05 * peel)[..., None], 0.005, 1.0)
     return coat.shaded(holds, albedo=skin, roughness=gloss, reflectance=0.045)
 
@@ -77,14 +68,7 @@ def add_oil(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     pooled = np.minimum(pool * coat.hollow_mm(), 0.05) * wet
     # on grime it only soaks in: there is no clear film to push through
     pooled = np.where(coat.soft_mm > 0.0, 0.0, pooled).astype(np.float32)
-    lies = pooled > 1e-4
-    coat = replace(
-        coat,
-        z_mm=coat.z_mm + pooled,
-        soft_mm=np.where(lies, pooled, coat.soft_mm),
-        hardness_mpa=np.where(lies, np.float32(OIL_MPA), coat.hardness_mpa),
-        friction=(coat.friction + wet * (OIL_FRICTION - coat.friction)).astype(np.float32),
-    )
+    coat = coat.under_film(pooled, OIL_MPA, coat.friction + wet * (OIL_FRICTION - coat.friction))
     thick = 0.55 + 0.45 * ramp(rank, edge, edge + 0.3)
     return coat.shaded(
         (wet * thick).astype(np.float32),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from glyphs.soiling.coat import Coat
@@ -74,14 +72,7 @@ def add_grime(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     stained = opaque * ramp(film + 0.25 * (rank - 0.5), bare - 0.4 * crisp, bare + 0.6 * crisp)
     cover = np.maximum(0.97 * caked, stained).astype(np.float32)
     hardness = np.clip(firm_mpa * np.exp(0.45 * firmness), SOFTEST_MPA, HARDEST_MPA)
-    lies = fill > 1e-4
-    coat = replace(
-        coat,
-        z_mm=coat.z_mm + fill,
-        soft_mm=np.where(lies, fill, coat.soft_mm),
-        hardness_mpa=np.where(lies, hardness, coat.hardness_mpa).astype(np.float32),
-        friction=(coat.friction + 0.08 * caked).astype(np.float32),
-    )
+    coat = coat.under_film(fill, hardness, coat.friction + 0.08 * caked)
     mottle = (np.exp(uneven * blotch - 0.5 * uneven**2) * (1.0 + 0.15 * texture + 0.06 * fine))[..., None]
     skin = np.clip(np.asarray(colour, np.float32) * mottle, 0.005, 1.0)
     return coat.shaded(cover, albedo=skin, roughness=gloss, reflectance=0.045)

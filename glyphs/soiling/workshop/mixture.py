@@ -18,7 +18,7 @@ from glyphs.soiling.workshop.debris import add_swarf
 from glyphs.soiling.workshop.films import add_oil, add_paint
 from glyphs.soiling.workshop.grime import add_grime
 from glyphs.stamping.errors import StampError
-from glyphs.surface.display import one_line
+from glyphs.surface.display import OneLine
 
 Layer = Callable[..., Coat]
 _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
@@ -33,8 +33,8 @@ _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
 _LEAST, _MOST = 0.4, 1.6
 
 
-@dataclass(frozen=True)
-class Dirt:
+@dataclass(frozen=True, repr=False)
+class Dirt(OneLine):
     """Amount of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
 
     Attributes:
@@ -57,8 +57,6 @@ class Dirt:
     pits: float = 0.0
     paint: float = 0.0
     burr: float = 0.0
-
-    __repr__ = one_line
 
     def __post_init__(self) -> None:
         require_range(StampError, 0.0, 1.0, self)
