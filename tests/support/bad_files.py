@@ -25,6 +25,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.support.h5_edits import attribute, fill, put
+
 
 class _Bomb:
     """What a pickle does when it is opened."""
@@ -349,28 +351,6 @@ def _nested(file: h5py.File) -> None:
         group = group.create_group("g")
 
 
-def _replaced(name: str, value: Any) -> Any:
-    def change(file: h5py.File) -> None:
-        del file[name]
-        file[name] = value
-
-    return change
-
-
-def _attribute(name: str, value: Any, group: str = "/") -> Any:
-    def change(file: h5py.File) -> None:
-        file[group].attrs[name] = value
-
-    return change
-
-
-def _filled(name: str, value: float) -> Any:
-    def change(file: h5py.File) -> None:
-        file[name][...] = value
-
-    return change
-
-
 def _calibrated(gain: float) -> Any:
     def change(file: h5py.File) -> None:
         file["calibration/gain"] = np.full(8, gain)
@@ -419,15 +399,6 @@ def _cycle(file: h5py.File) -> None:
     file["scan/round"] = h5py.SoftLink("/scan/round")
 
 
-def _compound(file: h5py.File) -> None:
-    del file["scan/signal"]
-    file["scan/signal"] = np.zeros((10, 8), dtype=[("a", "f4"), ("b", "S9")])
-
-
-def _shape_of_one(file: h5py.File) -> None:
-    _replaced("scan/signal", np.ones((1, 1), np.float32))(file)
-
-
 _CHANGES: dict[str, Any] = {
     "nested": _nested,
     "crowded": _crowded,
@@ -436,44 +407,44 @@ _CHANGES: dict[str, Any] = {
     "wide-chunk": _wide_chunk,
     "declared": _declared,
     "cycle": _cycle,
-    "compound": _compound,
-    "signal-1x1": _shape_of_one,
-    "signal-strings": _replaced("scan/signal", np.array([[b"deep"] * 8] * 9)),
-    "signal-nan": _filled("scan/signal", np.nan),
-    "signal-infinite": _filled("scan/signal", np.inf),
-    "signal-beyond": _filled("scan/signal", 3e38),
-    "signal-nought": _filled("scan/signal", 0.0),
+    "compound": put("scan/signal", np.zeros((10, 8), dtype=[("a", "f4"), ("b", "S9")])),
+    "signal-1x1": put("scan/signal", np.ones((1, 1), np.float32)),
+    "signal-strings": put("scan/signal", np.array([[b"deep"] * 8] * 9)),
+    "signal-nan": fill("scan/signal", np.nan),
+    "signal-infinite": fill("scan/signal", np.inf),
+    "signal-beyond": fill("scan/signal", 3e38),
+    "signal-nought": fill("scan/signal", 0.0),
     "signal-group": lambda file: (file.__delitem__("scan/signal"), file.create_group("scan/signal")),
-    "lines-nan": _filled("passes/line_mm", np.nan),
-    "lines-same": _filled("passes/line_mm", 1.0),
+    "lines-nan": fill("passes/line_mm", np.nan),
+    "lines-same": fill("passes/line_mm", 1.0),
     "lines-far": lambda file: file["passes/line_mm"].__setitem__((0, 0), 1e12),
-    "steps-tiny": _filled("passes/step_mm", 1e-12),
-    "steps-huge": _filled("passes/step_mm", 1e12),
-    "steps-negative": _filled("passes/step_mm", -1.0),
-    "starts-far": _filled("passes/start_mm", 1e300),
-    "lead-huge": _filled("passes/n_lead", 2**30),
-    "passes-negative": _filled("stage/pass", -1),
-    "passes-beyond": _filled("stage/pass", 2**30),
-    "directions-odd": _filled("passes/direction_deg", 45),
-    "arm-nought": _filled("whisker/moment_arm_mm", 0.0),
-    "arm-huge": _filled("whisker/moment_arm_mm", 1e300),
-    "compliance-nought": _filled("whisker/compliance_mm_per_n", 0.0),
-    "compliance-huge": _filled("whisker/compliance_mm_per_n", 1e300),
-    "kinds-odd": _filled("whisker/kind", 7),
+    "steps-tiny": fill("passes/step_mm", 1e-12),
+    "steps-huge": fill("passes/step_mm", 1e12),
+    "steps-negative": fill("passes/step_mm", -1.0),
+    "starts-far": fill("passes/start_mm", 1e300),
+    "lead-huge": fill("passes/n_lead", 2**30),
+    "passes-negative": fill("stage/pass", -1),
+    "passes-beyond": fill("stage/pass", 2**30),
+    "directions-odd": fill("passes/direction_deg", 45),
+    "arm-nought": fill("whisker/moment_arm_mm", 0.0),
+    "arm-huge": fill("whisker/moment_arm_mm", 1e300),
+    "compliance-nought": fill("whisker/compliance_mm_per_n", 0.0),
+    "compliance-huge": fill("whisker/compliance_mm_per_n", 1e300),
+    "kinds-odd": fill("whisker/kind", 7),
     "gain-nought": _calibrated(0.0),
     "gain-nan": _calibrated(np.nan),
-    "preload-string": _attribute("preload_mm", "deep", "whisker"),
-    "preload-huge": _attribute("preload_mm", 1e300, "whisker"),
-    "rate-nan": _attribute("sampling_rate_hz", np.nan),
-    "rate-list": _attribute("sampling_rate_hz", [1.0, 2.0]),
-    "pitch-tiny": _attribute("line_pitch_mm", 1e-12),
-    "pitch-huge": _attribute("line_pitch_mm", 1e12),
-    "scale-huge": _attribute("scale_factor", 1e300),
-    "units-odd": _attribute("units", "bananas"),
-    "format-odd": _attribute("format", "other"),
-    "version-string": _attribute("format_version", "one"),
-    "notes-long": _attribute("notes", ["x" * 1000] * 30),
-    "part-binary": _attribute("part_id", np.void(b"\0\xff\xfe")),
+    "preload-string": attribute("preload_mm", "deep", "whisker"),
+    "preload-huge": attribute("preload_mm", 1e300, "whisker"),
+    "rate-nan": attribute("sampling_rate_hz", np.nan),
+    "rate-list": attribute("sampling_rate_hz", [1.0, 2.0]),
+    "pitch-tiny": attribute("line_pitch_mm", 1e-12),
+    "pitch-huge": attribute("line_pitch_mm", 1e12),
+    "scale-huge": attribute("scale_factor", 1e300),
+    "units-odd": attribute("units", "bananas"),
+    "format-odd": attribute("format", "other"),
+    "version-string": attribute("format_version", "one"),
+    "notes-long": attribute("notes", ["x" * 1000] * 30),
+    "part-binary": attribute("part_id", np.void(b"\0\xff\xfe")),
 }
 
 

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glyphs import stamp
 from glyphs.soiling.caked import DRY_FRICTION, LEAST_MPA, OILY_FRICTION, OLD_MPA, YOUNG_MPA, caked
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import Field
+from tests.support.coats import bare_part
 
 SEEDS = range(6)
-
-
-@cache
-def _coat(height_mm: float = 5.0, raised: bool = False) -> Coat:
-    part = stamp("B4T8", height_mm=height_mm, pitch_mm=height_mm / 50, raised=raised, seed=3).stamped
-    return bare_coat(part, rng=np.random.default_rng(1))
+_coat = partial(bare_part, "B4T8", rows=50, seed=3)
 
 
 @cache
 def _caked(amount: float, seed: int, height_mm: float = 5.0, raised: bool = False) -> Coat:
-    return caked(_coat(height_mm, raised), amount, rng=np.random.default_rng(seed))
+    return caked(_coat(height_mm=height_mm, raised=raised), amount, rng=np.random.default_rng(seed))
 
 
 def _laid(amount: float, seed: int, height_mm: float = 5.0) -> Field:
-    return np.asarray(_caked(amount, seed, height_mm).z_mm - _coat(height_mm).z_mm)
+    return np.asarray(_caked(amount, seed, height_mm).z_mm - _coat(height_mm=height_mm).z_mm)
 
 
 def _floor(coat: Coat) -> NDArray[np.bool_]:
@@ -73,7 +68,7 @@ def test_the_marks_are_lost_in_the_heights(raised: bool) -> None:
 @pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
 def test_patches_stand_over_the_brim_by_no_more_than_a_cake_is_thick(height_mm: float) -> None:
     """NFPA 96: 0.05 mm is clean, 2 mm is due; and a patch outgrows the depth of the mark."""
-    coat = _coat(height_mm)
+    coat = _coat(height_mm=height_mm)
     deep = float(coat.hollow_mm().max())
     over = [float(np.quantile(_caked(1.0, s, height_mm).z_mm - coat.brim_mm, 0.99)) for s in SEEDS]
     assert 0.5 * deep < np.mean(over) < 3.0 * deep

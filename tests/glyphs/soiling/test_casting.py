@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, find_objects, gaussian_filter, label
 
-from glyphs import stamp
 from glyphs.soiling.casting.pour import casting
 from glyphs.soiling.casting.sand import GRAIN_MM, SAND_HARDNESS_MPA
-from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat, bare_coat
+from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
 from glyphs.surface.noise import Field
+from tests.support.coats import bare_part
 
-
-@cache
-def _clean(height_mm: float = 5.0, raised: bool = False) -> Coat:
-    part = stamp("KX40", height_mm=height_mm, pitch_mm=height_mm / 100, raised=raised, seed=2).stamped
-    return bare_coat(part, rng=np.random.default_rng(0))
+_clean = partial(bare_part, "KX40", rows=100, seed=2)
 
 
 @cache
 def _cast(amount: float, seed: int = 0, height_mm: float = 5.0, raised: bool = False) -> Coat:
-    return casting(_clean(height_mm, raised), amount, rng=np.random.default_rng(seed))
+    return casting(_clean(height_mm=height_mm, raised=raised), amount, rng=np.random.default_rng(seed))
 
 
 def _fine_mm(coat: Coat) -> Field:

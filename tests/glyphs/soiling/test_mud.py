@@ -8,25 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from glyphs import stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.mud import sheets as model
 from glyphs.soiling.mud.grid import Grid, thinned
 from glyphs.soiling.mud.sheets import HARDNESS_MPA, mud
+from tests.support.coats import bare_part
 
 BATCH = model.Batch(share=1.0, moisture=0.2, solid=0.6, flight_rad=0.0, rain=0.8)
 
 
 @cache
-def _coat(text: str = "B4", height_mm: float = 5.0) -> Coat:
-    part = stamp(text, height_mm=height_mm, pitch_mm=height_mm / 60, seed=5).stamped
-    return bare_coat(part, rng=np.random.default_rng(1))
-
-
-@cache
 def _plate(pitch_mm: float = 0.05) -> Coat:
     """A flat plate of 20 mm x 20 mm without a mark."""
-    coat = _coat()
+    coat = bare_part()
     side = int(20 / pitch_mm)
     flat, full = np.zeros((side, side), np.float32), np.ones((side, side), np.float32)
     return replace(
@@ -46,7 +40,7 @@ def _plate(pitch_mm: float = 0.05) -> Coat:
 
 def test_the_groove_shows_through_as_a_shallower_dip() -> None:
     """An even, thick film shrinks to 0.6 of its depth everywhere: 0.4 to 0.6 of the groove is left."""
-    coat = _coat()
+    coat = bare_part()
     grid = thinned(coat)
     thick = model._dried(model._levelled(coat, grid), np.full(coat.shape, 0.4, np.float32), 0.6)
     groove = coat.brim_mm - coat.z_mm > 0.8 * grid.depth_mm
@@ -121,7 +115,7 @@ def test_sand_does_not_yield_and_mud_does() -> None:
     """Moist to bone dry mud yields at 1 to 20 MPa; grains of up to half a millimetre stay hard in it."""
     seen = []
     for seed in range(12):
-        coat = mud(_coat(), 1.0, rng=np.random.default_rng(seed))
+        coat = mud(bare_part(), 1.0, rng=np.random.default_rng(seed))
         yields = coat.soft_mm > 0.0
         stones = ~yields & (coat.z_mm - coat.clean_mm > 0.02)
         seen.append(float(np.median(coat.hardness_mpa[yields])))
@@ -133,7 +127,7 @@ def test_sand_does_not_yield_and_mud_does() -> None:
 
 
 def test_rain_takes_the_lands_mud_first() -> None:
-    coat = _coat()
+    coat = bare_part()
     grid = thinned(coat)
     left = model._left_by_rain(coat, grid, 0.3, BATCH, np.random.default_rng(0))
     sheltered = coat.brim_mm - coat.z_mm > 0.9 * grid.depth_mm
@@ -143,7 +137,7 @@ def test_rain_takes_the_lands_mud_first() -> None:
 
 @pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
 def test_mud_is_matt_brown_and_rubs(height_mm: float) -> None:
-    clean = _coat(height_mm=height_mm)
+    clean = bare_part(height_mm=height_mm)
     coat = mud(clean, 1.0, rng=np.random.default_rng(2))
     thick = coat.z_mm - clean.z_mm > 0.08  # opaque: three times as thick as hides two thirds
     red, green, blue = coat.albedo[thick].mean(axis=0)

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from glyphs import stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.paint.coats import WET_MM, level_film, paint
 from glyphs.surface.noise import Field
+from tests.support.coats import bare_part
 
 PITCH_MM = 0.05
 SECONDS_PER_PA_S = 20.0
 
 
-@cache
-def _clean() -> Coat:
-    part = stamp("B4H", height_mm=5.0, pitch_mm=5.0 / 60, seed=5).stamped
-    return bare_coat(part, rng=np.random.default_rng(1))
+_clean = partial(bare_part, "B4H")
 
 
 @cache

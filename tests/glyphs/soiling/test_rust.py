@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from glyphs import stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.rust.corrosion import LAMINA, draw_pits, mark_depth_mm, rust
-from glyphs.stamping.stamp import StampedPart
+from tests.support.coats import bare_part
 
 SEEDS = range(5)
 
 
-@cache
-def _stamped(raised: bool = False, height_mm: float = 5.0) -> StampedPart:
-    return stamp("B4", height_mm=height_mm, pitch_mm=height_mm / 60, raised=raised, seed=5).stamped
-
-
-def _coat(raised: bool = False, height_mm: float = 5.0) -> Coat:
-    return bare_coat(_stamped(raised, height_mm), rng=np.random.default_rng(1))
-
-
 def _rusted(amount: float, seed: int = 0, raised: bool = False) -> Coat:
-    return rust(_coat(raised), amount, rng=np.random.default_rng(seed))
+    return rust(bare_part(raised=raised), amount, rng=np.random.default_rng(seed))
 
 
 def _contrast(coat: Coat) -> float:
@@ -37,7 +25,7 @@ def _contrast(coat: Coat) -> float:
 
 @pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
 def test_pits_are_log_normal_and_of_the_size_of_pits_on_steel(height_mm: float) -> None:
-    drawn = [draw_pits(_coat(height_mm=height_mm), np.random.default_rng(seed)) for seed in range(40)]
+    drawn = [draw_pits(bare_part(height_mm=height_mm), np.random.default_rng(seed)) for seed in range(40)]
     depth = np.concatenate([p.height_mm for p in drawn])
     width = 2.0 * np.concatenate([p.radius_mm for p in drawn])
     log = np.log(depth)
@@ -62,7 +50,7 @@ def test_marks_fade_on_the_way(raised: bool) -> None:
 
 
 def test_rust_stands_in_marks_and_in_places_above_the_land_that_was() -> None:
-    coat = _coat()
+    coat = bare_part()
     deep = mark_depth_mm(coat)
     mark = coat.brim_mm - coat.clean_mm > 0.7 * deep
     rise = np.concatenate([(_rusted(1.0, seed).z_mm - coat.clean_mm)[mark] for seed in SEEDS])
@@ -72,7 +60,7 @@ def test_rust_stands_in_marks_and_in_places_above_the_land_that_was() -> None:
 
 
 def test_land_is_lost_where_scale_has_flaked_and_swells_where_it_has_not() -> None:
-    coat = _coat()
+    coat = bare_part()
     deep = mark_depth_mm(coat)
     land = np.abs(coat.brim_mm - coat.clean_mm) < 0.1 * deep
     change = np.concatenate([(_rusted(0.8, seed).z_mm - coat.clean_mm)[land] for seed in SEEDS])
@@ -84,7 +72,7 @@ def test_land_is_lost_where_scale_has_flaked_and_swells_where_it_has_not() -> No
 
 
 def test_only_the_top_of_the_rust_yields() -> None:
-    coat, rusty = _coat(), _rusted(0.8)
+    coat, rusty = bare_part(), _rusted(0.8)
     deep = mark_depth_mm(coat)
     soft = rusty.soft_mm > 0.0
     assert soft.mean() > 0.5
@@ -97,11 +85,11 @@ def test_only_the_top_of_the_rust_yields() -> None:
 
 def test_one_lamina_is_about_a_tenth_of_a_millimetre_or_thinner() -> None:
     for height_mm in (2.0, 5.0, 12.0):
-        assert 0.01 < LAMINA * mark_depth_mm(_coat(height_mm=height_mm)) < 0.15
+        assert 0.01 < LAMINA * mark_depth_mm(bare_part(height_mm=height_mm)) < 0.15
 
 
 def test_it_is_dull_and_red() -> None:
-    steel, rusty = _coat(), _rusted(0.8)
+    steel, rusty = bare_part(), _rusted(0.8)
     red, green, blue = rusty.albedo.reshape(-1, 3).mean(axis=0)
     assert red > 1.5 * green > 1.5 * blue
     assert rusty.roughness.mean() > 0.7 > steel.roughness.mean()
@@ -110,7 +98,7 @@ def test_it_is_dull_and_red() -> None:
 
 def test_it_begins_in_nests() -> None:
     """A little of it leaves most steel without scale, and the marks rust no later than the land."""
-    coat = _coat()
+    coat = bare_part()
     cover = np.mean([(_rusted(0.15, seed).soft_mm > 0.0).mean() for seed in SEEDS])
     assert 0.02 < cover < 0.6
     mark = coat.brim_mm - coat.clean_mm > 0.5 * mark_depth_mm(coat)

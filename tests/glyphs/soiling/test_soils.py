@@ -3,39 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from glyphs import stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.soiled import Soiling, soil_part
 from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.stamping.errors import StampError
-from glyphs.stamping.stamp import StampedPart
+from tests.support.coats import bare_part
 
 ARRAYS = tuple(f.name for f in fields(Coat) if f.name not in ("pitch_mm", "height_mm"))
 every_soil = pytest.mark.parametrize("soil", SOILS)
 
 
-@cache
-def _stamped(raised: bool = False, height_mm: float = 5.0) -> StampedPart:
-    return stamp("B4", height_mm=height_mm, pitch_mm=height_mm / 40, raised=raised, seed=5).stamped
-
-
-@cache
-def _coat(raised: bool = False, height_mm: float = 5.0) -> Coat:
-    """A bare part that no soil may write to."""
-    coat = bare_coat(_stamped(raised, height_mm), rng=np.random.default_rng(1))
-    for name in ARRAYS:
-        getattr(coat, name).flags.writeable = False
-    return coat
+_coat = partial(bare_part, rows=40)
 
 
 def _laid(soil: str, amount: float, seed: int = 0, raised: bool = False, height_mm: float = 5.0) -> Coat:
-    return soil_model(soil)(_coat(raised, height_mm), amount, rng=np.random.default_rng(seed))
+    return soil_model(soil)(
+        _coat(raised=raised, height_mm=height_mm), amount, rng=np.random.default_rng(seed)
+    )
 
 
 _soiled = cache(_laid)
@@ -52,7 +43,7 @@ def test_nothing_of_it_changes_nothing(soil: str) -> None:
 @pytest.mark.parametrize("amount", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize(("raised", "height_mm"), [(False, 5.0), (True, 5.0), (False, 2.0), (False, 12.0)])
 def test_what_comes_out_is_a_surface(soil: str, amount: float, raised: bool, height_mm: float) -> None:
-    clean, soiled = _coat(raised, height_mm), _soiled(soil, amount, 1, raised, height_mm)
+    clean, soiled = _coat(raised=raised, height_mm=height_mm), _soiled(soil, amount, 1, raised, height_mm)
     for name in ARRAYS:
         values = getattr(soiled, name)
         assert values.shape == getattr(clean, name).shape, name
@@ -100,7 +91,7 @@ def test_a_little_more_is_a_little_more(soil: str) -> None:
 
 
 def test_a_soil_lies_where_it_lay_when_another_comes_over_it() -> None:
-    part = _stamped()
+    part = stamp("B4", pitch_mm=5.0 / 40, seed=5).stamped
     rng = [np.random.default_rng(8) for _ in range(2)]
     alone = soil_part(part, Soiling(("rust",), 0.5), rng=rng[0])
     under = soil_part(part, Soiling(("rust", "workshop"), 0.5), rng=rng[1])

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import partial
 
 import numpy as np
 import pytest
 
-from glyphs import StampingVariation, stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.wear import rubbing as wear
 from glyphs.soiling.wear.bench import on_bench
 from glyphs.soiling.wear.blows import DENT_ASPECT, MOST_HITS, dimples, knocked, peened
 from glyphs.soiling.wear.rubbing import wear as worn
 from glyphs.surface.noise import Field
+from tests.support.coats import bare_part
 
-
-@cache
-def _coat(raised: bool = False, height_mm: float = 5.0) -> Coat:
-    part = stamp(
-        "H8",
-        height_mm=height_mm,
-        pitch_mm=height_mm / 60,
-        raised=raised,
-        variation=StampingVariation.none(),
-        seed=1,
-    )
-    return bare_coat(part.stamped, rng=np.random.default_rng(1))
+_coat = partial(bare_part, "H8", seed=1, varied=False)
 
 
 def _rubbed(coat: Coat, amount: float, *, soft: float, seed: int = 0) -> Field:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from glyphs import stamp
-from glyphs.soiling.coat import Coat, bare_coat
+from glyphs.soiling.coat import Coat
 from glyphs.soiling.weld.grinder import FURROW_MM, crown, ground
 from glyphs.soiling.weld.molten import Seam, spattered, struck
 from glyphs.soiling.weld.plate import SCALE_MM, _scaled, weld
+from tests.support.coats import bare_part
 
-
-def _coat(raised: bool = False) -> Coat:
-    part = stamp("B4", height_mm=5.0, pitch_mm=0.1, raised=raised, seed=5)
-    return bare_coat(part.stamped, rng=np.random.default_rng(1))
+_coat = partial(bare_part, rows=50)
 
 
 def _seam(coat: Coat) -> Seam:

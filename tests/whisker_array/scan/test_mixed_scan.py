@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,8 @@ import pytest
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from tests.support.h5_edits import Edit, attribute, drop, put
+from tests.support.scans import assert_same_scan
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
@@ -257,26 +258,7 @@ def test_round_trip_is_exact(tmp_path: Path, from_land: bool | None) -> None:
             ),
         )
     save_scan(scan, tmp_path / "scan.h5")
-    back = load_scan(tmp_path / "scan.h5")
-    assert back.kind == scan.kind
-    for a, b in zip(back.touches, scan.touches, strict=True):
-        assert a.key() == b.key()
-        assert a.whisker == b.whisker
-        np.testing.assert_array_equal(a.tip.compliance_mm_per_n, b.tip.compliance_mm_per_n)
-        np.testing.assert_array_equal(a.tip.moment_arm_mm, b.tip.moment_arm_mm)
-    for one, other in zip(back.sweeps, scan.sweeps, strict=True):
-        assert (one.plan.direction, one.plan.pushed) == (other.plan.direction, other.plan.pushed)
-        assert (one.plan.start_mm, one.plan.n_lead) == (other.plan.start_mm, other.plan.n_lead)
-        for name in ("moment_n_mm", "flags", "air_n_mm"):
-            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-        np.testing.assert_array_equal(one.plan.line_mm, other.plan.line_mm)
-    if scan.calibration is None:
-        assert back.calibration is None
-    else:
-        assert back.calibration is not None
-        assert back.calibration.from_land is from_land
-        np.testing.assert_array_equal(back.calibration.gain, scan.calibration.gain)
-        np.testing.assert_array_equal(back.calibration.offset_n_mm, scan.calibration.offset_n_mm)
+    assert_same_scan(scan, load_scan(tmp_path / "scan.h5"))
 
 
 def test_a_calibration_saved_later_keeps_where_it_is_from(recording: Path) -> None:
@@ -300,34 +282,8 @@ def test_without_the_new_names_a_file_is_read_as_before(recording: Path) -> None
     assert len(scan.sweeps) == 4
 
 
-def renumber(values: list[int]) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        del file["whisker/kind"]
-        file["whisker/kind"] = np.array(values, dtype=np.int32)
-
-    return change
-
-
-def drop(name: str) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        del file[name]
-
-    return change
-
-
-def put(name: str, values: np.ndarray) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        del file[name]
-        file[name] = values
-
-    return change
-
-
-def attribute(group: str, name: str, value: float) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        file[group].attrs[name] = value
-
-    return change
+def renumber(values: list[int]) -> Edit:
+    return put("whisker/kind", np.array(values, dtype=np.int32))
 
 
 @pytest.mark.parametrize(
@@ -342,14 +298,12 @@ def attribute(group: str, name: str, value: float) -> Callable[[h5py.File], None
         (drop("whisker_1"), "has no dataset /whisker_1"),
         (drop("whisker_1/moment_arm_mm"), "has no dataset /whisker_1/moment_arm_mm"),
         (put("whisker_1/compliance_mm_per_n", -np.eye(3)), "whisker is not possible"),
-        (attribute("whisker_1", "preload_mm", -1.0), "preload_mm"),
+        (attribute("preload_mm", -1.0, "whisker_1"), "preload_mm"),
         (put("passes/pushed", np.zeros(3, dtype=np.uint8)), "/passes/pushed has shape"),
         (put("passes/pushed", np.zeros(MIXED.n_passes)), "not whole numbers"),
     ],
 )
-def test_damaged_files_say_what_is_wrong(
-    recording: Path, change: Callable[[h5py.File], None], message: str
-) -> None:
+def test_damaged_files_say_what_is_wrong(recording: Path, change: Edit, message: str) -> None:
     with h5py.File(recording, "r+") as file:
         change(file)
     with pytest.raises(FileError, match=message):

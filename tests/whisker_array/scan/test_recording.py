@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +15,8 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, TraceDirection
+from tests.support.h5_edits import Edit, attribute, drop, put
+from tests.support.scans import assert_same_calibration, assert_same_scan
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
@@ -72,36 +73,6 @@ def recording(content: bytes, tmp_path: Path) -> Path:
     return path
 
 
-def assert_same(one: Scan, other: Scan) -> None:
-    for a, b in zip(one.sweeps, other.sweeps, strict=True):
-        assert a.plan.direction is b.plan.direction
-        assert (a.plan.start_mm, a.plan.step_mm) == (b.plan.start_mm, b.plan.step_mm)
-        assert (a.plan.n_samples, a.plan.n_lead) == (b.plan.n_samples, b.plan.n_lead)
-        for name in ("moment_n_mm", "flags", "air_n_mm"):
-            x, y = getattr(a, name), getattr(b, name)
-            np.testing.assert_array_equal(x, y)
-            assert x.dtype == y.dtype
-        np.testing.assert_array_equal(a.plan.line_mm, b.plan.line_mm)
-    np.testing.assert_array_equal(one.touch.tip.compliance_mm_per_n, other.touch.tip.compliance_mm_per_n)
-    np.testing.assert_array_equal(one.touch.tip.moment_arm_mm, other.touch.tip.moment_arm_mm)
-    for name in ("preload_mm", "tip_radius_mm", "friction", "whisker"):
-        assert getattr(one.touch, name) == getattr(other.touch, name)
-    for name in ("line_pitch_mm", "sample_rate_hz", "part_id", "start_time", "fidelity", "notes"):
-        assert getattr(one, name) == getattr(other, name)
-    assert (one.calibration is None) == (other.calibration is None)
-    if one.calibration is not None and other.calibration is not None:
-        np.testing.assert_array_equal(one.calibration.gain, other.calibration.gain)
-        np.testing.assert_array_equal(one.calibration.offset_n_mm, other.calibration.offset_n_mm)
-        assert_same_memory(one.calibration, other.calibration)
-
-
-def assert_same_memory(one: Calibration, other: Calibration) -> None:
-    assert (one.memory is None) == (other.memory is None)
-    if one.memory is not None and other.memory is not None:
-        for name in ("creep", "relax_s", "play_weight", "play_n_mm", "largest_n_mm"):
-            np.testing.assert_array_equal(getattr(one.memory, name), getattr(other.memory, name))
-
-
 def remembering(calibration: Calibration | None) -> Calibration:
     assert calibration is not None
     memory = draw_memory(calibration.gain.size, rng=np.random.default_rng(2), largest_n_mm=20.0)
@@ -114,7 +85,7 @@ def test_round_trip_is_exact(scan: Scan, tmp_path: Path) -> None:
     for number, one in enumerate((scan, calibrated, creeping)):
         path = tmp_path / f"{number}.h5"
         save_scan(one, path)
-        assert_same(one, load_scan(path))
+        assert_same_scan(one, load_scan(path))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5", "2.h5"]
 
 
@@ -125,10 +96,8 @@ def test_creep_is_known_of_volts_too(scan: Scan, recording: Path) -> None:
         file.attrs["units"] = "V"
         file["calibration/offset_v"] = file["calibration/offset_n_mm"][()]
     volts = load_scan(recording).calibration
-    assert volts is not None
     # gain and offset are applied already
-    np.testing.assert_array_equal(volts.gain, 1.0)
-    assert_same_memory(volts, known)
+    assert_same_calibration(volts, replace(known, gain=np.ones(3)))
 
 
 def test_all_directions_come_back_in_order(tmp_path: Path) -> None:
@@ -215,7 +184,7 @@ def test_channels_may_stand_in_any_order_with_others_between(scan: Scan, recordi
         )
         file["scan/flags"] = np.column_stack([flags[:, 2], flags[:, 0], flags[:, 0], flags[:, 1]])
         file["channels/whisker"] = [2, -1, 0, 1]
-    assert_same(scan, load_scan(recording))
+    assert_same_scan(scan, load_scan(recording))
 
 
 def test_rows_between_passes_are_not_used(scan: Scan, recording: Path) -> None:
@@ -225,7 +194,7 @@ def test_rows_between_passes_are_not_used(scan: Scan, recording: Path) -> None:
             extra = np.full_like(values[:4], -1 if name == "stage/pass" else 1)
             del file[name]
             file[name] = np.concatenate([values[:50], extra, values[50:]])
-    assert_same(scan, load_scan(recording))
+    assert_same_scan(scan, load_scan(recording))
 
 
 def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp_path: Path) -> None:
@@ -237,7 +206,7 @@ def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp
     save_calibration(recording, calibration)
     for path in (recording, tmp_path / "copy.h5"):
         loaded = load_scan(path)
-        assert_same(replace(scan, calibration=calibration), loaded)
+        assert_same_scan(replace(scan, calibration=calibration), loaded)
         assert load_scan(path, raw=True).calibration is None
         with h5py.File(path) as file:
             assert file["laboratory/temperature_c"][()] == 21.5
@@ -245,24 +214,7 @@ def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp
         save_calibration(recording, Calibration(np.ones(2), np.zeros(2)))
 
 
-def _set(name: str, value: object) -> Callable[[h5py.File], None]:
-    def change(file: h5py.File) -> None:
-        if name in file:
-            del file[name]
-        file[name] = value
-
-    return change
-
-
-def _drop(name: str) -> Callable[[h5py.File], None]:
-    return lambda file: file.__delitem__(name)
-
-
-def _attribute(name: str, value: object, group: str = "/") -> Callable[[h5py.File], None]:
-    return lambda file: file[group].attrs.__setitem__(name, value)
-
-
-def _remember(**changed: np.ndarray) -> Callable[[h5py.File], None]:
+def _remember(**changed: np.ndarray) -> Edit:
     """Unit gains, and a memory of one term and one play with something wrong."""
     memory = {"creep": np.zeros((3, 1)), "relax_s": np.ones(1), "play_weight": np.zeros((3, 1))}
 
@@ -291,29 +243,29 @@ def _uneven(file: h5py.File) -> None:
     file["stage/position_mm"][20:30, 0] += 3.0
 
 
-BROKEN: dict[str, tuple[Callable[[h5py.File], None], str]] = {
+BROKEN: dict[str, tuple[Edit, str]] = {
     "no format": (lambda file: file.attrs.__delitem__("format"), "not a scan"),
-    "foreign format": (_attribute("format", "gwy"), "not a scan"),
-    "newer": (_attribute("format_version", 2), "newer"),
-    "version no number": (_attribute("format_version", "one"), "not a number"),
-    "no signal": (_drop("scan/signal"), "has no dataset /scan/signal"),
+    "foreign format": (attribute("format", "gwy"), "not a scan"),
+    "newer": (attribute("format_version", 2), "newer"),
+    "version no number": (attribute("format_version", "one"), "not a number"),
+    "no signal": (drop("scan/signal"), "has no dataset /scan/signal"),
     "signal a group": (
         lambda f: (f.__delitem__("scan/signal"), f.create_group("scan/signal"))[0],
         "no dataset",
     ),
-    "text signal": (_set("scan/signal", ["a", "b"]), "not numbers"),
-    "complex signal": (_set("scan/signal", np.zeros((9, 3), complex)), "not numbers"),
-    "flat signal": (_set("scan/signal", np.zeros(9)), "has shape"),
-    "empty signal": (_set("scan/signal", np.zeros((0, 3))), "is empty"),
+    "text signal": (put("scan/signal", ["a", "b"]), "not numbers"),
+    "complex signal": (put("scan/signal", np.zeros((9, 3), complex)), "not numbers"),
+    "flat signal": (put("scan/signal", np.zeros(9)), "has shape"),
+    "empty signal": (put("scan/signal", np.zeros((0, 3))), "is empty"),
     "sparse signal": (_sparse, "never written"),
     "vast signal": (_vast, "over the limit"),
-    "short pass": (_set("stage/pass", np.zeros(5, int)), "has shape"),
-    "fractional pass": (_set("stage/pass", np.zeros(5)), "not whole numbers"),
+    "short pass": (put("stage/pass", np.zeros(5, int)), "has shape"),
+    "fractional pass": (put("stage/pass", np.zeros(5)), "not whole numbers"),
     "pass unknown": (lambda file: file["stage/pass"].__setitem__(0, 999), "pass 999"),
-    "no direction": (_drop("passes/direction_deg"), "direction_deg"),
+    "no direction": (drop("passes/direction_deg"), "direction_deg"),
     "odd direction": (lambda file: file["passes/direction_deg"].__setitem__(0, 45), "0, 90, 180 and 270"),
     "lines not finite": (lambda file: file["passes/line_mm"].__setitem__(0, np.nan), "not finite"),
-    "other whiskers": (_set("channels/whisker", np.array([0, 1, 1])), "number them"),
+    "other whiskers": (put("channels/whisker", np.array([0, 1, 1])), "number them"),
     "uneven lengths": (lambda file: file["stage/pass"].__setitem__(12, 1), "same number"),
     "uneven positions": (_uneven, "evenly"),
     "step backward": (lambda file: file["passes/step_mm"].__setitem__(slice(None), -0.1), "positive"),
@@ -321,22 +273,22 @@ BROKEN: dict[str, tuple[Callable[[h5py.File], None], str]] = {
         lambda f: (f.__delitem__("passes/step_mm"), f.__delitem__("stage/position_mm"))[0],
         "neither",
     ),
-    "lead too long": (_set("passes/n_lead", np.full(9, 10_000)), "n_lead"),
+    "lead too long": (put("passes/n_lead", np.full(9, 10_000)), "n_lead"),
     "no rate": (lambda file: file.attrs.__delitem__("sampling_rate_hz"), "sampling_rate_hz"),
-    "zero rate": (_attribute("sampling_rate_hz", 0.0), "sample_rate_hz"),
-    "unknown unit": (_attribute("units", "lbf*in"), "lbf"),
-    "volts alone": (_attribute("units", "V"), "calibrate"),
-    "no preload": (_attribute("preload_mm", -1.0, "whisker"), "preload"),
-    "no compliance": (_set("whisker/compliance_mm_per_n", -np.eye(3)), "whisker is not possible"),
+    "zero rate": (attribute("sampling_rate_hz", 0.0), "sample_rate_hz"),
+    "unknown unit": (attribute("units", "lbf*in"), "lbf"),
+    "volts alone": (attribute("units", "V"), "calibrate"),
+    "no preload": (attribute("preload_mm", -1.0, "whisker"), "preload"),
+    "no compliance": (put("whisker/compliance_mm_per_n", -np.eye(3)), "whisker is not possible"),
     "dead gain": (
-        lambda f: (_set("calibration/gain", np.zeros(3))(f), _set("calibration/offset_n_mm", np.zeros(3))(f))[
+        lambda f: (put("calibration/gain", np.zeros(3))(f), put("calibration/offset_n_mm", np.zeros(3))(f))[
             0
         ],
         "calibrat",
     ),
     "creep below nothing": (_remember(creep=-np.ones((3, 1))), "creep has values out of range"),
     "plays of other whiskers": (_remember(play_weight=np.zeros((2, 1))), "has shape"),
-    "flags of another shape": (_set("scan/flags", np.zeros((4, 3), np.uint8)), "has shape"),
+    "flags of another shape": (put("scan/flags", np.zeros((4, 3), np.uint8)), "has shape"),
 }
 
 
@@ -345,7 +297,7 @@ def test_every_fault_is_named_with_the_file(case: str, recording: Path) -> None:
     change, message = BROKEN[case]
     with h5py.File(recording, "r+") as file:
         if case == "lead too long":
-            change = _set("passes/n_lead", np.full(file["passes/direction_deg"].shape, 10_000))
+            change = put("passes/n_lead", np.full(file["passes/direction_deg"].shape, 10_000))
         change(file)
     with pytest.raises(FileError, match=re.escape(message)) as caught:
         load_scan(recording)

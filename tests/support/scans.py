@@ -1,0 +1,46 @@
+"""Comparison of scans."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whisker_array.scan.calibration import Calibration
+from whisker_array.scan.scan import Scan
+
+
+def _assert_arrays(one: object, other: object, *names: str) -> None:
+    for name in names:
+        a, b = getattr(one, name), getattr(other, name)
+        np.testing.assert_array_equal(a, b, err_msg=name)
+        assert np.asarray(a).dtype == np.asarray(b).dtype, name
+
+
+def _assert_values(one: object, other: object, *names: str) -> None:
+    for name in names:
+        assert getattr(one, name) == getattr(other, name), name
+
+
+def assert_same_calibration(one: Calibration | None, other: Calibration | None) -> None:
+    """Gains, offsets, where they are from, and memories are alike."""
+    assert (one is None) == (other is None)
+    if one is not None and other is not None:
+        _assert_arrays(one, other, "gain", "offset_n_mm")
+        _assert_values(one, other, "from_land")
+        assert (one.memory is None) == (other.memory is None)
+        if one.memory is not None:
+            names = ("creep", "relax_s", "play_weight", "play_n_mm", "largest_n_mm")
+            _assert_arrays(one.memory, other.memory, *names)
+
+
+def assert_same_scan(one: Scan, other: Scan) -> None:
+    """Sweeps, touches, calibration and what was noted are alike, to the last bit."""
+    for a, b in zip(one.sweeps, other.sweeps, strict=True):
+        _assert_values(a.plan, b.plan, "direction", "pushed", "start_mm", "step_mm", "n_samples", "n_lead")
+        _assert_arrays(a.plan, b.plan, "line_mm")
+        _assert_arrays(a, b, "moment_n_mm", "flags", "air_n_mm")
+    for c, d in zip(one.touches, other.touches, strict=True):
+        _assert_arrays(c.tip, d.tip, "compliance_mm_per_n", "moment_arm_mm")
+        _assert_values(c, d, "preload_mm", "tip_radius_mm", "friction", "whisker")
+    noted = ("kind", "line_pitch_mm", "sample_rate_hz", "part_id", "start_time", "fidelity", "notes")
+    _assert_values(one, other, *noted)
+    assert_same_calibration(one.calibration, other.calibration)
