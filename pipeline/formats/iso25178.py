@@ -59,10 +59,10 @@ def _sdf_size(path: Path) -> tuple[int, int]:
     if head[:1].lower() == b"b":
         counts = struct.Struct("<II" if head[1:8] == b"ISO-2.0" else "<HH")
         points, profiles = counts.unpack_from(head, 42) if len(head) >= 42 + counts.size else (0, 0)
-        return (profiles, points)
-    keys = (rb"(?i)NumProfiles\s*=\s*(\d{1,12})", rb"(?i)NumPoints\s*=\s*(\d{1,12})")
-    profiles, points = (int(found[1]) if (found := re.search(key, head)) else 0 for key in keys)
-    return (profiles, points)
+    else:
+        found = (re.search(rb"(?i)Num%b\s*=\s*(\d{1,12})" % key, head) for key in (b"Profiles", b"Points"))
+        profiles, points = (int(one[1]) if one else 0 for one in found)
+    return profiles, points
 
 
 def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:

@@ -82,28 +82,26 @@ def read_trace_table(
 
 def _text(path: Path, wanted: Sequence[Column], how: Csv, time: Column | None) -> TraceTable:
     lines = table_lines(path, delimiter=how.delimiter, skip_lines=how.skip_lines, errors=CP1252)
-    header: tuple[str, ...] = ()
-    first_line = how.skip_lines + 1
+    header, first_line = TableLine(how.skip_lines, ()), how.skip_lines + 1
     if any(isinstance(c, str) for c in wanted):
-        head = next(lines, TableLine(first_line, ()))
-        header, first_line = head.cells, head.number + 1
-    places = [_place(c, header) for c in wanted]
-    values = [array("d") for _ in wanted]
+        header = next(lines, TableLine(first_line, ()))
+        first_line = header.number + 1
+    places = [_place(c, header.cells) for c in wanted]
+    values, n = array("d"), len(places)
     stamped: set[Column] = set()
     for line in lines:
-        if not values[0] and line.number == first_line and _is_units(line, places):
+        if not values and line.number == first_line and _is_units(line, places):
             first_line += 1
             continue
-        if line.number != (expected := first_line + len(values[0])):
+        if line.number != (expected := first_line + len(values) // n):
             raise DataError(f"has nothing in line {expected}, and values after it", "take it out")
-        for into, place, name in zip(values, places, wanted, strict=True):
+        for place, name in zip(places, wanted, strict=True):
             stamp = second_of_day(line.cell(place)) if name == time else None
-            if stamp is not None:
-                stamped.add(name)
-            into.append(_number(line, place, name, how.decimal) if stamp is None else stamp)
-    if not values[0]:
+            stamped.update(() if stamp is None else (name,))
+            values.append(_number(line, place, name, how.decimal) if stamp is None else stamp)
+    if not values:
         raise DataError("has no values below its header", "export it again")
-    columns = dict(zip(wanted, map(np.asarray, values), strict=True))
+    columns = dict(zip(wanted, np.asarray(values).reshape(-1, n).T.copy(), strict=True))
     return TraceTable(columns, first_line, stamped=frozenset(stamped))
 
 
@@ -156,37 +154,32 @@ def _tdms(path: Path, wanted: Sequence[Column], states: Collection[Column]) -> T
     channels = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
     if len(file.groups()) == 1:
         channels |= {c.name: c for c in channels.values()}
-    columns: dict[Column, NDArray[np.float64]] = {}
-    waves: dict[Column, Wave] = {}
-    stamped: frozenset[Column] = frozenset()
-    for name in wanted:
-        if name not in channels:
-            held = ", ".join(channels)[:150] or "nothing"
-            raise DataError(f"has no channel {name!r} (it has {held})", "correct [columns]")
-        channel = channels[str(name)]
-        values = np.asarray(channel[:])
-        if values.dtype.kind == "M":
-            values, stamped = (values - values[:1]) / np.timedelta64(1, "s"), stamped | {name}
+    if absent := [name for name in wanted if name not in channels]:
+        held = ", ".join(channels)[:150] or "nothing"
+        raise DataError(f"has no channel {absent[0]!r} (it has {held})", "correct [columns]")
+    columns = {name: np.asarray(channels[str(name)][:]) for name in wanted}
+    clocks = {name: wave_of(channels[str(name)].properties) for name in wanted}
+    waves = {name: wave for name, wave in clocks.items() if wave is not None}
+    stamped = frozenset(name for name, values in columns.items() if values.dtype.kind == "M")
+    for name, values in columns.items():
+        seconds = (values - values[:1]) / np.timedelta64(1, "s") if name in stamped else values
         try:
-            columns[name] = values.astype(np.float64)
+            columns[name] = seconds.astype(np.float64)
         except (TypeError, ValueError) as error:
             raise DataError(f"holds no numbers in channel {name!r}", "name another") from error
-        if (wave := wave_of(channel.properties)) is not None:
-            waves[name] = wave
     if not all(values.size for values in columns.values()):
         raise DataError("has no samples", "record it again")
     if len(set(waves.values())) > 1:
         columns = laid_together(columns, waves, states)
     lengths = {name: values.size for name, values in columns.items()}
-    longest, shortest = max(lengths.values()), min(lengths.values())
-    if shortest < longest:
-        short = min(lengths, key=lambda name: lengths[name])
+    short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
+    if lengths[short] < longest:
         raise DataError(
-            f"has {shortest:,} samples in channel {short!r} and {longest:,} in others",
+            f"has {lengths[short]:,} samples in channel {short!r} and {longest:,} in others",
             "record all channels together, as waveforms (wf_increment, wf_start_time)",
         )
-    first = next((waves[name] for name in columns if name in waves), None)
-    return TraceTable(columns, rate_hz=0.0 if first is None else 1.0 / first.step_s, stamped=stamped)
+    rate_hz = next((1.0 / waves[name].step_s for name in columns if name in waves), 0.0)
+    return TraceTable(columns, rate_hz=rate_hz, stamped=stamped)
 
 
 Floats = NDArray[np.float64]

@@ -124,13 +124,10 @@ class PartTexts(dict[str, str]):
         return names
 
     def name_of(self, part: str) -> str | None:
-        """What the table calls a part: its name, or that without its folder; None where it has none."""
-        for name in (part, part.rpartition("/")[2]):
-            if name in self:
-                return name
-            if (found := self._names.get(_folded(name))) is not None:
-                return found
-        return None
+        """The name of a part in the table: its own, or that without its folder; None where it has none."""
+        names = (part, part.rpartition("/")[2])
+        found = (name if name in self else self._names.get(_folded(name)) for name in names)
+        return next((name for name in found if name is not None), None)
 
     def text_of(self, part: str) -> str | None:
         """The text of a part; None where the table has none."""
