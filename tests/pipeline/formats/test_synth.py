@@ -21,6 +21,7 @@ from glyphs.stamping.variation import PRACTICES
 from pipeline.cli.choices import DieName, LayoutName, PlateName, PracticeName
 from pipeline.cli.main import main
 from pipeline.common.settings import SettingsError
+from pipeline.formats.npz import soil_members
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts
 from pipeline.formats.touch_file import read_height_map
@@ -49,13 +50,8 @@ def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
 def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
     made = write_parts(SynthSpec(format="99", height_mm=3.0), tmp_path / "out", parts=2)
     assert load_truth(tmp_path / "out" / "truth.csv") == dict(made)
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
-        "part-000.npz",
-        "part-000.png",
-        "part-001.npz",
-        "part-001.png",
-        "truth.csv",
-    ]
+    files = [f"part-00{k}.{suffix}" for k in (0, 1) for suffix in ("npz", "png")]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*files, "truth.csv"]
     with np.load(tmp_path / "out" / "part-000.npz") as content:
         assert sorted(content.files) == ["pitch_mm", "rows", "z_mm"]
     with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
@@ -91,25 +87,15 @@ def test_what_is_asked_for_is_stamped() -> None:
     "wrong",
     [
         {"format": ""},
-        {"format": "9", "seed": -1},
-        {"format": "9", "font": "comic"},
-        {"format": "9", "height_mm": 0.0},
-        {"format": "9", "bevel_deg": 90.0},
-        {"format": "9", "depth_mm": -0.1},
-        {"format": "9", "light_elevation_deg": 0.0},
-        {"format": "9", "light_azimuth_deg": float("nan")},
-        {"format": "9", "pixel_mm": 0.0},
-        {"format": "9", "die": "oval"},
-        {"format": "9", "die": "sharp", "face": Face.ROUND},
-        {"format": "9", "plate": "moon"},
-        {"format": "9", "layout": "spiral"},
-        {"format": "9", "practice": "robot"},
-        {"format": "9", "practice": "hand", "variation": False},
+        *({"seed": -1}, {"font": "comic"}, {"height_mm": 0.0}, {"bevel_deg": 90.0}, {"depth_mm": -0.1}),
+        *({"light_elevation_deg": 0.0}, {"light_azimuth_deg": float("nan")}, {"pixel_mm": 0.0}),
+        *({"die": "oval"}, {"die": "sharp", "face": Face.ROUND}, {"plate": "moon"}, {"layout": "spiral"}),
+        *({"practice": "robot"}, {"practice": "hand", "variation": False}),
     ],
 )
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(MarksError, match=r"\S"):
-        SynthSpec(**wrong)  # type: ignore[arg-type]
+        SynthSpec(**{"format": "9", **wrong})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("parts", [0, -3, 10_000_000])
@@ -146,12 +132,7 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
     )
     with np.load(tmp_path / "out" / "part-001.npz") as content:
         assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "rows", "soft_mm", "z_mm"]
-        # half precision: eleven bits
-        for name, kept in (
-            ("friction", soiled.soil.friction),
-            ("soft_mm", soiled.soil.thickness_mm),
-            ("hardness_mpa", soiled.soil.hardness_mpa),
-        ):
+        for name, kept in soil_members(soiled.soil).items():  # half precision: eleven bits
             np.testing.assert_allclose(content[name].astype(np.float32), kept, rtol=2**-11, atol=1e-7)
     photo = spec.photograph(soiled)
     back = read_photo(tmp_path / "out" / "part-001.png")
