@@ -21,12 +21,7 @@ from typing import Any
 from glyphs.errors import FileError, MarksError
 from glyphs.plain_text import visible
 from pipeline.errors import is_url, is_web, problem_of
-from pipeline.formats.kinds import (
-    PHOTO_SUFFIXES,
-    READ_NAMES,
-    TABLE_SUFFIXES,
-    UNREAD_PICTURE_SUFFIXES,
-)
+from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
 from pipeline.formats.names import has_magic, local_name, split_name
 from pipeline.formats.number_table import is_number_table
@@ -220,9 +215,8 @@ class FoundFiles:
     def add_told(self, parts: Iterable[PartFiles]) -> None:
         """Parts that a manifest tells of."""
         for part in parts:
-            key = ("", "", str(len(self._parts)))
+            self._meant.add(key := ("", "", str(len(self._parts))))
             self._parts[key] = part
-            self._meant.add(key)
 
     def parts(self) -> list[PartFiles]:
         """The parts in the order in which their first files were found; one found and told alike stands once."""

@@ -51,9 +51,8 @@ def height_map(raw: RawMap, settings: MapSettings) -> HeightMap:
         z = z[::-1]
     for pitch in (x_pitch * xy_mm, y_pitch * xy_mm):
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):
-            raise DataError(
-                f"has samples {pitch:.4g} mm apart", "give their distance in mm with --pitch-mm, at most 10"
-            )
+            what = f"has samples {pitch:.4g} mm apart"
+            raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _squared(z, x_pitch * xy_mm, y_pitch * xy_mm)
     return HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
 

@@ -136,9 +136,8 @@ def _passes(path: Path, table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
         table.columns[columns.lifted] != 0.0 if columns.lifted is not None else np.zeros(n, dtype=np.bool_)
     )
     if not np.isfinite(number).all():
-        raise DataError(
-            f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}", "write -1 between passes"
-        )
+        what = f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}"
+        raise DataError(what, "write -1 between passes")
     found = np.unique(number[number >= 0.0])
     if not found.size:
         raise DataError(f"has no pass in column {columns.number!r}", "number passes from 0")
@@ -310,7 +309,5 @@ def check_speed(*, step_mm: float, rate_hz: float, unit: str) -> None:
         return
     likely = [u for u, s in SECONDS.items() if least <= speed * SECONDS[unit] / s <= most and u != unit]
     asked = f'say time_unit = "{likely[0]}" if that is their unit' if likely else "correct time_unit"
-    raise DataError(
-        f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {unit}",
-        f"{asked}, or give sampling_rate_hz in place of columns.time",
-    )
+    what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {unit}"
+    raise DataError(what, f"{asked}, or give sampling_rate_hz in place of columns.time")

@@ -19,6 +19,7 @@ import numpy as np
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
+from pipeline.formats.kinds import FORMATS_SUFFIXES
 from pipeline.formats.raw_map import RawMap, check_size
 from pipeline.formats.touch_file import check_hdf5
 
@@ -40,13 +41,12 @@ def formats_installed() -> bool:
     return find_spec("SurfaceTopography") is not None
 
 
-def read_instrument(path: Path, most: int = MAX_PIXELS, *, known: bool = True) -> RawMap:
+def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of a file, through SurfaceTopography.
 
     Args:
         path: the file.
         most: samples that it may hold.
-        known: its suffix is that of a format that SurfaceTopography reads.
 
     Raises:
         DataError: the file cannot be used, or the extra `formats` is not installed.
@@ -55,10 +55,8 @@ def read_instrument(path: Path, most: int = MAX_PIXELS, *, known: bool = True) -
         if stream.read(12) == b"DSCOMPRESSED":
             raise DataError("is compressed", "save it uncompressed, or export it as X3P")
     if not formats_installed():
-        raise DataError(
-            f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`",
-            "install it with: pip install 'tactile-marks[formats]'",
-        )
+        what = f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`"
+        raise DataError(what, "install it with: pip install 'tactile-marks[formats]'")
     import h5py
 
     if h5py.is_hdf5(path):
@@ -76,7 +74,7 @@ def read_instrument(path: Path, most: int = MAX_PIXELS, *, known: bool = True) -
                 # X3P and SDF are met with either row first
                 return _raw_map(surface, rows_stated=path.suffix.lower() not in (".x3p", ".sdf"))
         except CannotDetectFileFormat as error:
-            if known:
+            if path.suffix.lower() in FORMATS_SUFFIXES:
                 raise DataError(f"is damaged or no {path.suffix} file", "copy or export it again") from error
             raise DataError(_NO_FORMAT, _EXPORT) from error
         except ValueError as error:
@@ -85,11 +83,6 @@ def read_instrument(path: Path, most: int = MAX_PIXELS, *, known: bool = True) -
             unit = (found[1] or found[2] or "").strip()
             what = f"an image (z in {unit!r}), no heights" if unit else "no heights: z has no unit of length"
             raise DataError(f"holds {what}", "export the channel of heights") from error
-
-
-def read_unknown(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """As `read_instrument`, of a file whose suffix says nothing."""
-    return read_instrument(path, most, known=False)
 
 
 @contextlib.contextmanager
@@ -116,9 +109,8 @@ def _height_channel(reader: Any, most: int) -> Any:
             break
     else:
         names = ", ".join(str(c.name) for c in channels) or "none is a length"
-        raise DataError(
-            f"holds no heights; its channels are images ({names})", "export the channel of heights"
-        )
+        what = f"holds no heights; its channels are images ({names})"
+        raise DataError(what, "export the channel of heights")
     if channel.dim != 2:
         raise DataError("holds a profile", "measure a surface")
     columns, rows = (int(n) for n in channel.nb_grid_pts)

@@ -38,9 +38,8 @@ def calibrate_scan(scan: Scan) -> LeadIn:
         SensorError: no air or lead-in samples in the scan, none on the land, or ones that give no gain.
     """
     if all(s.plan.n_lead == 0 for s in scan.sweeps):
-        raise SensorError(
-            "no lead-in on land in the scan (n_lead is 0)", hint="begin the passes on land and state n_lead"
-        )
+        what = "no lead-in on land in the scan (n_lead is 0)"
+        raise SensorError(what, hint="begin the passes on land and state n_lead")
     if all(s.air_n_mm.shape[2] == 0 for s in scan.sweeps):
         raise SensorError("no samples in the air", hint="record some with the array lifted before each pass")
     expected = [scan.touches[kind].land_moment_n_mm() for kind in scan.kind]

@@ -147,10 +147,8 @@ def _place(source: str, where: str, name: str) -> str:
     """
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
         if _DRIVE.match(name):
-            raise DataError(
-                f"{where} names {name}, and this system has no drive {name[:2]}",
-                "name the files as they lie beside the table",
-            )
+            what = f"{where} names {name}, and this system has no drive {name[:2]}"
+            raise DataError(what, "name the files as they lie beside the table")
         name = name.replace("\\", "/")
     return beside(source, name) if name else ""
 
@@ -166,10 +164,8 @@ def _columns(header: Sequence[str]) -> dict[str, int]:
             found[name] = place
         elif name not in _OTHERS:
             for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
-                raise DataError(
-                    f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}",
-                    f"call it {close} if that is meant, or something quite different",
-                )
+                what = f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}"
+                raise DataError(what, f"call it {close} if that is meant, or something quite different")
     if not any(column in found for column in FILES):
         named = ", ".join(h.strip() for h in header)[:200] or "none"
         raise DataError(f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}")

@@ -110,9 +110,8 @@ class _Archive(zipfile.ZipFile):
             shape, dtype = _header(stream, "rows", kinds="U")
         one = math.prod(shape) == 1 and dtype.itemsize <= _HEADER_BYTES
         if not one or (stated := str(self.load("rows").item())) not in _ROWS:
-            raise DataError(
-                "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out"
-            )
+            what = "states no order of its rows"
+            raise DataError(what, f"save rows as {' or '.join(_ROWS)}, or leave it out")
         return stated
 
     def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:

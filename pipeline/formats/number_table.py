@@ -104,9 +104,8 @@ def read_number_table(path: Path) -> NumberTable:
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
-        raise DataError(
-            "holds no table of numbers", "export columns x y z, or a matrix of heights, one row a line"
-        )
+        what = "holds no table of numbers"
+        raise DataError(what, "export columns x y z, or a matrix of heights, one row a line")
     head = tuple(sample[: found.first_line])
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:

@@ -153,10 +153,9 @@ def _size(header: PhotoHeader) -> str:
 
 def _pitch_mm(image: ImageFile) -> float | None:
     """Size of a pixel, if x and y agree to a hundredth and it is neither absurd nor a program's default."""
-    if image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit"):
-        return None  # what EXIF says is a camera's habit, no scale
-    if image.format == "WEBP":
-        return None  # it has EXIF alone
+    # what EXIF says is a camera's habit, no scale; WebP has nothing else
+    if image.format == "WEBP" or (image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit")):
+        return None
     x_dpi, y_dpi = (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
     if not (x_dpi > 0.0 and y_dpi > 0.0) or any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI):
         return None
@@ -246,9 +245,8 @@ def _decoded_deep(path: Path, page: int) -> Decoded:
     if found is None or found.dtype not in (np.uint8, np.uint16):
         raise ValueError("OpenCV does not decode it")
     made = np.atleast_3d(found)
-    if made.shape[2] < 3:
-        return np.concatenate([*[made[..., :1]] * 3, made[..., 1:]], axis=2)
-    return np.concatenate([made[..., 2::-1], made[..., 3:]], axis=2)
+    colours = made[..., [0, 0, 0]] if made.shape[2] < 3 else made[..., 2::-1]
+    return np.concatenate([colours, made[..., 1 if made.shape[2] < 3 else 3 :]], axis=2)
 
 
 def _by_opencv(path: Path, page: int = 0) -> Any:
@@ -257,14 +255,12 @@ def _by_opencv(path: Path, page: int = 0) -> Any:
 
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our own error says it
-    try:
+    found: Any = ()
+    with contextlib.suppress(cv2.error):
         data = np.fromfile(path, dtype=np.uint8)
-        done, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
-    except cv2.error:
-        return None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    return np.asarray(found[0]) if done and len(found) == 1 else None
+        _, found = cv2.imdecodemulti(data, cv2.IMREAD_UNCHANGED, range=(page, page + 1))
+    cv2.utils.logging.setLogLevel(level)
+    return np.asarray(found[0]) if len(found) == 1 else None
 
 
 def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:

@@ -159,10 +159,8 @@ def _triangulated(
     left, top = np.nanmin(points[:, 0]), np.nanmax(points[:, 1])
     places = np.column_stack([(points[:, 0] - left) / pitch, (top - points[:, 1]) / pitch, points[:, 2]])
     if _drawn_samples(places, faces) > MOST_DRAWN:
-        raise DataError(
-            f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost",
-            "export the marked surface alone",
-        )
+        what = f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost"
+        raise DataError(what, "export the marked surface alone")
     z = np.full((rows, cols), np.nan)
     _draw(z, places, faces)
     return z, pitch, pitch

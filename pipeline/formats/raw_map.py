@@ -56,9 +56,8 @@ def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:
         DataError: it has more.
     """
     if rows * cols > most:
-        raise DataError(
-            f"has {rows:,} x {cols:,} samples, over the limit of {most:,}", "crop or thin the map"
-        )
+        what = f"has {rows:,} x {cols:,} samples, over the limit of {most:,}"
+        raise DataError(what, "crop or thin the map")
 
 
 def without_bad_points(z: NDArray[np.float64]) -> NDArray[np.float64]:

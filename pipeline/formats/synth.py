@@ -107,9 +107,8 @@ class SynthSpec:
         )
         Camera(pitch_mm=self.pixel_mm)
         if self.practice is not None and not self.variation:
-            raise SettingsError(
-                "a practice is how blows differ", hint="leave out either it or 'no variation'"
-            )
+            what = "a practice is how blows differ"
+            raise SettingsError(what, hint="leave out either it or 'no variation'")
         for kind, choices, name in (
             ("practice", PRACTICES, self.practice),
             ("die", DIES, self.die),

@@ -49,12 +49,7 @@ class TableLine:
 
 
 def table_lines(
-    path: Path,
-    *,
-    comments: bool = False,
-    delimiter: str = "",
-    skip_lines: int = 0,
-    errors: str = "strict",
+    path: Path, *, comments: bool = False, delimiter: str = "", skip_lines: int = 0, errors: str = "strict"
 ) -> Iterator[TableLine]:
     """The lines of a table, its first one with the headings (if any) among them; one line is in memory at a time.
 

@@ -131,8 +131,7 @@ def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
     """A length that a heading states, and millimetres in one of it, if it says the unit."""
     before, after = rf"(?:[\[(]\s*(?P<before>{_UNIT})\s*[\])])?", rf"[ \t;,\[(]*(?P<after>{_UNIT})?"
     found = re.search(rf"{_LINE}(?:{keys})[ \t]*{before}{_VALUE}{after}", head)
-    value = float(found["value"].replace(",", ".")) if found else 0.0
-    if found is None or value <= 0.0:
+    if found is None or (value := float(found["value"].replace(",", "."))) <= 0.0:
         return None
     return value, MM.get((found["before"] or found["after"] or "").lower())
 

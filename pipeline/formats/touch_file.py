@@ -43,7 +43,7 @@ class _Reader(NamedTuple):
 
 
 _TEXT = _Reader("text_maps", "read_text_map", "text", _GB // 2)
-_UNKNOWN = _Reader("instruments", "read_unknown", "height map")
+_UNKNOWN = _Reader("instruments", "read_instrument", "height map")
 _READERS = {
     ".npz": _Reader("npz", "read_npz"),
     ".npy": _Reader("npz", "read_npy"),

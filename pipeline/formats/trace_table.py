@@ -174,10 +174,8 @@ def _tdms(path: Path, wanted: Sequence[Column], states: Collection[Column]) -> T
     lengths = {name: values.size for name, values in columns.items()}
     short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
     if lengths[short] < longest:
-        raise DataError(
-            f"has {lengths[short]:,} samples in channel {short!r} and {longest:,} in others",
-            "record all channels together, as waveforms (wf_increment, wf_start_time)",
-        )
+        what = f"has {lengths[short]:,} samples in channel {short!r} and {longest:,} in others"
+        raise DataError(what, "record all channels together, as waveforms (wf_increment, wf_start_time)")
     rate_hz = next((1.0 / waves[name].step_s for name in columns if name in waves), 0.0)
     return TraceTable(columns, rate_hz=rate_hz, stamped=stamped)
 
@@ -229,10 +227,8 @@ def laid_together(
     """
     bare = next((name for name in columns if name not in waves), None)
     if bare is not None:
-        raise DataError(
-            f"has channels that begin at different times, and channel {bare!r} without wf_increment",
-            "record all channels as waveforms, or together",
-        )
+        what = f"has channels that begin at different times, and channel {bare!r} without wf_increment"
+        raise DataError(what, "record all channels as waveforms, or together")
     first = waves[next(iter(columns))]
     starts = {name: wave.begins_after_s(first) for name, wave in waves.items() if name in columns}
     ends = {name: starts[name] + (columns[name].size - 1) * waves[name].step_s for name in columns}
@@ -241,10 +237,8 @@ def laid_together(
     k = np.arange(int(np.ceil(begin / first.step_s)), int(np.floor(end / first.step_s)) + 1)
     if k.size < 2:
         late, early = max(starts, key=lambda name: starts[name]), min(ends, key=lambda name: ends[name])
-        raise DataError(
-            f"has channel {late!r} begin {starts[late] - ends[early]:.3f} s after channel {early!r} ends",
-            "record all channels at the same time",
-        )
+        what = f"has channel {late!r} begin {starts[late] - ends[early]:.3f} s after channel {early!r} ends"
+        raise DataError(what, "record all channels at the same time")
     made: dict[Column, Floats] = {}
     for name, values in columns.items():
         at = (k * first.step_s - starts[name]) / waves[name].step_s

@@ -93,10 +93,8 @@ class _Identified(Strict):
     def knowledge(self) -> Knowledge:
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
-            raise WhiskerError(
-                f"identified has {n} names, and not as many of sd and of each side of correlation",
-                hint="let identify --out write it anew",
-            )
+            what = f"identified has {n} names, and not as many of sd and of each side of correlation"
+            raise WhiskerError(what, hint="let identify --out write it anew")
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 
 

@@ -10,14 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.common.serial_rules import (
-    WINDOW,
-    Counted,
-    ProductionOrder,
-    SerialAlarm,
-    SerialRules,
-    counted,
-)
+from pipeline.common.serial_rules import WINDOW, Counted, ProductionOrder, SerialAlarm, SerialRules, counted
 from pipeline.formats.order_file import read_order
 
 

@@ -62,10 +62,7 @@ def test_csv_as_spreadsheets_write_it(tmp_path: Path, delimiter: str, mark: byte
     lines = [" Height_Map ", "PART", "Remark"], [" ö.npz", "A 1", "good"], ["", "", ""], ["b.npz", "B"]
     text = end + end.join(delimiter.join(line) for line in lines) + end
     parts = read_manifest(table(tmp_path, mark + text.encode()))
-    assert parts == [
-        PartFiles("A 1", str(tmp_path / "ö.npz")),
-        PartFiles("B", str(tmp_path / "b.npz")),
-    ]
+    assert parts == [PartFiles("A 1", str(tmp_path / "ö.npz")), PartFiles("B", str(tmp_path / "b.npz"))]
 
 
 @pytest.mark.parametrize(
