@@ -7,7 +7,7 @@ before the file's and is not asked about again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -104,19 +104,15 @@ class _Shape:
     """Measures of a map in the file's numbers.
 
     Attributes:
-        rows, cols: of samples.
+        raw: the map.
         pitch: smaller distance of samples.
-        stated, one_unit: whether the file states its unit, and has one for heights and distances.
         relief: range of heights.
         depth: range of heights less tilt and dome.
         rise: mean steepness over a fiftieth of the shorter side, a sample.
     """
 
-    rows: int
-    cols: int
+    raw: RawMap
     pitch: float
-    stated: bool
-    one_unit: bool
     relief: float = 0.0
     depth: float = 0.0
     rise: float = 0.0
@@ -125,32 +121,26 @@ class _Shape:
     def of(cls, raw: RawMap, pitch: float) -> _Shape:
         """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
         z = raw.z
-        unmeasured = cls(z.shape[0], z.shape[1], pitch, raw.z_mm is not None, raw.one_unit)
         step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
         few = np.asarray(z[::step, ::step], dtype=np.float64)
         known = np.isfinite(few)
         if known.sum() < 8:
-            return unmeasured
+            return cls(raw, pitch)
         lag = max(1, round(min(z.shape) / 50))
-        rises = [np.abs(z[lag::step, ::step] - z[:-lag:step, ::step]).ravel(),
-                 np.abs(z[::step, lag::step] - z[::step, :-lag:step]).ravel()]  # fmt: skip
-        rise = np.concatenate(rises)
-        rise = rise[np.isfinite(rise)]
-        y, x = np.indices(few.shape) / max(few.shape)
-        heights, x, y = few[known], x[known], y[known]
-        heights = heights - np.median(heights)
+        down, right = (
+            z[lag::step, ::step] - z[:-lag:step, ::step],
+            z[::step, lag::step] - z[::step, :-lag:step],
+        )
+        rises = np.abs(np.concatenate([down.ravel(), right.ravel()]))
+        rises = rises[np.isfinite(rises)]
+        y, x = (axis[known] for axis in np.indices(few.shape) / max(few.shape))
+        heights = few[known] - np.median(few[known])
         form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
         rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
         relief, depth = (
-            float(np.ptp(np.percentile(h, ends))) for h, ends in ((heights, (0.2, 99.8)), (rest, (1, 99)))
+            float(np.ptp(np.percentile(h, e))) for h, e in ((heights, (0.2, 99.8)), (rest, (1, 99)))
         )
-        return replace(
-            unmeasured, relief=relief, depth=depth, rise=float(rise.mean()) / lag if rise.size else 0.0
-        )
-
-    def least_relief(self, pitch_mm: float) -> float:
-        """Least height range of a map that is not flat, mm."""
-        return LEAST_RELIEF_SHARE * min(self.rows, self.cols) * pitch_mm if self.stated else LEAST_RELIEF_MM
+        return cls(raw, pitch, relief, depth, float(rises.mean()) / lag if rises.size else 0.0)
 
     def unusual(self, z_mm: float) -> float:
         """How far the height range is from that of a stamped plate, in powers of ten."""
@@ -160,33 +150,32 @@ class _Shape:
         """Why no plate with marks has these measures in these units; empty if one may."""
         if odd := self.odd_size(xy_mm):
             return odd
-        pitch, relief = self.pitch * xy_mm, self.relief * z_mm
-        shorter = min(self.rows, self.cols) * pitch
-        size = self._size(pitch)
-        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < self.least_relief(
-            pitch
-        ):
+        pitch, relief, depth = self.pitch * xy_mm, self.relief * z_mm, self.depth * z_mm
+        shorter, size = min(self.raw.z.shape) * pitch, self._size(pitch)
+        least = LEAST_RELIEF_MM if self.raw.z_mm is None else LEAST_RELIEF_SHARE * shorter
+        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < least:
             return f"heights span {_length(relief)} on a map of {size}"
-        if self.one_unit:  # a mesh may show the part's base, too
+        if self.raw.one_unit:  # a mesh may show the part's base, too
             return ""
-        if self.depth * z_mm > MOST_DEPTH_MM:
-            return f"marks are {_length(self.depth * z_mm)} deep on a map of {size}"
+        if depth > MOST_DEPTH_MM:
+            return f"marks are {_length(depth)} deep on a map of {size}"
         if self.rise * z_mm / pitch > MOST_STEEPNESS:
-            return f"marks {_length(self.depth * z_mm)} deep make a map of {size} steeper than 45 degrees throughout"
+            return f"marks {_length(depth)} deep make a map of {size} steeper than 45 degrees throughout"
         return ""
 
     def odd_size(self, xy_mm: float) -> str:
         """Why no map of a plate has these distances; empty if one may."""
         pitch = self.pitch * xy_mm
-        shorter, longer = sorted((self.rows * pitch, self.cols * pitch))
+        shorter, longer = sorted(n * pitch for n in self.raw.z.shape)
         if pitch > MOST_PITCH_MM:
             return f"its samples lie {_length(pitch)} apart, on a map of {self._size(pitch)}"
-        if not (longer <= MOST_PLATE_MM and shorter >= (LEAST_STATED_MM if self.stated else LEAST_PLATE_MM)):
+        if longer > MOST_PLATE_MM or shorter < (LEAST_PLATE_MM if self.raw.z_mm is None else LEAST_STATED_MM):
             return f"the map measures {self._size(pitch)}"
         return ""
 
     def _size(self, pitch_mm: float) -> str:
-        return f"{_length(self.cols * pitch_mm)} x {_length(self.rows * pitch_mm)}"
+        rows, cols = self.raw.z.shape
+        return f"{_length(cols * pitch_mm)} x {_length(rows * pitch_mm)}"
 
 
 def _length(mm: float) -> str:
