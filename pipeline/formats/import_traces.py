@@ -79,16 +79,14 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
     """
     passes: list[_Pass] = []
     rates = []
-    columns = told.columns
-    states = {c for c in (columns.lifted, columns.number) if c is not None}
     for path in paths:
         with reading(path, kind=path.suffix, most_bytes=_MOST_BYTES):
-            table = read_trace_table(path, columns.named(), text=told.csv, time=columns.time, states=states)
+            table = read_trace_table(path, told)
         with naming(path):
             own = tuple(_passes(path, table, told))
             passes += own
             rates.append(_rate_hz(table, told))
-            if columns.time is not None:
+            if told.columns.time is not None:
                 step_mm = float(np.median([p.step_mm for p in own]))
                 check_speed(step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
     if max(rates) > 1.01 * min(rates):
@@ -112,9 +110,8 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
 def _rate_hz(table: TraceTable, told: TracesFile) -> float:
     columns = told.columns
     if columns.time is not None and table.n_rows > 1:
-        number = table.columns[columns.number] if columns.number is not None else np.zeros(table.n_rows)
         scale = 1.0 if columns.time in table.stamped else SECONDS[told.time_unit]
-        return rate_hz(table, table.columns[columns.time] * scale, number)
+        return rate_hz(table, table.column(columns.time) * scale, table.column(columns.number))
     rate = told.sampling_rate_hz or table.rate_hz
     if not rate:
         raise DataError("has no time, and its rate is not told", "give columns.time or sampling_rate_hz")
@@ -124,20 +121,11 @@ def _rate_hz(table: TraceTable, told: TracesFile) -> float:
 def _passes(path: Path, table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
     columns = told.columns
     at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[told.position_unit]
-    signal = np.column_stack([table.columns[c] for c in columns.moment]) * UNIT_N_MM.get(
-        told.moment_unit, 1.0
-    )
-    lost = np.flatnonzero(~np.isfinite(at).all(axis=1))
-    if lost.size:
-        raise DataError(f"has no position {table.at(int(lost[0]))}", "fill it in, or take that row out")
-    n = at.shape[0]
-    number = table.columns[columns.number] if columns.number is not None else np.zeros(n)
-    lifted = (
-        table.columns[columns.lifted] != 0.0 if columns.lifted is not None else np.zeros(n, dtype=np.bool_)
-    )
-    if not np.isfinite(number).all():
-        what = f"has no pass {table.at(int(np.argmin(np.isfinite(number))))}"
-        raise DataError(what, "write -1 between passes")
+    signal = np.column_stack([table.columns[c] for c in columns.moment])
+    signal *= UNIT_N_MM.get(told.moment_unit, 1.0)
+    table.require(at, "position", "fill it in, or take that row out")
+    number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
+    table.require(number, "pass", "write -1 between passes")
     found = np.unique(number[number >= 0.0])
     if not found.size:
         raise DataError(f"has no pass in column {columns.number!r}", "number passes from 0")
@@ -280,9 +268,7 @@ def rate_hz(table: TraceTable, time_s: Floats, number: Floats) -> float:
     Raises:
         DataError: times that are missing, run back within a pass, or never change.
     """
-    lost = np.flatnonzero(~np.isfinite(time_s))
-    if lost.size:
-        raise DataError(f"has no time {table.at(int(lost[0]))}", "fill it in, or take that row out")
+    table.require(time_s, "time", "fill it in, or take that row out")
     steps = np.diff(time_s)
     steps = np.where(np.abs(steps + SECONDS["d"]) < 0.5 * SECONDS["d"], steps + SECONDS["d"], steps)
     back = np.flatnonzero((steps < 0.0) & (np.diff(number) == 0.0))

@@ -16,7 +16,7 @@ from glyphs.errors import MissingExtraError
 from glyphs.surface.display import one_line
 from pipeline.errors import DataError
 from pipeline.formats.table_file import CP1252, TableLine, table_lines
-from pipeline.formats.traces_file import Column, Csv
+from pipeline.formats.traces_file import Column, Columns, Csv, TracesFile
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*([AaPp])?")
@@ -45,42 +45,48 @@ class TraceTable:
         """Samples of each column."""
         return next(iter(self.columns.values())).size
 
+    def column(self, name: Column | None) -> NDArray[np.float64]:
+        """A column; zeros in place of one that was not asked for."""
+        return np.zeros(self.n_rows) if name is None else self.columns[name]
+
     def at(self, row: int) -> str:
         """Where a row stands, for a message."""
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
+    def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
+        """Check that no row (rows, ...) lacks a value.
 
-def read_trace_table(
-    path: Path,
-    wanted: Sequence[Column],
-    *,
-    text: Csv,
-    time: Column | None = None,
-    states: Collection[Column] = (),
-) -> TraceTable:
-    """The columns wanted.
+        Raises:
+            DataError: one does; names the first.
+        """
+        lost = np.flatnonzero(~np.isfinite(values.reshape(self.n_rows, -1)).all(axis=1))
+        if lost.size:
+            raise DataError(f"has no {what} {self.at(int(lost[0]))}", hint)
+
+
+def read_trace_table(path: Path, told: TracesFile) -> TraceTable:
+    """The columns that are told of; time stamps become seconds.
+
+    TDMS channels that begin at other times than the first, or were sampled at another rate, are laid on its samples.
 
     Args:
         path: the file.
-        wanted: columns; of TDMS channels that begin at other times than the first, or were sampled at another rate,
-            are laid on its samples.
-        text: layout of text.
-        time: the column that may hold time stamps, which become seconds.
-        states: columns, which hold until they change and are not interpolated.
+        told: columns, and layout of text.
 
     Raises:
         DataError: a file of another kind, damaged; a column that is not there; a value that is no number.
         MissingExtraError: TDMS without its library.
     """
     if path.suffix.lower() == ".tdms":
-        return _tdms(path, wanted, states)
+        return _tdms(path, told.columns)
     if path.suffix.lower() not in CSV_SUFFIXES:
         hint = f"give {', '.join(CSV_SUFFIXES)} or .tdms files"
         raise DataError(f"ends in {path.suffix or 'nothing'}", hint)
-    return _text(path, wanted, text, time)
+    return _text(path, told.columns, told.csv)
 
 
-def _text(path: Path, wanted: Sequence[Column], how: Csv, time: Column | None) -> TraceTable:
+def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
+    wanted = asked.named()
     lines = table_lines(path, delimiter=how.delimiter, skip_lines=how.skip_lines, errors=CP1252)
     header, first_line = TableLine(how.skip_lines, ()), how.skip_lines + 1
     if any(isinstance(c, str) for c in wanted):
@@ -96,7 +102,7 @@ def _text(path: Path, wanted: Sequence[Column], how: Csv, time: Column | None) -
         if line.number != (expected := first_line + len(values) // n):
             raise DataError(f"has nothing in line {expected}, and values after it", "take it out")
         for place, name in zip(places, wanted, strict=True):
-            stamp = second_of_day(line.cell(place)) if name == time else None
+            stamp = second_of_day(line.cell(place)) if name == asked.time else None
             stamped.update(() if stamp is None else (name,))
             values.append(_number(line, place, name, how.decimal) if stamp is None else stamp)
     if not values:
@@ -145,7 +151,8 @@ def _number(line: TableLine, place: int, name: Column, decimal: str) -> float:
         raise DataError(what, "write a number there, or correct csv.decimal") from None
 
 
-def _tdms(path: Path, wanted: Sequence[Column], states: Collection[Column]) -> TraceTable:
+def _tdms(path: Path, asked: Columns) -> TraceTable:
+    wanted = asked.named()
     try:
         from nptdms import TdmsFile
     except ModuleNotFoundError as error:
@@ -170,7 +177,7 @@ def _tdms(path: Path, wanted: Sequence[Column], states: Collection[Column]) -> T
     if not all(values.size for values in columns.values()):
         raise DataError("has no samples", "record it again")
     if len(set(waves.values())) > 1:
-        columns = laid_together(columns, waves, states)
+        columns = laid_together(columns, waves, (asked.lifted, asked.number))
     lengths = {name: values.size for name, values in columns.items()}
     short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
     if lengths[short] < longest:
@@ -213,7 +220,7 @@ def wave_of(properties: Mapping[str, Any]) -> Wave | None:
 
 
 def laid_together(
-    columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column]
+    columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
     """Channels on the samples of the first one, over the stretch that all of them cover.
 
