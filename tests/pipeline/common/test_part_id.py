@@ -6,8 +6,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pipeline.common.part_id import is_part_id, new_part_id
 
@@ -43,11 +41,3 @@ def test_they_rise_though_the_clock_is_set_back(monkeypatch: pytest.MonkeyPatch)
 )
 def test_what_is_no_name(text: str) -> None:
     assert not is_part_id(text)
-
-
-@given(
-    st.text(alphabet="0123456789ABCDEFGHJKMNPQRSTVWXYZ", min_size=25, max_size=25),
-    st.sampled_from("01234567"),
-)
-def test_whatever_has_the_form_is_one(rest: str, first: str) -> None:
-    assert is_part_id(first + rest)
