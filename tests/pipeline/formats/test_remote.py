@@ -34,7 +34,7 @@ from pipeline.reading.part_reader import Mode, load_photo, senses_of
 if TYPE_CHECKING:
     from moto.server import ThreadedMotoServer
 
-BOUND_S = 15.0
+BOUND_S = 60.0
 """No fault of the network may keep a part busy longer; with the silence allowed cut down to SILENCE_S."""
 SILENCE_S = 0.5
 
