@@ -1,4 +1,4 @@
-"""What is wrong with a file's content, without the file's name: whoever opened the file names it.
+"""Errors of a file's content, raised without the file's name: the caller that opened the file names it.
 
 A file is known by its path or URL. Where it is a copy, or somebody else's, `shown_as` says what it is called.
 """
@@ -57,7 +57,7 @@ def without_secrets(url: str) -> str:
 
 
 def problem_of(name: str | Path, what: str, hint: str) -> FileError:
-    """What is wrong with a file named by a path or a URL, under the name by which it is shown."""
+    """The error of a file named by a path or a URL, under the name by which it is shown."""
     shown = _SHOWN.get().get(str(name), str(name))
     what = what if shown == str(name) else what.replace(str(name), without_secrets(shown))
     return UrlError(shown, what, hint) if is_url(shown) else FileError(shown, what, hint)

@@ -1,1 +1,1 @@
-"""What every room needs: errors, settings, records, and safe files."""
+"""Settings, records and safe files for all packages."""

@@ -1,4 +1,4 @@
-"""What a golden part has shown of the whiskers: measures, and what has changed since they were new.
+"""Measures of the whiskers on a golden part, and their changes since the whiskers were new.
 
 gain, zero, tip radius, friction, preload --against the reference--> "The tip is worn ..." or nothing
 """
@@ -12,7 +12,7 @@ from enum import StrEnum
 
 
 class GoldenMeasure(StrEnum):
-    """What is measured, with its unit."""
+    """A measured quantity, with its unit."""
 
     GAIN = "gain"
     ZERO = "zero_lands"
@@ -49,7 +49,7 @@ class GoldenRecord:
 
 @dataclass(frozen=True)
 class _Limit:
-    """How far a measure may go from the reference: by so much, or by so much of it."""
+    """Largest change of a measure, absolute or relative to the reference."""
 
     by: float
     relative: bool
@@ -81,7 +81,7 @@ SIGMAS = 2.0
 
 
 def wear(now: GoldenRecord, reference: GoldenRecord) -> tuple[str, ...]:
-    """What has changed beyond its limit, each with what to do; empty where all is well."""
+    """Changes beyond their limits, each with a remedy; empty where all is well."""
     found = []
     for name, limit in _LIMITS.items():
         if name not in now.measures or name not in reference.measures:

@@ -26,7 +26,7 @@ from pipeline.common.version import file_sha256
 
 SUFFIX = ".toml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
-"""What a job may be called: it is the name of a file, and a word of a trigger."""
+"""Form of a job's name, which is the name of a file and a word of a trigger."""
 FILES = ("lexicon", "database", "certificate")
 """Settings that name a file; fonts may, too."""
 

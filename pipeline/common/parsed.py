@@ -1,4 +1,4 @@
-"""TOML and JSON that somebody else has written: whatever is wrong with the text is one kind of error.
+"""Read TOML and JSON that people write: any fault of the text is one kind of error.
 
 The parsers raise more than their own errors: RecursionError for brackets in brackets, ValueError for a number of more
 digits than Python converts. Of several wrong keys of a model the message names the first.
@@ -19,7 +19,7 @@ from glyphs.errors import FileError, require_file
 from pipeline.errors import DataError, naming
 
 MOST_BYTES = 1_000_000
-"""Of a file that a person has written."""
+"""Size limit of a file that a person has written."""
 _MOST_SHOWN = 200
 
 Model = TypeVar("Model")
@@ -28,7 +28,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class Strict(BaseModel):
-    """What a person has written: unknown keys are errors."""
+    """Base of models of files that people write: unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -116,7 +116,7 @@ def read_toml(
 
 
 def _wrong_key(error: ValidationError, hidden: Collection[str]) -> tuple[str, str]:
-    """What is wrong with the first key, and the mend."""
+    """The error of the first wrong key, and the hint."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if part not in hidden)
     if first["type"] == "extra_forbidden":

@@ -255,7 +255,7 @@ class ReadingRecord:
 
 @dataclass(frozen=True)
 class ScanPlanRecord:
-    """What the whisker stage is asked to feel.
+    """The scan that the whisker stage is asked for.
 
     Attributes:
         region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).

@@ -26,7 +26,7 @@ _ACTIONS = ("clean", "clean first", "re-strike", "scan again")
 
 
 def row_of(record: ReadingRecord) -> dict[str, Any]:
-    """What is said of one part, by column, in the order of the columns.
+    """The cells of one part, in the order of the columns.
 
     Columns:
         part: name of the part.
@@ -153,7 +153,7 @@ def state_text(state: str, chars: Sequence[str]) -> str:
 
 
 def action_text(places: Sequence[CharacterRecord]) -> str:
-    """What to do, and at which places: "clean 3 5, re-strike 7"; empty where nothing is."""
+    """Actions with their places: "clean 3 5, re-strike 7"; empty without any."""
     actions: dict[str, list[str]] = {}
     for k, place in enumerate(places, start=1):
         if place.action:

@@ -1,4 +1,4 @@
-"""What a serial may be, from the settings: formats, check digits, excluded characters and a lexicon, all together."""
+"""The grammar of serials from the settings: formats, check digits, excluded characters and a lexicon."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
 
 
 def outside_format(text: str, settings: ReadSettings) -> str:
-    """What speaks against a text, in words; empty where it is a serial of the settings' format, or there is none.
+    """The rules that a text breaks, in words; empty where it breaks none, or the settings have none.
 
     Raises:
         FileError: as `serial_format`.

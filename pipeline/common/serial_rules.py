@@ -29,7 +29,7 @@ _DIGITS = re.compile(r"[0-9]+")
 
 
 class SerialAlarm(StrEnum):
-    """What speaks against a serial."""
+    """A kind of objection to a serial."""
 
     NOT_IN_ORDER = "not in the order"
     READ_BEFORE = "read before"
@@ -67,7 +67,7 @@ class Counted(NamedTuple):
 
     @property
     def series(self) -> tuple[str, int, str]:
-        """What it has in common with the serials that it counts with."""
+        """The parts that all serials of its series have in common."""
         return self.head, self.digits, self.tail
 
 
@@ -96,7 +96,7 @@ class ProductionOrder:
 
 @dataclass(frozen=True)
 class SerialRules:
-    """What is asked of serials.
+    """Rules for serials.
 
     Attributes:
         duplicates: refuse a serial that another part bears.
@@ -114,13 +114,13 @@ class SerialRules:
         return self.duplicates or self.jump > 0 or self.order is not None
 
     def by_order(self, text: str) -> Objection | None:
-        """What the order has against a serial."""
+        """The objection to a serial that is not in the order."""
         if self.order is None or self.order.holds(text):
             return None
         return Objection(SerialAlarm.NOT_IN_ORDER, f"{text} is not in {self.order.name}")
 
     def by_place(self, text: str, before: Sequence[tuple[int, str]]) -> Objection | None:
-        """What the parts before it have against a serial.
+        """The objection to a serial that is out of sequence.
 
         Args:
             text: of the part now.

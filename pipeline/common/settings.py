@@ -1,4 +1,4 @@
-"""How to read: the one place where settings of reading are declared.
+"""Settings of reading, declared once.
 
 From this model come the flags, the keys of `tactile-marks.toml`, the environment variables, the help texts and the
 reference in the documentation (`pipeline.cli.settings`). A library user builds it: `ReadSettings(font="gothic")`.

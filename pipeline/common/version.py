@@ -1,4 +1,4 @@
-"""What answers depend on: versions of the program, hashes of files and settings, and how two of them differ."""
+"""Versions that answers depend on: of the program, hashes of files and settings, and their differences."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _sources(folder: Path) -> Iterable[Path]:
 
 @cache
 def reader_versions() -> dict[str, str]:
-    """What readings depend on beside settings: the program's version, and hashes of networks and fitted numbers."""
+    """Versions that readings depend on: of the program, and hashes of networks and fitted numbers."""
     import recognition
 
     found = {"tactile-marks": program_version()}

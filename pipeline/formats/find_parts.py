@@ -1,4 +1,4 @@
-"""Which parts a run means, by name alone: files of one stem in one folder are one part, and none is opened.
+"""Find the parts of a run by file names alone: files of one stem in one folder are one part; none is opened.
 
     part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, felt and photographed under two lights
 
@@ -128,7 +128,7 @@ def list_parts(
         if len(names) > 1 and names_no_files(name):
             continue  # of a folder that the shell has spelled out
         if _is_manifest(name):
-            found.add_told(read_manifest(name))
+            found.add_listed(read_manifest(name))
         elif not is_url(name):
             found.add_local(name, beside=beside)
         elif not has_magic(name) and not name.endswith("/") and (is_web(name) or key_and_kind(name)[1]):
@@ -137,7 +137,7 @@ def list_parts(
             files = list_remote(name)
             found.add(files, named=files == [name])
     for manifest in manifests:
-        found.add_told(read_manifest(manifest))
+        found.add_listed(read_manifest(manifest))
     parts = found.parts()
     if not parts:
         raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
@@ -171,7 +171,7 @@ class FoundFiles:
         self._beside: dict[str, dict[str, list[str]]] = {}
 
     def add_local(self, given: str, *, beside: bool = False) -> None:
-        """What a file, a folder or a glob of this machine names.
+        """Add the files that a file, a folder or a glob of this machine names.
 
         Raises:
             FileError: a folder that cannot be listed.
@@ -212,21 +212,21 @@ class FoundFiles:
             else:
                 self.passed_over.files.append(file)
 
-    def add_told(self, parts: Iterable[PartFiles]) -> None:
-        """Parts that a manifest tells of."""
+    def add_listed(self, parts: Iterable[PartFiles]) -> None:
+        """Add the parts of a manifest."""
         for part in parts:
             self._meant.add(key := ("", "", str(len(self._parts))))
             self._parts[key] = part
 
     def parts(self) -> list[PartFiles]:
-        """The parts in the order in which their first files were found; one found and told alike stands once."""
+        """The parts in the order in which their first files were found, each once."""
         parts: dict[tuple[str, ...], PartFiles] = {}
         for key, part in self._parts.items():
             if not (part.felt or part.problem or key in self._meant):
                 self.passed_over.files.extend(part.files)
                 continue
             same = (part.name, *(part.files or (str(part.problem),)))
-            # of one part told twice the one that says more
+            # of two entries for one part the one that says more
             if same not in parts or (_says_more(part) and not _says_more(parts[same])):
                 parts[same] = part
         return list(parts.values())
@@ -287,5 +287,5 @@ def _stem_name(stem: str) -> str:
 
 
 def _says_more(part: PartFiles) -> bool:
-    """Whether a manifest has said more of a part than its files."""
+    """Whether a manifest gives more than the files of a part."""
     return bool(part.expected or part.format or part.font)

@@ -37,16 +37,16 @@ from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
 
 _MOST_BYTES = 2_000_000_000
+# drift of a pass across its travel, as a share of the travel
 _ASKEW = 0.02
-"""Of a pass's travel, how far it may stray across."""
+# distance of two samples, in steps, above which the stretch between them was not felt
 _GAP_STEPS = 2.5
-"""Between two samples, above which what lies between them was not felt."""
+# stretch common to all passes of a direction, as a share of the longest, below which it is a mistake
 _SHORT = 0.5
-"""Of the longest pass of a direction, below which the stretch common to all is a mistake."""
 PAUSE_STEPS = 2.5
-"""Of the usual step of the clock, above which the sampling had paused."""
+"""Step of the clock, in usual steps, above which the sampling had paused."""
 SPEEDS_MM_S = (0.2, 2000.0)
-"""Of a stage that traces: slower or faster by its own times, the times are in another unit."""
+"""Speeds of a stage that traces; beyond them the times are in another unit."""
 
 Floats = NDArray[np.float64]
 

@@ -106,7 +106,7 @@ def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _described(path: Path) -> tuple[Any, bytes]:
-    """What x3pio says of a file by its description alone, and the description with the usual root element.
+    """Read the description alone: as x3pio parses it, and its text with the usual root element.
 
     Raises:
         x3pio.X3pFormatError: the description cannot be used.

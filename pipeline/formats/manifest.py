@@ -36,7 +36,7 @@ from pipeline.formats.table_file import (
 
 COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
 FILES = COLUMNS[1:4]
-"""Those of files."""
+"""Columns of files."""
 _OTHERS = ("height_mm", "height_px")
 """Columns of this program's own tables that are spelled much like one of these, and are none."""
 _SEVERAL = "|"
@@ -54,7 +54,7 @@ def is_manifest(name: str) -> bool:
 
 
 def names_no_files(name: str) -> bool:
-    """Whether a CSV on this machine tells what parts bear, as a truth or a table of rows does, and names no files."""
+    """Whether a CSV on this machine lists texts of parts, as a truth or a table of rows does, and names no files."""
     path = Path(name)
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
@@ -154,7 +154,7 @@ def _place(source: str, where: str, name: str) -> str:
 
 
 def _columns(header: Sequence[str]) -> dict[str, int]:
-    """Where each known column stands."""
+    """The place of each known column."""
     found: dict[str, int] = {}
     for place, title in enumerate(header):
         name = title.strip().lower()

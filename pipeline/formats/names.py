@@ -33,7 +33,7 @@ def split_name(name: str | Path) -> tuple[str, str]:
 
 
 def scheme_of(url: str) -> str:
-    """What stands before :// in lower case."""
+    """The scheme of a URL in lower case."""
     return url.partition("://")[0].lower()
 
 

@@ -103,7 +103,7 @@ class _Archive(zipfile.ZipFile):
             return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
     def rows(self) -> str | None:
-        """Which row is first, as the file states it."""
+        """The order of rows that the file states."""
         if "rows" not in self.members:
             return None
         with self.open("rows.npy") as stream:
@@ -178,7 +178,7 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
-    """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None where the file does not say.
+    """Read the dirt on the part of an `.npz` file, on the grid of its `z_mm`; None where the file does not say.
 
     A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
 

@@ -38,7 +38,7 @@ _IS_MISSING = re.compile(
 
 @dataclass(frozen=True)
 class Layout:
-    """How the numbers of a text are written.
+    """Layout of the numbers of a text.
 
     Attributes:
         delimiter: between columns; None for blanks and tabs.

@@ -75,7 +75,7 @@ class PartFiles:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Those named: height map, scan, photographs."""
+        """The files that are named: height map, scan, photographs."""
         files = (self.height_map, self.scan, self.photo, *self.more_photos)
         return tuple(str(file) for file in files if file)
 

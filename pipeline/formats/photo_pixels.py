@@ -1,6 +1,6 @@
 """Pixels of a decoded file made those of a photograph: turned upright, opaque, stretched.
 
-decoded (rows, cols, 3 or 4) --upright--> --laid_on_ground--> (rows, cols, 3) --stretched--> 8 or 16 bit
+decoded (rows, cols, 3 or 4) --turn_upright--> --lay_on_ground--> (rows, cols, 3) --stretch--> 8 or 16 bit
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _BLANK = 2.0 / 255.0
 """Range of the middle 99.8 % of a blank page, of the full scale."""
 
 
-def upright(pixels: Decoded, orientation: int) -> Decoded:
+def turn_upright(pixels: Decoded, orientation: int) -> Decoded:
     """A picture turned as its EXIF orientation (1 to 8) says; other numbers turn nothing."""
     turned = np.rot90(pixels, {3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}.get(orientation, 0))
     return turned[:, ::-1] if orientation in (2, 4, 5, 7) else turned
 
 
-def laid_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
+def lay_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
     """(rows, cols, 3) pixels made opaque, and the ground ("white", "black") that shows through; "" if none does.
 
     Evenly opaque or transparent pictures keep their colours. Where what is opaque is dark the ground is white, else
@@ -51,7 +51,7 @@ def laid_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
     return made, "black" if bright else "white"
 
 
-def stretched(pixels: Decoded) -> Pixels:
+def stretch(pixels: Decoded) -> Pixels:
     """Pixels of 16 bit stretched over their full scale; of 8 bit as they are.
 
     The scale ends a little beyond the percentiles, and nowhere beyond the numbers there are.
@@ -71,7 +71,7 @@ def stretched(pixels: Decoded) -> Pixels:
 
 def is_blank(pixels: Decoded) -> bool:
     """Whether a page shows nothing."""
-    made, _ = laid_on_ground(pixels)
+    made, _ = lay_on_ground(pixels)
     low, high = np.percentile(_some(made), (0.1, 99.9))
     return bool(high - low < _BLANK * np.iinfo(made.dtype).max)
 

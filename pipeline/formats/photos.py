@@ -21,7 +21,7 @@ from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, refusal
-from pipeline.formats.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright
+from pipeline.formats.photo_pixels import Decoded, is_blank, lay_on_ground, stretch, turn_upright
 from pipeline.formats.raw_map import RawMap
 
 if TYPE_CHECKING:
@@ -95,10 +95,10 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
         if min(header.rows, header.cols) < 8:
             raise DataError(f"has {_size(header)}, which shows no characters", "take it larger")
         pixels = _decoded(path, image, page)
-    pixels, ground = laid_on_ground(pixels)
+    pixels, ground = lay_on_ground(pixels)
     notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
     notes += [f"the picture is transparent in places; it was laid on {ground}"] if ground else []
-    return Photo(stretched(pixels), pitch_mm=header.pitch_mm, notes=tuple(notes))
+    return Photo(stretch(pixels), pitch_mm=header.pitch_mm, notes=tuple(notes))
 
 
 @contextlib.contextmanager
@@ -213,7 +213,7 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
         raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
     # of a TIFF both libraries have turned it
     turned = 1 if image.format == "TIFF" else image.getexif().get(_ORIENTATION, 1)
-    return upright(made, turned)
+    return turn_upright(made, turned)
 
 
 def _decoded_flat(image: ImageFile) -> Decoded:

@@ -1,4 +1,4 @@
-"""What a test piece or golden part looks like: a TOML of a `Piece`, or its own height map.
+"""Shape of a test piece or golden part: a TOML of a `Piece`, or its own height map.
 
 kind = "pits"                  or "grooves", "ball", "step"
 angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_mm, radius_mm, land_mm
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from whisker_array.identification.piece_map import Heights
 
 PITCH_MM = 0.02
-"""Of the map of a piece."""
+"""Distance of samples in the map of a piece."""
 
 
 class _Written(Strict):
@@ -36,7 +36,7 @@ def read_piece(path: Path) -> Piece | HeightMap:
     """The piece in a file.
 
     Raises:
-        FileError: whatever keeps it from being one, and what to do about it.
+        FileError: the file cannot be used.
     """
     if path.suffix.lower() != ".toml":
         return read_height_map(path)

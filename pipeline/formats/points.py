@@ -30,8 +30,8 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
 """Along the longer side of a map made of triangles, whose own size may say nothing: a flat land has two."""
 _GAP = 6.0
 """Sides of a triangle between points, mean distances, from which it spans a dropout."""
+# a grid: least rows and columns, least share of them with a point, and pitches by which a point may miss its place
 _LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
-"""Of a grid: rows and columns, share of them with a point, and pitches by which a point may miss its place."""
 
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]

@@ -39,15 +39,15 @@ _S3, _GS, _HTTP = ("s3fs", "s3"), ("gcsfs", "gs"), ("aiohttp", "cluster")
 _EXTRAS = {"s3": _S3, "s3a": _S3, "gs": _GS, "gcs": _GS, **dict.fromkeys(WEB, _HTTP)}
 _MORE = ("abfs", "abfss", "az", "ftp", "hdfs", "memory", "sftp", "smb", "ssh", "webhdfs")
 _SCHEMES = (*LOCAL, *_EXTRAS, *_MORE)
+# time that a server may take to answer at all, and to send something more
 _CONNECT_S, _SILENCE_S = 5.0, 20.0
-"""How long a server may take to answer at all, and to send something more."""
 _ATTEMPTS = 2
 _LEAST_BYTES_PER_S = 50_000.0
 _START_S = 60.0
 """A copy takes at most this long and what its size takes at that rate: a server that drips ends, too."""
 _NETWORK_MEND = "check the network, the endpoint and the credentials, and start it again"
 _QUERY = re.compile(r"\?[^\s'\"]+")
-"""Of an address in a library's message, however that spells it; may be what signs it."""
+"""Query of an address in a library's message; it may sign the address."""
 
 
 def list_remote(url: str) -> list[str]:
@@ -60,7 +60,7 @@ def list_remote(url: str) -> list[str]:
         MissingExtraError: a library that URLs need is not installed.
     """
     files = _file_system(url)
-    with _faults_told(url):
+    with _as_file_errors(url):
         path = str(files._strip_protocol(url.rstrip("/")))
         if is_web(url) and url.endswith("/"):
             path += "/"
@@ -121,7 +121,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         MissingExtraError: likewise.
     """
     files = _file_system(url)
-    with _faults_told(url):
+    with _as_file_errors(url):
         path = str(files._strip_protocol(url))
         guard = _guard(url, most_bytes)
         # of a web address the file's own head says as much, and why it does not come
@@ -132,7 +132,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
     with folder as name:
         target = Path(name) / harmless_name(split_name(url)[1])
-        with _faults_told(url):
+        with _as_file_errors(url):
             files.get_file(path, str(target), callback=guard)
             guard.absolute_update(target.stat().st_size)
         with shown_as({str(target): without_secrets(url)}):
@@ -176,7 +176,7 @@ def _file_system(url: str) -> Any:
         from fsspec.config import conf
     except ModuleNotFoundError as error:
         raise MissingExtraError("URLs", "fsspec", "cluster") from error
-    with _faults_told(url):
+    with _as_file_errors(url):
         try:
             kind = fsspec.get_filesystem_class(scheme)
             configured = conf.get(scheme, {})
@@ -192,7 +192,7 @@ def _file_system(url: str) -> Any:
 
 
 def _limits(scheme: str) -> dict[str, Any]:
-    """What keeps a silent server from holding up a run, and a long file from filling the memory."""
+    """Options that end the wait for a silent server and keep a long file out of memory."""
     if scheme in ("s3", "s3a"):
         config = {
             "connect_timeout": _CONNECT_S,
@@ -211,8 +211,8 @@ def _limits(scheme: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _faults_told(url: str) -> Iterator[None]:
-    """Turn whatever a file system trips over into a FileError; none may end a run."""
+def _as_file_errors(url: str) -> Iterator[None]:
+    """Turn any error of a file system into a FileError; none may end a run."""
     try:
         yield
     except MarksError:
@@ -235,4 +235,4 @@ _NO_CREDENTIALS = (
     *("NoCredentialsError", "PartialCredentialsError", "CredentialRetrievalError", "ProfileNotFound"),
     *("TokenRetrievalError", "DefaultCredentialsError", "RefreshError"),
 )
-"""Of botocore and google.auth; told by name, so that neither is imported for it."""
+"""Errors of botocore and google.auth by name, so that neither is imported for it."""

@@ -1,4 +1,4 @@
-"""Parts out of nothing: stamped plates, dirt on them, photographs, and the table of what was stamped.
+"""Make test parts: stamped plates, dirt on them, photographs, and the table of their texts.
 
 The truth stands in `truth.csv` alone; no part's own file holds its text. A part depends on the seed and its
 number only, so the first ten of fifty are the same as ten.
@@ -47,7 +47,7 @@ _OF_THE_STAMP = (
 
 @dataclass(frozen=True)
 class SynthSpec:
-    """What to stamp.
+    """Settings of the parts to stamp.
 
     Attributes:
         format: of the serials.

@@ -169,7 +169,7 @@ def _delimited(lines: Iterator[str], *, comments: bool) -> tuple[Iterator[str], 
 
 
 def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:
-    """How many lines have as many cells as the first has, and how many these are; (0, 0) where it has one."""
+    """Number of lines with as many cells as the first, and that number of cells; (0, 0) where the first has one."""
     try:
         rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
     except csv.Error:  # told when the table is parsed

@@ -65,7 +65,7 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
         settings: unit, pitch, kind and order of rows that are given; the file's own unless given.
 
     Raises:
-        FileError: whatever keeps it from being read, and what to do about it.
+        FileError: the file cannot be used.
     """
     return read_map_and_rows(path, settings)[0]
 
@@ -101,7 +101,7 @@ def read_scan(path: str | Path) -> Scan:
     """The scan in a recording.
 
     Raises:
-        FileError: whatever keeps it from being read, and how to correct it.
+        FileError: the file cannot be used.
     """
     from whisker_array.scan.recording import load_scan
 
@@ -111,7 +111,7 @@ def read_scan(path: str | Path) -> Scan:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a part may ask of the machine.
+    """Largest sizes of a part's files.
 
     Attributes:
         max_photo_pixels: of a photograph.

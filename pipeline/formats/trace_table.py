@@ -50,7 +50,7 @@ class TraceTable:
         return np.zeros(self.n_rows) if name is None else self.columns[name]
 
     def at(self, row: int) -> str:
-        """Where a row stands, for a message."""
+        """The place of a row, for a message."""
         return f"in line {self.first_line + row}" if self.first_line else f"at sample {row}"
 
     def require(self, values: NDArray[np.float64], what: str, hint: str) -> None:
@@ -177,7 +177,7 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
     if not all(values.size for values in columns.values()):
         raise DataError("has no samples", "record it again")
     if len(set(waves.values())) > 1:
-        columns = laid_together(columns, waves, (asked.lifted, asked.number))
+        columns = align_channels(columns, waves, (asked.lifted, asked.number))
     lengths = {name: values.size for name, values in columns.items()}
     short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
     if lengths[short] < longest:
@@ -205,7 +205,7 @@ class Wave:
     start_ns: int = 0
 
     def begins_after_s(self, other: Wave) -> float:
-        """How much later than another this channel begins."""
+        """Time from the start of another channel to that of this one."""
         return (self.start_ns - other.start_ns) * 1e-9 + self.offset_s - other.offset_s
 
 
@@ -219,7 +219,7 @@ def wave_of(properties: Mapping[str, Any]) -> Wave | None:
     return Wave(increment, float(properties.get("wf_start_offset") or 0.0), start_ns)
 
 
-def laid_together(
+def align_channels(
     columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
     """Channels on the samples of the first one, over the stretch that all of them cover.

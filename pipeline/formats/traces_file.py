@@ -1,4 +1,4 @@
-"""What stands in somebody else's trace files, as TOML: columns, units, and where the whiskers are.
+"""Description of trace files recorded by others, as TOML: columns, units, and places of the whiskers.
 
 whisker = "whisker.toml"          the whiskers (`pipeline.formats.whisker_file`), beside this file
 moment_unit = "V"                 N*mm, mN*m, N*m, or V
@@ -25,7 +25,7 @@ Column = Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
 
 
 class Columns(Strict, strict=True):
-    """Where what stands.
+    """Columns of the quantities.
 
     Attributes:
         moment: column of each whisker's signal.
@@ -50,7 +50,7 @@ class Columns(Strict, strict=True):
 
 
 class Csv(Strict, strict=True):
-    """How text is written.
+    """Layout of text.
 
     Attributes:
         delimiter: between values.
@@ -70,7 +70,7 @@ class Csv(Strict, strict=True):
 
 
 class TracesFile(Strict, strict=True):
-    """What is known of the files.
+    """Description of trace files.
 
     Attributes:
         whisker: whisker file.
@@ -129,7 +129,7 @@ class TracesFile(Strict, strict=True):
 
 
 def read_traces_file(path: Path) -> TracesFile:
-    """What a person says of trace files.
+    """Read a description of trace files.
 
     Raises:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.

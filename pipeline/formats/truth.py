@@ -1,4 +1,4 @@
-"""How right the readings are, against a table of what was stamped.
+"""Accuracy of readings against a table of the stamped texts.
 
 *Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0: an edit is one
 character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text

@@ -65,7 +65,7 @@ def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[flo
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
 
     def factors(unit: str) -> dict[str, tuple[float, float]]:
-        """What may have the unit, and the factors that it then gives."""
+        """Factors by the quantities that may have the unit."""
         mm = MM[unit]
         if settings.pitch_mm is not None:
             return {"heights": (mm, 1.0)}
@@ -143,7 +143,7 @@ class _Shape:
         return cls(raw, pitch, relief, depth, float(rises.mean()) / lag if rises.size else 0.0)
 
     def unusual(self, z_mm: float) -> float:
-        """How far the height range is from that of a stamped plate, in powers of ten."""
+        """Distance of the height range from that of a stamped plate, in powers of ten."""
         return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
 
     def absurdity(self, z_mm: float, xy_mm: float) -> str:

@@ -33,7 +33,7 @@ from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
 
 FORMAT_VERSION = 1
-"""Of a file that tells none, too: it was the first."""
+"""Version of the format; a file without one has this version, too."""
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
 Length = Annotated[float, Field(gt=0.0, le=10_000.0, allow_inf_nan=False)]
