@@ -1,4 +1,4 @@
-"""What the service remembers of the people at it: who they are, what they look at, what their audits found."""
+"""Records of people at the service: identities, claims and audits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Person:
 
     @property
     def holder(self) -> str:
-        """By what a claim of this person is known; empty where nobody can tell."""
+        """Key of this person's claims; empty where there is none."""
         return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
 
     def said(self, review: ReviewRecord) -> bool:
@@ -52,7 +52,7 @@ class ClaimRecord:
 
 @dataclass(frozen=True)
 class AuditFigures:
-    """What audits say of the accepted parts that were drawn since a time.
+    """Results of audits of accepted parts that were drawn since a time.
 
     Attributes:
         drawn: all of them.

@@ -1,4 +1,4 @@
-"""What the service remembers of a part: values that the store keeps, the workers make and the pages show.
+"""Records of a part in the service: the store keeps them, the workers make them, the pages show them.
 
     part --- readings (camera, touch, both; never changed)
          --- evidence (photograph, scan, pictures; files named by what they hold)
@@ -20,7 +20,7 @@ from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 
 
 class PartState(StrEnum):
-    """How far a part has come."""
+    """State of a part."""
 
     TOUCH_NEEDED = "touch_needed"
     ACCEPTED = "accepted"
@@ -31,7 +31,7 @@ class PartState(StrEnum):
 
 
 class Agreement(StrEnum):
-    """What a part that was read in the shadow of the line's own reader says of it."""
+    """Comparison of a part's reading with that of the line's own reader, in shadow mode."""
 
     SAME = "same"
     OTHER = "other"
@@ -42,7 +42,7 @@ class Agreement(StrEnum):
 
 
 class EvidenceKind(StrEnum):
-    """What a file kept for a part is."""
+    """Kind of a file kept for a part."""
 
     PHOTO = "photo"
     SCAN = "scan"
@@ -55,7 +55,7 @@ class EvidenceKind(StrEnum):
 
 
 class ReviewAction(StrEnum):
-    """What a person did with a reading."""
+    """A person's verdict on a reading."""
 
     CONFIRM = "confirm"
     CORRECT = "correct"
@@ -63,7 +63,7 @@ class ReviewAction(StrEnum):
 
 
 class Scope(StrEnum):
-    """What a token allows."""
+    """A right that a token gives."""
 
     READ = "read"
     WRITE = "write"
@@ -97,7 +97,7 @@ class EvidenceRecord:
 
 @dataclass(frozen=True)
 class ReviewRecord:
-    """What a person said of a part.
+    """A review of a part by a person.
 
     Attributes:
         action: confirm, correct or unreadable.
@@ -136,7 +136,7 @@ class EventRecord:
 
 @dataclass(frozen=True)
 class TouchWait:
-    """How a part waits for touch.
+    """Wait of a part for touch.
 
     Attributes:
         by_stage: the stage of its line is to feel it; else whoever sent it brings a scan.
@@ -149,7 +149,7 @@ class TouchWait:
 
 @dataclass(frozen=True)
 class ShadowRecord:
-    """What came of a part that was read in the shadow of the line's own reader.
+    """Result of a part in shadow mode.
 
     Attributes:
         agreement: of the last reading with the text expected, which is what the line's own reader has said.
