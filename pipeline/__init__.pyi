@@ -3,7 +3,13 @@ from .benchmark.exam.designed_parts import DesignedParts
 from .benchmark.exam.editions import design_named
 from .benchmark.readers.own_reader import Answer, ExamPart
 from .benchmark.trials.run import Benchmark, run_benchmark
-from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from .common.reading_records import (
+    CandidateRecord,
+    CharacterRecord,
+    ReadingRecord,
+    ReasonRecord,
+    RivalRecord,
+)
 from .common.settings import MapSettings, ReadSettings, SettingsError
 from .formats.find_parts import NothingFoundError, discover
 from .formats.part_files import PartFiles
@@ -28,6 +34,7 @@ __all__ = [
     "PartReader",
     "ReadSettings",
     "ReadingRecord",
+    "ReasonRecord",
     "RivalRecord",
     "SettingsError",
     "design_named",
