@@ -118,7 +118,7 @@ def report_damage(path: Path, *, kind: str) -> Iterator[None]:
     """
     try:
         yield
-    except FileError:
+    except (FileError, MissingExtraError):
         raise
     except MarksError as error:
         raise FileError(path, error.what, error.hint) from error

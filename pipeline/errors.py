@@ -116,13 +116,7 @@ def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
         FileError: no such file, too long a one, or whatever is wrong with its content.
         MissingExtraError: as it is raised in the block.
     """
-    missing = None
     with naming(path):
         require_file(path, most_bytes=most_bytes)
         with report_damage(path, kind=kind) if kind else contextlib.nullcontext():
-            try:
-                yield
-            except MissingExtraError as error:
-                missing = error
-    if missing is not None:
-        raise missing
+            yield
