@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, Config, JobPath, Reading
-from pipeline.runs.options import RunOptions
+from pipeline.runs.options import MODULES, RunOptions
 from pipeline.workers.options import ExecutorOptions
 
 _RUN, _EXECUTORS = RunOptions(), ExecutorOptions()
@@ -34,7 +34,6 @@ def read(
         of them; files that differ in their endings only are one part. URLs (s3://, gs:// ...) with the extra cluster,
         and manifests.
     """
-    from pipeline.runs.production import run_batch
     from pipeline.store.errors import StoreError
     from pipeline.workers.cluster import ClusterError
 
@@ -44,7 +43,11 @@ def read(
         )
     with failures_reported():
         try:
-            return run_batch(inputs, reading, run, executors)
+            # a worker loads the libraries of reading while this process loads its own
+            with executors.opened(modules=MODULES) as executor:
+                from pipeline.runs.production import run_batch
+
+                return run_batch(inputs, reading, run, executor)
         except (ClusterError, StoreError) as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt as error:

@@ -171,14 +171,14 @@ def _all_read(
     def labelled(read: ReadPart) -> LabelledPart:
         return LabelledPart(read.record, read.measures, read.sha256, labels[read.listed.name])
 
-    sent = files_to_send(settings) if executors.cluster is not None else None
-    order = RunOrder(settings, digests=True, measures=True, sent=sent)
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
     with Progress() as progress, show_compiling(progress.line), executors.opened(len(parts)) as executor:
         progress.start(len(parts) - known)
-        tasks = absolute(parts) if executors.cluster is not None else parts
+        sent = files_to_send(settings) if executor.remote else None
+        order = RunOrder(settings, digests=True, measures=True, sent=sent)
+        tasks = absolute(parts) if executor.remote else parts
         for _, part in resumable(journal, tasks, executor, read_listed, order, lost=lost_part, kept=labelled):
             end_part()
             progress.advance(failed=bool(part.record.error))

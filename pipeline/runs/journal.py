@@ -228,6 +228,7 @@ class Journal(Generic[Kept]):
                     db.execute("pragma locking_mode = exclusive")
                 db.execute("pragma journal_mode = wal")
                 db.execute("pragma synchronous = normal")
+                db.execute("pragma wal_autocheckpoint = 10000")  # each waits for the disk
                 db.execute("select * from sqlite_schema").fetchall()  # takes the lock
                 if self._is(before):
                     return db

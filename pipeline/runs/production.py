@@ -32,44 +32,12 @@ from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, check_order
 from pipeline.runs.workbook import check_number
 from pipeline.workers.executors import Executor, WorkerLostError
-from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.reading.certificate import Certificate
 
-_READING = ("pipeline.runs.task", "pipeline.reading.kept_readers", "recognition.senses.touch")
-"""Modules that a worker needs for its first part."""
 MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""
-
-
-def run_batch(
-    inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executors: ExecutorOptions
-) -> int:
-    """Read parts, and print what came of it.
-
-    Args:
-        inputs: files, folders, globs, URLs and manifests.
-        settings: of reading.
-        options: what to check, and where the rows go.
-        executors: who reads.
-
-    Returns:
-        0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
-
-    Raises:
-        FileError: a table, list or lexicon that cannot be used.
-        NothingFoundError: no part.
-        ClusterError: a cluster that cannot be used.
-        ValueError: settings, a font, format or database that cannot be used.
-    """
-    options.check()
-    # a worker loads the libraries of reading while this process lists the parts and checks the settings
-    with executors.opened(modules=_READING) as executor:
-        found = parts_for(inputs, settings, manifests=options.manifest)
-        if options.out is not None and options.store is None:
-            check_number(Path(options.out), len(found))
-        return _read(found, inputs, settings, options, executor, sends=executors.cluster is not None)
 
 
 def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()) -> Listing:
@@ -94,15 +62,28 @@ def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     return [part.absolute() for part in parts]
 
 
-def _read(
-    found: Listing,
-    inputs: Sequence[str],
-    settings: ReadSettings,
-    options: RunOptions,
-    executor: Executor,
-    *,
-    sends: bool,
-) -> int:
+def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
+    """Read parts, and print what came of it.
+
+    Args:
+        inputs: files, folders, globs, URLs and manifests.
+        settings: of reading.
+        options: what to check, and where the rows go.
+        executor: who reads.
+
+    Returns:
+        0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
+
+    Raises:
+        FileError: a table, list or lexicon that cannot be used.
+        NothingFoundError: no part.
+        ClusterError: a cluster that cannot be used.
+        ValueError: settings, a font, format or database that cannot be used.
+    """
+    options.check()
+    found = parts_for(inputs, settings, manifests=options.manifest)
+    if options.out is not None and options.store is None:
+        check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
     certificate = watch = None
@@ -116,7 +97,7 @@ def _read(
     parts: Sequence[PartFiles] = found
     if expected is not None:
         parts = [replace(p, expected=expected.of(p.name) or p.expected) for p in parts]
-    if sends:
+    if executor.remote:
         parts = absolute(parts)
     order = RunOrder(
         settings,
@@ -124,7 +105,7 @@ def _read(
         pictures=options.store is not None and options.evidence is not None,
         digests=options.store is not None,
         measures=certificate is not None,
-        sent=files_to_send(settings) if sends else None,
+        sent=files_to_send(settings) if executor.remote else None,
     )
     # in a worker, which keeps the reader for its first part
     (checked,) = executor.calls(check_order, order, [None])

@@ -41,6 +41,8 @@ class OtherProgramError(MarksError):
 class ClusterExecutor(Executor):
     """The workers of a Dask scheduler."""
 
+    remote = True
+
     def __init__(self, address: str, *, patience_s: float = 120.0, connect_s: float = _CONNECT_S) -> None:
         """Take the address; the connection is made with the block.
 

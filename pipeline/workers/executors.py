@@ -69,9 +69,11 @@ class Executor:
 
     Attributes:
         workers: tasks that are at work at once, about.
+        remote: whether the workers are on machines of their own, which lack this one's files.
     """
 
     workers = 1
+    remote = False
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
         """Yield the outcome of function(order, task) of every task, as it is done, in any order.

@@ -63,17 +63,16 @@ def lot(
         items = designed_items(source)
         # parts of other flags are others
         folder = out / f"lot-{key_of({**source.description(), 'parts': parts})[:8]}"
-        executors = ExecutorOptions(jobs)
         folder.mkdir(parents=True, exist_ok=True)
-        with executors.opened(len(items)) as executor:
-            for _ in ordered_map(executor, partial(_write, source, folder), items):
-                pass
         given, settings = Given(format=True), ReadSettings(format=(format,), orientation="upright")
         read = []
-        for name, learns in (("once", False), ("teaching itself", True)):
-            table = out / f"{name.replace(' ', '-')}.csv"
-            run_batch([str(folder)], settings, RunOptions(out=str(table), learn_die=learns), executors)
-            read.append(load_answers(table, items, reader=name, given=given).trials)
+        with ExecutorOptions(jobs).opened(len(items)) as executor:
+            for _ in ordered_map(executor, partial(_write, source, folder), items):
+                pass
+            for name, learns in (("once", False), ("teaching itself", True)):
+                table = out / f"{name.replace(' ', '-')}.csv"
+                run_batch([str(folder)], settings, RunOptions(out=str(table), learn_die=learns), executor)
+                read.append(load_answers(table, items, reader=name, given=given).trials)
         for severity in SEVERITIES:
             print(f"\ndirt {severity:g}")
             print_scores([[t for t in trials if t.severity == severity] for trials in read])
