@@ -345,9 +345,6 @@ def create_app(service: Service) -> FastAPI:
         proxies=settings.trusted_proxies,
         busy=lambda: service.parts.orders.busy,
         refused=service.metrics.refused.inc,
-        uploads=lambda path: (
-            path in ("/v1/parts", "/v1/golden") or (path.startswith("/v1/parts/") and path.endswith("/scan"))
-        ),
         most_bytes=settings.max_upload_mb * 1_000_000,
     )
     app.add_middleware(RequestLayer, metrics=service.metrics, root_path=settings.root_path)

@@ -11,6 +11,7 @@ head --> from a page of another site?      403
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _SIGNING_IN = "/login"
+_UPLOADS = re.compile("/v1/(?:golden|parts|parts/.*/scan)")
 _OPEN = ("/healthz", "/readyz", "/metrics")
 _FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
 
@@ -51,7 +53,6 @@ class DoorLayer:
         proxies: Sequence[str],
         busy: Callable[[], float | None],
         refused: Callable[[], Any],
-        uploads: Callable[[str], bool],
         most_bytes: int,
     ) -> None:
         """Take the rules.
@@ -62,13 +63,12 @@ class DoorLayer:
             proxies: addresses and networks of proxies that may pass requests on.
             busy: seconds after which to ask again, None while there is room.
             refused: called with every upload turned away.
-            uploads: whether a path takes uploads.
             most_bytes: of one request.
         """
         self._app, self._access = app, access
         self._proxies = tuple(ipaddress.ip_network(proxy) for proxy in proxies)
         self._busy, self._refused = busy, refused
-        self._uploads, self._most_bytes = uploads, most_bytes
+        self._most_bytes = most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Turn a request away, or let it in."""
@@ -132,7 +132,7 @@ class DoorLayer:
         return not await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
 
     def _check_room(self, scope: Scope, headers: Headers) -> None:
-        if scope["method"] != "POST" or not self._uploads(scope["path"]):
+        if scope["method"] != "POST" or not _UPLOADS.fullmatch(scope["path"]):
             return
         length = headers.get("content-length", "0")
         if length.isdigit() and int(length) > self._most_bytes:

@@ -53,15 +53,10 @@ class DrainingServer(uvicorn.Server):
         """Drain on a hangup, too, unless it is ignored (`nohup`)."""
         hangup = getattr(signal, "SIGHUP", None)
         ours = threading.current_thread() is threading.main_thread()
-        with super().capture_signals():
-            if hangup is None or not ours or signal.getsignal(hangup) is not signal.SIG_DFL:
-                yield
-                return
-            signal.signal(hangup, self.handle_exit)
-            try:
-                yield
-            finally:
-                signal.signal(hangup, signal.SIG_DFL)
+        with super().capture_signals(), contextlib.ExitStack() as stack:
+            if hangup is not None and ours and signal.getsignal(hangup) is signal.SIG_DFL:
+                stack.callback(signal.signal, hangup, signal.signal(hangup, self.handle_exit))
+            yield
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to drain."""
@@ -95,20 +90,18 @@ def patient_protocol(
         """One connection."""
 
         _head_timer: asyncio.TimerHandle | None = None
-        _counted = ""
+        _address = ""
 
         def connection_made(self, transport: Any) -> None:
             """Count it; one too many is closed."""
             super().connection_made(transport)
             self.transport = _Lingering(transport, unread=self._unread)  # type: ignore[assignment]
-            address = self.client[0] if self.client else ""
-            if not is_in(address, trusted):
-                self._counted = address
-                open_now[address] += 1
-                if open_now[address] > an_address:
-                    transport.abort()
-                    return
-            self._wait_for_head()
+            self._address = self.client[0] if self.client else ""
+            open_now[self._address] += 1
+            if open_now[self._address] > an_address and not is_in(self._address, trusted):
+                transport.abort()
+            else:
+                self._wait_for_head()
 
         def data_received(self, data: bytes) -> None:
             """Wait no longer once the head is whole."""
@@ -124,11 +117,9 @@ def patient_protocol(
         def connection_lost(self, exc: Exception | None) -> None:
             """Count it no longer."""
             self._head_is_whole()
-            if self._counted:
-                open_now[self._counted] -= 1
-                if not open_now[self._counted]:
-                    del open_now[self._counted]
-                self._counted = ""
+            open_now[self._address] -= 1
+            if not open_now[self._address]:
+                del open_now[self._address]
             super().connection_lost(exc)
 
         def _unread(self) -> bool:

@@ -10,7 +10,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -27,14 +27,9 @@ CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 SETTLED_MS = 350
 """An Enter sooner after a page has come is taken for one meant for the page before."""
-ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
+NO = ("sandbox", "first-run")
+DISABLE = ("gpu", "background-networking", "component-update", "sync")
+ARGUMENTS = [*(f"--no-{what}" for what in NO), *(f"--disable-{what}" for what in DISABLE)]
 
 
 def needed(found: Any, what: str) -> Any:
@@ -66,19 +61,13 @@ class Service(Shop):
     """The pages at a loopback address, with a route for their pictures."""
 
     url = ""
-    drawn = 0
 
     def draw(self, text: str, kind: EvidenceKind, *, around: int = 0) -> EvidenceRecord:
         """A picture of the text with its characters in their boxes, and so many pixels around all."""
         import cv2
 
-        self.drawn += 1
-        rows, cols = TOP + TALL + 60, 2 * LEFT + CELL * len(text)
-        rng = np.random.default_rng(self.drawn)
-        felt = kind is EvidenceKind.EDGES_PICTURE
-        noise = rng.normal(0.0, 6.0 if felt else 14.0, (rows, cols, 1))
-        pixels = np.clip((246 if felt else 150) + noise, 0, 255).astype(np.uint8).repeat(3, axis=2)
-        ink = (145, 78, 27) if felt else (70, 70, 70)
+        paper, ink = (246, (145, 78, 27)) if kind is EvidenceKind.EDGES_PICTURE else (150, (70, 70, 70))
+        pixels = np.full((TOP + TALL + 60, 2 * LEFT + CELL * len(text), 3), paper, np.uint8)
         for k, char in enumerate(text):
             at = (LEFT + CELL * k + 6, TOP + TALL - 10)
             cv2.putText(pixels, char, at, cv2.FONT_HERSHEY_SIMPLEX, 2.8, ink, 8)
@@ -148,87 +137,70 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
-@dataclass
-class OperatorAtPage:
-    """A page of the browser, and everything that went wrong on it."""
+Sit = Callable[..., Any]
 
-    page: Any
-    wrong: list[str] = field(default_factory=list)
-    hosts: set[str | None] = field(default_factory=set)
 
-    def settled(self) -> None:
-        """Wait until the page takes keys."""
-        self.page.wait_for_load_state("load")
-        self.page.wait_for_timeout(SETTLED_MS)
+def settled(page: Any) -> None:
+    """Wait until the page takes keys."""
+    page.wait_for_load_state("load")
+    page.wait_for_timeout(SETTLED_MS)
 
-    def shown(self) -> str:
-        """The serial as it stands in the field."""
-        return str(self.page.input_value("#text"))
 
-    def chosen(self) -> tuple[int, int]:
-        """What is selected in the field."""
-        made = self.page.evaluate("(() => {const t = document.getElementById('text');"
-                                  "return [t.selectionStart, t.selectionEnd]})()")  # fmt: skip
-        return (made[0], made[1])
+def shown(page: Any) -> str:
+    """The serial as it stands in the field."""
+    return str(page.input_value("#text"))
 
-    def picture(self, name: str) -> None:
-        """Keep a screenshot, where a folder for them is given."""
-        folder = os.environ.get("MARKS_SCREENSHOTS")
-        if folder:
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            self.page.screenshot(path=Path(folder) / f"{name}.png")
+
+def chosen(page: Any) -> list[int]:
+    """What is selected in the field."""
+    return page.eval_on_selector("#text", "(t) => [t.selectionStart, t.selectionEnd]")  # type: ignore[no-any-return]
 
 
 @pytest.fixture
-def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., OperatorAtPage]]:
-    """Opens a page for a person; in the end nothing may have gone wrong, and no other host been asked."""
-    operators: list[OperatorAtPage] = []
-    contexts = []
+def sit_down(chromium: Any, service: Service) -> Iterator[Sit]:
+    """Opens a page for a person; in the end nothing may have gone wrong on it, and no other host been asked."""
+    contexts, wrong, hosts = [], [], set()
 
-    def open_page(*, who: str = "Ada", **options: Any) -> OperatorAtPage:
+    def open_page(address: str = "", *, who: str = "Ada", **options: Any) -> Any:
         context = chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
         contexts.append(context)
         if who:
             context.add_cookies([{"name": "tactile_marks_who", "value": who, "url": service.url}])
-        operator = OperatorAtPage(context.new_page())
-        operator.page.on("console", lambda m: operator.wrong.append(m.text))
-        operator.page.on("pageerror", lambda e: operator.wrong.append(str(e)))
-        operator.page.on("request", lambda r: operator.hosts.add(urlsplit(r.url).hostname))
-        operators.append(operator)
-        return operator
+        page = context.new_page()
+        page.wrong = wrong
+        page.on("console", lambda m: wrong.append(m.text))
+        page.on("pageerror", lambda e: wrong.append(str(e)))
+        page.on("request", lambda r: hosts.add(urlsplit(r.url).hostname))
+        if address:
+            page.goto(service.url + address)
+            settled(page)
+        return page
 
     yield open_page
     for context in contexts:
         context.close()
-    for operator in operators:
-        assert operator.wrong == []
-        assert operator.hosts <= {"127.0.0.1"}
+    assert wrong == []
+    assert hosts <= {"127.0.0.1"}
 
 
-def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
+def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Sit) -> None:
     ids = [service.put(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/")
-    operator.settled()
-    operator.picture("queue")
+    page = sit_down("/")
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[0]}")
-    operator.settled()
-    assert operator.chosen() == (5, 6)  # the first place in doubt
-    operator.picture("review")
+    settled(page)
+    assert chosen(page) == [5, 6]  # the first place in doubt
     page.keyboard.press("Enter")  # right as it is
     page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
     assert "confirmed for P-0" in page.inner_text(".flash")
-    operator.settled()
+    settled(page)
     page.keyboard.press("8")  # typing replaces and goes on
-    assert operator.shown() == "KX407852"
-    assert operator.chosen() == (6, 7)
+    assert shown(page) == "KX407852"
+    assert chosen(page) == [6, 7]
     assert "Save correction" in page.inner_text(".button.main")
-    operator.picture("corrected")
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[2]}?done={ids[1]}")
-    operator.settled()
+    settled(page)
     page.keyboard.press("Alt+u")
     page.wait_for_url(f"**/review?done={ids[2]}")
     assert "Nothing waits for you" in page.inner_text("main")
@@ -241,91 +213,70 @@ def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[
     assert service.store.part(ids[1]).state is PartState.REVIEWED
 
 
-def test_places_are_chosen_and_candidates_taken_by_key(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_places_are_chosen_and_candidates_taken_by_key(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251")
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review/{part_id}")
-    operator.settled()
+    page = sit_down(f"/review/{part_id}")
     page.keyboard.press("Alt+3")  # 2, B, 3, 8, E
-    assert operator.shown() == "KX407351"
+    assert shown(page) == "KX407351"
     page.keyboard.press("ArrowUp")
-    assert operator.shown() == "KX407B51"
+    assert shown(page) == "KX407B51"
     page.keyboard.press("ArrowUp")
     page.keyboard.press("ArrowDown")
-    assert operator.shown() == "KX407B51"
-    for keys, chosen in (
-        (("ArrowLeft",), (4, 5)),
-        (("Home",), (0, 1)),
-        (("End",), (8, 8)),
-        (("ArrowRight",), (8, 8)),
-    ):
-        for key in keys:
-            page.keyboard.press(key)
-        assert operator.chosen() == chosen
+    assert shown(page) == "KX407B51"
+    for key, at in (("ArrowLeft", [4, 5]), ("Home", [0, 1]), ("End", [8, 8]), ("ArrowRight", [8, 8])):
+        page.keyboard.press(key)
+        assert chosen(page) == at
     page.keyboard.type("9a")  # beyond the end it grows; marks without small letters get none
-    assert operator.shown() == "KX407B519A"
+    assert shown(page) == "KX407B519A"
     page.keyboard.press("Backspace")
     page.keyboard.press("Home")
     page.keyboard.press("Delete")
-    assert operator.shown() == "X407B519"
+    assert shown(page) == "X407B519"
     page.keyboard.press("Insert")
     page.keyboard.type("K")
-    assert operator.shown() == "KX407B519"
+    assert shown(page) == "KX407B519"
     # the places are still who they were: the chosen place's card goes with its character
     page.keyboard.press("Insert")
     for _ in range(4):
         page.keyboard.press("ArrowRight")
     assert page.get_attribute(".place.chosen", "data-place") == "5"
     page.keyboard.press("Escape")
-    assert operator.shown() == "KX407251"
+    assert shown(page) == "KX407251"
     assert service.store.reviews(part_id) == ()
 
 
-def test_what_is_pasted_is_the_whole_serial(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_what_is_pasted_is_the_whole_serial(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251")
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review/{part_id}")
-    operator.settled()
+    page = sit_down(f"/review/{part_id}")
     paste = """(text) => {const data = new DataTransfer(); data.setData('text', text);
         const event = new ClipboardEvent('paste', {clipboardData: data, bubbles: true, cancelable: true});
         const input = document.getElementById('text');
         if (input.dispatchEvent(event)) document.execCommand('insertText', false, text)}"""
     page.evaluate(paste, " kx407299\n")
-    assert operator.shown() == "KX407299"
+    assert shown(page) == "KX407299"
     page.keyboard.press("Home")
     page.evaluate(paste, "AB12")  # shorter, and at another place: still the whole
-    assert operator.shown() == "AB12"
+    assert shown(page) == "AB12"
     page.keyboard.press("Shift+Home")
     page.evaluate(paste, "CD1234")
-    assert operator.shown() == "CD1234"
+    assert shown(page) == "CD1234"
     page.keyboard.press("Insert")
     page.keyboard.press("End")
     page.evaluate(paste, "56")  # inserting was asked for
-    assert operator.shown() == "CD123456"
+    assert shown(page) == "CD123456"
 
 
-def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251")
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review/{part_id}")
-    operator.settled()
+    page = sit_down(f"/review/{part_id}")
     assert page.locator(".box.chosen[data-place='5']").count() == 2
     page.locator("[data-which=edges] .box[data-place='2'] .edge").hover()
     assert page.locator(".box.hover[data-place='2']").count() == 2
     page.locator("[data-which=photo] .box[data-place='2'] .edge").click()
-    assert operator.chosen() == (2, 3)
+    assert chosen(page) == [2, 3]
     page.locator(".place[data-place='5'] .candidate").nth(1).click()
-    assert operator.shown() == "KX407B51"
-    assert operator.chosen() == (5, 6)
+    assert shown(page) == "KX407B51"
+    assert chosen(page) == [5, 6]
     # the boxes lie on the ink: the middle of each is over its drawn character
     drawn = page.evaluate(
         "[...document.querySelectorAll('[data-which=edges] .edge')].map((r) => [r.getBBox().x, r.getBBox().y])"
@@ -335,50 +286,36 @@ def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
     )  # hundredths of a pixel are written
 
 
-def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_the_line_fills_the_picture_until_the_whole_is_asked_for(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", around=300)
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review/{part_id}")
-    operator.settled()
+    page = sit_down(f"/review/{part_id}")
     box = page.locator("[data-which=photo] .box[data-place='2'] .edge")
     near = box.bounding_box()["width"]
     assert near > 40  # of the 1280 of the window, for each of eight characters and both pictures
-    operator.picture("line")
     page.keyboard.press("Alt+z")
     assert box.bounding_box()["width"] < 0.7 * near
-    operator.picture("whole")
     page.keyboard.press("Alt+z")
     assert box.bounding_box()["width"] == near
 
 
-def test_a_picture_that_does_not_come_is_told_in_words(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_a_picture_that_does_not_come_is_told_in_words(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251")
-    operator = sit_down()
-    operator.page.route("**/pictures/photo*", lambda route: route.abort())
-    operator.page.goto(f"{service.url}/review/{part_id}")
-    operator.page.wait_for_selector("[data-which=photo] .failed")
-    assert "could not be loaded" in operator.page.inner_text("[data-which=photo]")
-    assert operator.page.locator("[data-which=edges] svg").count() == 1
-    assert all("Failed to load resource" in w for w in operator.wrong)
-    operator.wrong.clear()
+    page = sit_down("")
+    page.route("**/pictures/photo*", lambda route: route.abort())
+    page.goto(f"{service.url}/review/{part_id}")
+    page.wait_for_selector("[data-which=photo] .failed")
+    assert "could not be loaded" in page.inner_text("[data-which=photo]")
+    assert page.locator("[data-which=edges] svg").count() == 1
+    assert all("Failed to load resource" in w for w in page.wrong)
+    page.wrong.clear()
 
 
-def test_an_enter_held_down_confirms_one_part_only(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: Sit) -> None:
     ids = [service.put("KX407251"), service.put("KX407252")]
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review/{ids[0]}")
-    operator.settled()
+    page = sit_down(f"/review/{ids[0]}")
     page.keyboard.down("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?*")
-    operator.settled()
+    settled(page)
     for _ in range(5):
         page.keyboard.down("Enter")  # as a key held down repeats
     page.keyboard.up("Enter")
@@ -389,14 +326,9 @@ def test_an_enter_held_down_confirms_one_part_only(
     assert [len(service.store.reviews(i)) for i in ids] == [1, 1]
 
 
-def test_a_name_is_asked_for_once_and_skipped_parts_stay(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_a_name_is_asked_for_once_and_skipped_parts_stay(service: Service, sit_down: Sit) -> None:
     ids = [service.put("KX407251"), service.put("KX407252")]
-    operator = sit_down(who="")
-    page = operator.page
-    page.goto(f"{service.url}/review/{ids[0]}")
-    operator.settled()
+    page = sit_down(f"/review/{ids[0]}", who="")
     assert page.evaluate("document.activeElement.id") == "who"
     page.keyboard.press("Enter")
     assert service.store.reviews(ids[0]) == ()
@@ -406,64 +338,52 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?*")
     assert page.input_value("#who") == "Grace"
-    operator.settled()
+    settled(page)
     service.put("KX407253")
     page.keyboard.press("Alt+n")
     page.wait_for_url(lambda url: ids[1] not in url)
     assert service.store.part(ids[1]).state is PartState.REVIEW
 
 
-def test_an_open_part_is_its_readers_until_the_page_is_left(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_an_open_part_is_its_readers_until_the_page_is_left(service: Service, sit_down: Sit) -> None:
     first, second = service.put("KX407251", name="P-1"), service.put("KX407252", name="P-2")
-    ada, grace = sit_down(who="Ada"), sit_down(who="Grace")
-    for operator in (ada, grace):
-        operator.page.goto(f"{service.url}/review")
-        operator.settled()
-    ada.page.keyboard.press("Enter")
-    ada.page.wait_for_url(f"**/review/{first}")
-    ada.settled()
-    grace.page.reload()
-    assert "Ada is at it" in grace.page.inner_text("main")
-    grace.picture("claimed")
-    grace.settled()
-    grace.page.keyboard.press("Enter")  # the oldest that is free
-    grace.page.wait_for_url(f"**/review/{second}")
-    grace.page.goto(f"{service.url}/review/{first}")
-    assert "Ada is at this part now" in grace.page.inner_text("#taken")
-    ada.page.goto(f"{service.url}/dashboard")
+    ada, grace = sit_down("/review"), sit_down("/review", who="Grace")
+    ada.keyboard.press("Enter")
+    ada.wait_for_url(f"**/review/{first}")
+    settled(ada)
+    grace.reload()
+    assert "Ada is at it" in grace.inner_text("main")
+    settled(grace)
+    grace.keyboard.press("Enter")  # the oldest that is free
+    grace.wait_for_url(f"**/review/{second}")
+    grace.goto(f"{service.url}/review/{first}")
+    assert "Ada is at this part now" in grace.inner_text("#taken")
+    ada.goto(f"{service.url}/dashboard")
     wait_until(lambda: first not in service.store.claimed())
-    grace.page.reload()
-    grace.settled()
-    assert not grace.page.is_visible("#taken")
+    grace.reload()
+    settled(grace)
+    assert not grace.is_visible("#taken")
     assert service.store.claimed()[first].who == "Grace"
 
 
-def test_an_audit_is_read_from_the_pictures_alone(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_an_audit_is_read_from_the_pictures_alone(service: Service, sit_down: Sit) -> None:
     ids = [
         service.put("KX407251", name=f"P-{k}", state=PartState.ACCEPTED, audit=True, around=120)
         for k in range(2)
     ]
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/review")
-    operator.picture("audits waiting")
+    page = sit_down("/review")
     page.click("text=Audit the oldest")
     page.wait_for_url(f"**/review/{ids[0]}")
-    operator.settled()
-    assert operator.shown() == ""
+    settled(page)
+    assert shown(page) == ""
     assert "KX407251" not in page.content()
     assert page.locator(".box").count() == 0
-    operator.picture("audit")
     page.keyboard.type("kx407251")
     assert page.inner_text("#verb") == "Save"
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
     assert "is what was accepted" in page.inner_text(".flash >> nth=0")
-    operator.settled()
+    settled(page)
     page.keyboard.press("Alt+u")
     page.wait_for_url("**/review?done=*")
     found = service.store.audit(ids[0])
@@ -480,11 +400,9 @@ def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:
     raise AssertionError("it has not come about")
 
 
-def test_it_works_without_script(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
+def test_it_works_without_script(service: Service, sit_down: Sit) -> None:
     ids = [service.put("KX407251"), service.put("KX407252")]
-    operator = sit_down(who="", java_script_enabled=False)
-    page = operator.page
-    page.goto(f"{service.url}/review")
+    page = sit_down("/review", who="", java_script_enabled=False)
     page.click("a.row >> nth=0")
     page.fill("#who", "Ada")
     page.fill("#text", "KX407257")
@@ -495,34 +413,15 @@ def test_it_works_without_script(service: Service, sit_down: Callable[..., Opera
     assert [service.store.reviews(i)[-1].after for i in ids] == ["KX407257", ""]
 
 
-def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
-    operator = sit_down()
-    operator.page.clock.install()
-    operator.page.goto(f"{service.url}/review")
-    assert "Nothing waits" in operator.page.inner_text("main")
+def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Sit) -> None:
+    page = sit_down("")
+    page.clock.install()
+    page.goto(f"{service.url}/review")
+    assert "Nothing waits" in page.inner_text("main")
     service.put("KX407251", name="late")
-    operator.page.clock.fast_forward(60_000)
-    operator.page.wait_for_selector("text=late", timeout=15_000)
-    assert operator.page.inner_text("#waiting") == "1"
-
-
-def test_the_dashboard_tells_what_reviews_have_said(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
-    ids = [service.put("KX407251", pictures=False) for _ in range(4)]
-    for part_id in ids[:2]:
-        service.store.review(part_id, action=ReviewAction.CONFIRM, text="", who="Ada")
-    service.store.review(ids[2], action=ReviewAction.CORRECT, text="KX407257", who="Ada")
-    operator = sit_down()
-    operator.page.goto(f"{service.url}/dashboard")
-    figures = {
-        tile.get_attribute("data-figure"): tile.query_selector(".figure").inner_text()
-        for tile in operator.page.query_selector_all(".tile")
-    }
-    assert figures["parts"] == "4"
-    assert figures["right"].split() == ["66.7", "%"]
-    assert figures["characters"].split() == ["95.8", "%"]  # 23 of 24
-    operator.picture("dashboard")
+    page.clock.fast_forward(60_000)
+    page.wait_for_selector("text=late", timeout=15_000)
+    assert page.inner_text("#waiting") == "1"
 
 
 _SHIFTED = """(table) => {
@@ -532,13 +431,12 @@ _SHIFTED = """(table) => {
 }"""
 
 
-def test_pages_fit_their_window(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
+def test_pages_fit_their_window(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
     long_id = service.put("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
     odd_id = service.put("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
     service.store.review(odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", who="<Ada>", note="'\"&")
-    operator = sit_down()
-    page = operator.page
+    page = sit_down("")
     pages = {
         "queue": "/review", "part": f"/review/{part_id}", "long": f"/review/{long_id}",
         "odd": f"/review/{odd_id}", "parts": "/parts", "history": f"/parts/{odd_id}", "dashboard": "/dashboard",
@@ -550,7 +448,8 @@ def test_pages_fit_their_window(service: Service, sit_down: Callable[..., Operat
         if width == windows[0][0]:  # the others are the same page, made smaller
             page.goto(service.url + address)
             page.wait_for_load_state("load")
-        operator.picture(f"{name}-{width}-{scheme}")
+        if folder := os.environ.get("MARKS_SCREENSHOTS"):
+            page.screenshot(path=f"{folder}/{name}-{width}-{scheme}.png")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
         for button in page.locator(".button:visible").all():
             box = button.bounding_box()
@@ -572,18 +471,13 @@ def wait_for_value(page: Any, field: str, value: str) -> None:
     expect(page.locator(field)).to_have_value(value, timeout=30_000)
 
 
-def test_a_job_is_taught_by_a_box_and_a_text(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", name="tray-7/housing-left-0012", around=200)
-    operator = sit_down()
-    page = operator.page
-    page.goto(f"{service.url}/parts/{part_id}")
+    page = sit_down(f"/parts/{part_id}")
     page.click("text=Teach a job")
-    operator.settled()
+    settled(page)
     assert page.input_value("[name=name]") == "housing-left"
     assert (page.input_value("#text"), page.input_value("#format")) == ("KX407251", "AA999999")
-    operator.picture("teach")
     # the box that is drawn, in the middle half of the picture, and the four numbers say the same
     at = page.locator("#drawn-on").bounding_box()
     ends = [(at["x"] + s * at["width"], at["y"] + s * at["height"]) for s in (0.25, 0.75)]
@@ -601,28 +495,21 @@ def test_a_job_is_taught_by_a_box_and_a_text(
     page.fill("#text", "KX-45")
     page.click("text=Save the job")
     assert "is not of the format **-9" in page.inner_text(".flash")
-    operator.wrong.clear()  # the browser notes the answer's status, 422
+    page.wrong.clear()  # the browser notes the answer's status, 422
     page.fill("#format", "")
     page.click("text=Save the job")
     page.wait_for_url("**/jobs?done=housing-left*")
-    operator.picture("jobs")
     settings = service.jobs.settings("housing-left")
     assert settings.format == ("AA-99",)
     assert np.allclose(settings.region, [0.25, 0.25, 0.75, 0.75], atol=0.006)
 
 
-def test_a_job_is_taught_on_a_phone_and_by_keyboard(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_a_job_is_taught_on_a_phone_and_by_keyboard(service: Service, sit_down: Sit) -> None:
     part_id = service.put("KX407251", name="P-1")
-    operator = sit_down(viewport={"width": 390, "height": 800})
-    page = operator.page
-    page.goto(f"{service.url}/jobs/new?part={part_id}&by=edges")
-    operator.settled()
+    page = sit_down(f"/jobs/new?part={part_id}&by=edges", viewport={"width": 390, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    operator.picture("teach-phone")
     assert page.evaluate("document.activeElement.id") == "text"
-    keys = [
+    for key in [
         "AB12",
         "Tab",
         "Tab",
@@ -632,8 +519,7 @@ def test_a_job_is_taught_on_a_phone_and_by_keyboard(
         "Tab",
         "Tab",
         "Tab",
-    ]  # format, job, line, height, left
-    for key in keys:
+    ]:  # format, job, line, height, left
         if key == "Tab":
             page.keyboard.press(key)
         else:
@@ -649,19 +535,15 @@ def test_a_job_is_taught_on_a_phone_and_by_keyboard(
     page.keyboard.press("Enter")
     page.wait_for_url("**/jobs?done=side-b*")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    operator.picture("jobs-phone")
     (line,) = service.jobs.settings("side-b").line
     assert line.startswith("lot@")
     assert line.endswith("=AA99")
     assert line.split(",")[1] == "0.125"
 
 
-def test_on_a_phone_the_charts_begin_at_the_newest_hour(
-    service: Service, sit_down: Callable[..., OperatorAtPage]
-) -> None:
+def test_on_a_phone_the_charts_begin_at_the_newest_hour(service: Service, sit_down: Sit) -> None:
     service.put("KX407251")
-    page = sit_down(viewport={"width": 390, "height": 800}).page
-    page.goto(f"{service.url}/dashboard")
+    page = sit_down("/dashboard", viewport={"width": 390, "height": 800})
     shown = page.evaluate(
         "(({left, right}) => [left, right])(document.querySelector('.chart').getBoundingClientRect())"
     )

@@ -296,24 +296,27 @@ def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
     assert html.unescape(shown).count(text) >= 3  # name, reading, review
 
 
-def test_other_lines_are_shown_by_name(shop: Shop) -> None:
+def words(page: str) -> str:
+    """The text of a page, without tags."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
+
+
+def test_other_lines_and_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
     lines = (LineRecord("lot", "LOT<77", 0.987), LineRecord("", "12/26", 0.9))
-    part_id = shop.add(readings=(reading("KX407251", lines=lines),))
+    codes = (
+        CodeRecord("Data Matrix", "SER <7␝", False),
+        CodeRecord("QR Code", "SER KX407251", True),
+        CodeRecord("QR Code", "PNR 7"),
+    )
+    part_id = shop.add(readings=(reading("KX407251", lines=lines, codes=codes),))
     for address in (f"/review/{part_id}", f"/parts/{part_id}"):
-        page = shop.client.get(address).text
-        assert page.count('class="lines"') == 1
-        words = html.unescape(re.sub(r"<[^>]*>", "", page))
-        assert "lot LOT<77 0.987" in words
-        assert "another line 12/26 0.900" in words
-    assert 'class="lines"' not in shop.client.get(f"/review/{shop.add()}").text
-
-
-def test_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
-    codes = (CodeRecord("Data Matrix", "SER <7␝", False), CodeRecord("QR Code", "SER KX407251", True))
-    part_id = shop.add(readings=(reading("KX407251", codes=(*codes, CodeRecord("QR Code", "PNR 7"))),))
-    for address in (f"/review/{part_id}", f"/parts/{part_id}"):
-        words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", shop.client.get(address).text)).split())
-        assert "Data Matrix SER <7␝ another serial QR Code SER KX407251 same serial QR Code PNR 7" in words
+        said = words(shop.client.get(address).text)
+        assert "lot LOT<77 0.987 another line 12/26 0.900" in said
+        assert "Data Matrix SER <7␝ another serial QR Code SER KX407251 same serial QR Code PNR 7" in said
+    bare = shop.client.get(f"/review/{shop.add()}").text
+    assert "another line" not in bare
+    assert "Felt in" not in bare
+    assert "probability as bar and figure. Letter" in bare
 
 
 def test_agreement_with_the_lines_own_reader(shop: Shop) -> None:
@@ -551,11 +554,6 @@ def test_what_was_felt_is_shown_pass_by_pass(shop: Shop, page: str) -> None:
     assert "KX407&lt;51" in shop.client.get(f"/{page}/{part_id}").text
 
 
-def test_without_passes_nothing_is_said_of_them(shop: Shop) -> None:
-    part_id = shop.add()
-    assert "Felt in" not in shop.client.get(f"/review/{part_id}").text
-
-
 def test_passes_are_told_without_their_picture_too(shop: Shop) -> None:
     part_id = shop.add(readings=(reading("KX", passes=FELT[:1], stage_s=1.2, stopped="the power went"),))
     shown = shop.client.get(f"/review/{part_id}").text
@@ -581,9 +579,3 @@ def test_a_part_that_waits_for_touch_says_so(shop: Shop) -> None:
         assert "nothing read" not in page
     shop.add(name="R", readings=(empty,))
     assert "nothing read" in shop.client.get("/parts").text
-
-
-def test_a_candidate_has_its_probability_once(shop: Shop) -> None:
-    page = shop.client.get(f"/review/{shop.add()}").text
-    assert "probability as bar and figure. Letter" in page
-    assert "score" not in page.partition('<ol class="places')[2].partition("</ol>")[0]
