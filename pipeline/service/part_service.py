@@ -116,7 +116,7 @@ class PartService:
             orders: who has files read and keeps them.
             stage: feels what the camera is unsure of.
             camera: photographs a part when a trigger comes.
-            metrics: what is counted.
+            metrics: what is format_count.
             line: that parts come from; kept with them.
             touch_wait_s: how long a part waits for touch before a person gets it.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
@@ -197,7 +197,7 @@ class PartService:
                 targets=self._targets,
                 idempotency=idempotency,
                 shadow=shadow,
-                audit=self._policy.draws(),
+                audit=self._policy.draw_audit(),
                 rules=self._rules,
             )
             self._count(part, done)
@@ -347,7 +347,7 @@ class PartService:
             targets=() if hidden else self._targets,
             idempotency=idempotency,
             shadow=shadow,
-            audit=self._policy.draws(),
+            audit=self._policy.draw_audit(),
             rules=self._rules,
         )
         self._count(read, done)

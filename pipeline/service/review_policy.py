@@ -11,7 +11,7 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, PartState, ReviewRecord
 
 
-class Reading(StrEnum):
+class ReviewMode(StrEnum):
     """How a person reads a part; all but OPEN are blind: pictures, and nothing that was read."""
 
     OPEN = "open"
@@ -33,13 +33,13 @@ class ReviewPolicy:
     readers: int = 1
     audited: float = 0.0
 
-    def draws(self) -> bool:
+    def draw_audit(self) -> bool:
         """Whether a part is to be audited if it is accepted; nobody who knows the parts can predict it."""
         return SystemRandom().random() < self.audited
 
-    def reading(
+    def mode(
         self, part: PartRecord, person: Person, *, opinions: Sequence[ReviewRecord], audit: bool
-    ) -> Reading:
+    ) -> ReviewMode:
         """How a person reads a part.
 
         Args:
@@ -49,6 +49,6 @@ class ReviewPolicy:
             audit: whether it was drawn to be audited, and nobody has.
         """
         if audit:
-            return Reading.AUDIT
+            return ReviewMode.AUDIT
         others = self.readers > 1 and part.state is PartState.REVIEW and bool(opinions)
-        return Reading.SECOND if others and not any(map(person.said, opinions)) else Reading.OPEN
+        return ReviewMode.SECOND if others and not any(map(person.said, opinions)) else ReviewMode.OPEN

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import httpx
 from fastapi import FastAPI
@@ -80,21 +81,20 @@ class Shop:
         state: PartState = PartState.REVIEW,
         readings: tuple[ReadingRecord, ...] | None = None,
         evidence: tuple[EvidenceRecord, ...] = (),
-        expected: str = "",
-        audit: bool = False,
+        **more: Any,
     ) -> str:
-        part_id = new_part_id()
         given = (reading(text),) if readings is None else readings
+        part_id = new_part_id()
         self.store.add_part(
-            part_id=part_id,
-            name=name,
-            state=state,
-            readings=given,
-            evidence=evidence,
-            expected=expected,
-            audit=audit,
+            part_id=part_id, name=name, state=state, readings=given, evidence=evidence, **more
         )
         return part_id
+
+    def pictures(self) -> tuple[EvidenceRecord, EvidenceRecord]:
+        """A photograph and an edge map."""
+        return self.keep(EvidenceKind.PHOTO_PICTURE, b"photo"), self.keep(
+            EvidenceKind.EDGES_PICTURE, b"edges"
+        )
 
     def keep(self, kind: EvidenceKind, content: bytes) -> EvidenceRecord:
         path = self.evidence.incoming / "made.png"

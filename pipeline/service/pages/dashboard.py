@@ -38,7 +38,7 @@ def add_dashboard(
 ) -> None:
     """The route of the dashboard; arguments as `pages_router`."""
 
-    looks = Depends(frame.looks)
+    looks = Depends(frame.reader_view)
 
     @router.get("/dashboard")
     def dashboard(span: str = "day", view: View = looks) -> Response:

@@ -1,6 +1,6 @@
 """What all pages have in common: templates, who looks, cookies.
 
-request --looks or reviews--> View --page or go--> answer
+request --reader_view or reviewer_view--> View --page or redirect--> answer
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Frame:
         self.environment.globals.update(static=_static(self.assets), shadow=shadow, part_cells=part_cells)
         self.environment.filters.update(iso=_iso, utc=_utc, here=_here)
 
-    def looks(self, request: Request) -> View:
+    def reader_view(self, request: Request) -> View:
         """The view of a caller who may look.
 
         Raises:
@@ -93,8 +93,8 @@ class Frame:
         """
         return View(self, request, self.access.caller(request, Scope.READ))
 
-    def reviews(self, request: Request) -> View:
-        """The view of a caller who may review; raises as `looks`."""
+    def reviewer_view(self, request: Request) -> View:
+        """The view of a caller who may review; raises as `reader_view`."""
         return View(self, request, self.access.caller(request, Scope.REVIEW))
 
     def render(
@@ -111,14 +111,14 @@ class Frame:
         text = self.environment.get_template(template).render(
             caller=caller,
             signed_in=self.access.asked(request) and caller is not None,
-            waiting=counted(waiting),
+            waiting=format_count(waiting),
             path=request.url.path,
             up=to_root(request.scope),
             **values,
         )
         answer = HTMLResponse(text, status_code=status, headers=_HEADERS)
         if not _SEAT.fullmatch(request.cookies.get(SEAT_COOKIE, "")):
-            keep(request, answer, SEAT_COOKIE, secrets.token_urlsafe(32))
+            set_cookie(request, answer, SEAT_COOKIE, secrets.token_urlsafe(32))
         return answer
 
     def refusal(self, request: Request, status: int, message: str) -> Response:
@@ -159,21 +159,23 @@ class View:
             self.request, template, status=status, caller=self.caller, may_review=self.may_review, **values
         )
 
-    def go(self, address: str, *, who: str = "") -> Response:
+    def redirect(self, address: str, *, who: str = "") -> Response:
         """Answer a form by the page to look at next; the browser remembers the name typed."""
-        answer = go(self.request, address)
+        answer = redirect(self.request, address)
         if who:
-            keep(self.request, answer, WHO_COOKIE, quote(who), max_age_s=_A_YEAR_S)
+            set_cookie(self.request, answer, WHO_COOKIE, quote(who), max_age_s=_A_YEAR_S)
         return answer
 
 
-def go(request: Request, address: str) -> Response:
+def redirect(request: Request, address: str) -> Response:
     """Send the browser to another page of the service."""
     where = relative(request.scope, address)
     return RedirectResponse(where, status_code=303, headers={"Cache-Control": "no-store"})
 
 
-def keep(request: Request, answer: Response, name: str, value: str, *, max_age_s: int | None = None) -> None:
+def set_cookie(
+    request: Request, answer: Response, name: str, value: str, *, max_age_s: int | None = None
+) -> None:
     """Set a cookie that only this service's own pages send back, and no script reads."""
     secure = request.url.scheme == "https"
     answer.set_cookie(
@@ -181,8 +183,8 @@ def keep(request: Request, answer: Response, name: str, value: str, *, max_age_s
     )
 
 
-def counted(n: int) -> str:
-    """A number of waiting parts; more than 99 are not counted."""
+def format_count(n: int) -> str:
+    """A number of waiting parts; more than 99 are not format_count."""
     return f"{MOST_COUNTED}+" if n > MOST_COUNTED else str(n)
 
 

@@ -71,7 +71,7 @@ class Lesson(BaseModel):
 
 def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
     """The routes of the list, of the text of a job, and of a job to be taught."""
-    looks, reviews = Depends(frame.looks), Depends(frame.reviews)
+    looks, reviews = Depends(frame.reader_view), Depends(frame.reviewer_view)
 
     @router.get("/jobs")
     def listed(done: str = "", part: str = "", gone: str = "", view: View = looks) -> Response:
@@ -104,11 +104,11 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
                 if not sure:
                     raise Problem(422, "tick the box beside Delete first")
                 jobs.delete(name)
-                return view.go(f"/jobs?{urlencode({'gone': name})}")
+                return view.redirect(f"/jobs?{urlencode({'gone': name})}")
             save_edited(jobs, name, text, before=before)
         except Problem as problem:
             return _edit_page(view, jobs, name, text=text, before=before, problem=problem)
-        return view.go(f"/jobs?{urlencode({'done': name})}")
+        return view.redirect(f"/jobs?{urlencode({'done': name})}")
 
     @router.get("/jobs/format")
     def format_of(text: str = "", view: View = looks) -> Response:
@@ -128,7 +128,7 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
             teach(jobs, lesson.name, lesson.taught(), replace=bool(lesson.replace))
         except Problem as problem:
             return _teach_page(view, jobs, lesson, problem)
-        return view.go(f"/jobs?{urlencode({'done': lesson.name, 'part': lesson.part})}")
+        return view.redirect(f"/jobs?{urlencode({'done': lesson.name, 'part': lesson.part})}")
 
 
 def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | None = None) -> Response:

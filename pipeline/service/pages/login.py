@@ -8,7 +8,7 @@ from fastapi import APIRouter, Form
 from starlette.requests import Request
 from starlette.responses import Response
 
-from pipeline.service.pages.frame import Frame, go, keep
+from pipeline.service.pages.frame import Frame, redirect, set_cookie
 from pipeline.store.access import SIGNED_IN_S
 
 
@@ -19,7 +19,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
         if not access.asked(request):
-            return go(request, own_address(to))
+            return redirect(request, own_address(to))
         return frame.render(request, "login.html.j2", to=own_address(to), fault="")
 
     @router.post("/login")
@@ -30,14 +30,14 @@ def add_login(router: APIRouter, frame: Frame) -> None:
         if value is None:
             fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
             return frame.render(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
-        answer = go(request, own_address(to))
-        keep(request, answer, access.COOKIE, value, max_age_s=SIGNED_IN_S)
+        answer = redirect(request, own_address(to))
+        set_cookie(request, answer, access.COOKIE, value, max_age_s=SIGNED_IN_S)
         return answer
 
     @router.post("/logout")
     def log_out(request: Request) -> Response:
         access.log_out(request)
-        answer = go(request, "/login")
+        answer = redirect(request, "/login")
         answer.delete_cookie(access.COOKIE, path="/")
         return answer
 

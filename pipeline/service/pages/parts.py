@@ -36,7 +36,7 @@ class Search(BaseModel):
 
 def add_part_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of the list and of one part."""
-    looks, store = Depends(frame.looks), frame.store
+    looks, store = Depends(frame.reader_view), frame.store
 
     @router.get("/parts")
     def parts(search: Annotated[Search, Query()], view: View = looks) -> Response:

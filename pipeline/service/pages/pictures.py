@@ -154,7 +154,7 @@ def picture_pair(
     return photo, _view(part, by_touch, evidence, folder, kind=EvidenceKind.EDGES_PICTURE)
 
 
-def bare(view: PictureView) -> PictureView:
+def without_reading(view: PictureView) -> PictureView:
     """The picture for a blind reader: upright, but whole and without boxes, for the line may be found wrong too."""
     note = "" if view.href else view.note
     return replace(view, boxes=(), source="", line=view.whole, note=note)

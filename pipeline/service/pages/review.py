@@ -16,11 +16,11 @@ from pydantic import BaseModel
 from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.records import PartRecord, PartState, ReviewAction
-from pipeline.service.pages.frame import MOST_COUNTED, MOST_WHO, Frame, View, counted
+from pipeline.service.pages.frame import MOST_COUNTED, MOST_WHO, Frame, View, format_count
 from pipeline.service.pages.passes import felt_passes
-from pipeline.service.pages.pictures import bare, picture_pair
+from pipeline.service.pages.pictures import picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
-from pipeline.service.review_policy import Reading
+from pipeline.service.review_policy import ReviewMode
 from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
@@ -29,8 +29,8 @@ MOST = {"text": 200, "who": MOST_WHO, "note": 1000}
 _NAMES = {"text": "serial", "who": "name", "note": "note"}
 
 
-class Said(BaseModel):
-    """What a person has typed of a part; `reading` is how the page showed it."""
+class ReviewForm(BaseModel):
+    """What a person has typed of a part; `mode` is that of the page."""
 
     action: str = "save"
     text: str = ""
@@ -38,9 +38,9 @@ class Said(BaseModel):
     note: str = ""
     before: str = ""
     outside: str = ""
-    reading: Reading = Reading.OPEN
+    mode: ReviewMode = ReviewMode.OPEN
 
-    def clean(self, token: str) -> Said:
+    def clean(self, token: str) -> ReviewForm:
         """Without blanks that mean nothing, and signed by the token if there is one."""
         who, note = (" ".join(value.split()) for value in (token or self.who, self.note))
         return self.model_copy(update={"text": self.text.strip(), "who": who, "note": note})
@@ -64,12 +64,12 @@ class Said(BaseModel):
 
 def add_review_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of queue, review and audit."""
-    looks, reviews = Depends(frame.looks), Depends(frame.reviews)
+    looks, reviews = Depends(frame.reader_view), Depends(frame.reviewer_view)
     store = frame.store
 
     @router.get("/")
     def home(view: View = looks) -> Response:
-        return view.go("/review")
+        return view.redirect("/review")
 
     @router.get("/review")
     def queue(done: str = "", view: View = looks) -> Response:
@@ -81,18 +81,18 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             others={part: c.who for part, c in store.claimed().items() if c.holder != person.holder},
             halves=store.half_reviewed() if frame.policy.readers > 1 else {},
             free=store.next_in_queue(person=person) is not None,
-            audits=counted(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
+            audits=format_count(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
             done=reviewed,
             remark=remark,
         )
 
     @router.get("/review/next")
     def next_part(after: str = "", view: View = looks) -> Response:
-        return _next(view, store.next_in_queue(after or None, person=view.person), after)
+        return _redirect_to(view, store.next_in_queue(after or None, person=view.person), after)
 
     @router.get("/audit")
     def next_audit(after: str = "", view: View = reviews) -> Response:
-        return _next(view, store.next_in_queue(after or None, person=view.person, audits=True), after)
+        return _redirect_to(view, store.next_in_queue(after or None, person=view.person, audits=True), after)
 
     @router.get("/review/{part_id}")
     def review(
@@ -106,10 +106,10 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return _page(view, store.part(part_id), done=reviewed, remark=remark)
 
     @router.post("/review/{part_id}")
-    def say(part_id: str, said: Annotated[Said, Form()], view: View = reviews) -> Response:
+    def say(part_id: str, said: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
         part, said = store.part(part_id), said.clean(view.caller.token)
         fault, outside = said.fault(), ""
-        if not fault and said.action == "save" and said.reading is not Reading.AUDIT:
+        if not fault and said.action == "save" and said.mode is not ReviewMode.AUDIT:
             against = frame.outside_format(said.text, part.job)
             if against and said.text != said.outside:
                 outside = said.text
@@ -126,20 +126,20 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             return _page(view, part, said=said, fault=fault, status=409)
         except ConflictError:
             now = store.part(part_id)
-            return _page(view, now, said=said, fault=_changed(now), status=409)
-        return view.go(
+            return _page(view, now, said=said, fault=_describe_change(now), status=409)
+        return view.redirect(
             f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=said.who
         )
 
     @router.post("/review/{part_id}/undo")
     def undo(part_id: str, view: View = reviews) -> Response:
         frame.undo(part_id, view.person)
-        return view.go(f"/review/{part_id}?undone=1")
+        return view.redirect(f"/review/{part_id}?undone=1")
 
     @router.post("/review/{part_id}/takeover")
     def take_over(part_id: str, view: View = reviews) -> Response:
         store.claim_part(part_id, view.person, take_over=True)
-        return view.go(f"/review/{part_id}")
+        return view.redirect(f"/review/{part_id}")
 
     @router.post("/review/{part_id}/claim")
     def claim(
@@ -153,24 +153,24 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         if release:
             store.release_part(part_id, view.person)
             return PlainTextResponse("")
-        return PlainTextResponse(_taken(view, part_id, name if name.isprintable() else ""))
+        return PlainTextResponse(_claim(view, part_id, name if name.isprintable() else ""))
 
 
-def _next(view: View, found: PartRecord | None, after: str) -> Response:
+def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
     if found is None:
-        return view.go("/review")
-    return view.go(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
+        return view.redirect("/review")
+    return view.redirect(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
 
 
-def _keep(view: View, part: PartRecord, said: Said) -> PartRecord | None:
+def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
     """Keep what a person has said of a part; the next part.
 
     Raises:
         ConflictError: the part has changed since the page was made; ClaimedError, another person has it.
     """
-    person, audit = view.named(said.who), said.reading is Reading.AUDIT
+    person, audit = view.named(said.who), said.mode is ReviewMode.AUDIT
     text = "" if said.action == "unreadable" else said.text
-    before = said.before if said.reading is Reading.OPEN else None
+    before = said.before if said.mode is ReviewMode.OPEN else None
     stands = text == (part.text if before is None else before.strip())
     action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
     view.frame.review(
@@ -187,7 +187,7 @@ def _keep(view: View, part: PartRecord, said: Said) -> PartRecord | None:
     return view.frame.store.next_in_queue(part.id, person=person, audits=audit)
 
 
-def _taken(view: View, part_id: str, name: str | None = None) -> str:
+def _claim(view: View, part_id: str, name: str | None = None) -> str:
     """Take a part for the person; where another has it, say who."""
     person = view.person if name is None else view.named(name)
     if not person.holder:
@@ -198,7 +198,7 @@ def _taken(view: View, part_id: str, name: str | None = None) -> str:
     return f"{claim.who or 'Somebody else'} is at this part now. Look at it if you like; take the next one to review."
 
 
-def _changed(part: PartRecord) -> str:
+def _describe_change(part: PartRecord) -> str:
     stands = f"the serial is now {part.text}" if part.text else "the part now has no serial"
     quicker = "The part was read again meanwhile" if part.review is None else f"{part.review.who} was quicker"
     return f"{quicker}: {stands}. Your input is not saved; compare it with what you typed, and decide again."
@@ -224,7 +224,7 @@ def _page(
     view: View,
     part: PartRecord,
     *,
-    said: Said | None = None,
+    said: ReviewForm | None = None,
     done: PartRecord | None = None,
     remark: str = "",
     fault: str = "",
@@ -233,8 +233,8 @@ def _page(
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
     audit, awaits = store.audit(part.id), store.awaits_audit(part.id)
-    how = frame.policy.reading(part, person, opinions=store.opinions(part.id), audit=awaits)
-    waits = view.may_review and (part.state is PartState.REVIEW or how is Reading.AUDIT)
+    mode = frame.policy.mode(part, person, opinions=store.opinions(part.id), audit=awaits)
+    waits = view.may_review and (part.state is PartState.REVIEW or mode is ReviewMode.AUDIT)
     readings = store.readings(part.id)
     pictures = picture_pair(part, readings, store.evidence(part.id), frame.evidence)
     # marks without small letters are typed in capitals
@@ -243,18 +243,18 @@ def _page(
         remark = (
             remark or f"This part was accepted; {audit.who} read {audit.after} in an audit. Which is right?"
         )
-    if how is not Reading.OPEN:  # nothing that was read reaches the template
+    if mode is not ReviewMode.OPEN:  # nothing that was read reaches the template
         part = replace(part, text="", reading=None, review=None, expected="", plan=None)
-        readings, pictures = (), (bare(pictures[0]), bare(pictures[1]))
+        readings, pictures = (), (without_reading(pictures[0]), without_reading(pictures[1]))
     places = places_of(part.reading)
     text = part.text if said is None else said.text
     return view.page(
         "review.html.j2",
         status=status,
         part=part,
-        how=how.value,
+        mode=mode.value,
         waits=waits,
-        next=f"/audit?after={part.id}" if how is Reading.AUDIT else f"/review/next?after={part.id}",
+        next=f"/audit?after={part.id}" if mode is ReviewMode.AUDIT else f"/review/next?after={part.id}",
         places=places,
         cells=cells_of(text, places),
         text=text,
@@ -269,7 +269,7 @@ def _page(
         most=MOST,
         done=done,
         remark=remark,
-        taken=_taken(view, part.id) if waits and said is None else "",
+        taken=_claim(view, part.id) if waits and said is None else "",
         fault=fault,
         outside=outside,
     )

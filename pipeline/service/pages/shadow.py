@@ -25,7 +25,7 @@ PARTS_SHOWN = 50
 
 def add_shadow_page(router: APIRouter, frame: Frame) -> None:
     """The route of the page."""
-    looks = Depends(frame.looks)
+    looks = Depends(frame.reader_view)
 
     @router.get("/shadow")
     def shadow(span: str = "month", show: str = "other", before: str = "", view: View = looks) -> Response:

@@ -24,6 +24,9 @@ from tests.support.service_fixtures import FORMAT, inline_service, triggered
 CLEAN, FILTHY = "clean", "filthy"
 
 
+Served = tuple[Service, TestClient]
+
+
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clean part that the camera reads, and a filthy one that it is unsure of."""
@@ -40,14 +43,14 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("service")
     with inline_service(folder, stage=parts, camera=parts, webhook="http://127.0.0.1:9/none") as both:
         yield both
 
 
 @pytest.fixture
-def client(served: tuple[Service, TestClient]) -> TestClient:
+def client(served: Served) -> TestClient:
     return served[1]
 
 
@@ -64,7 +67,7 @@ def height_map(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
 
 
 @pytest.fixture(scope="module")
-def unsure(served: tuple[Service, TestClient], parts: Path) -> dict[str, object]:
+def unsure(served: Served, parts: Path) -> dict[str, object]:
     """The answer to a photograph that the camera is unsure of."""
     answer = served[1].post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY})
     assert answer.status_code == 201, answer.text
@@ -85,9 +88,7 @@ def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts
     assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
 
 
-def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
-    served: tuple[Service, TestClient],
-) -> None:
+def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(served: Served) -> None:
     store = served[0].store
     before = store.undelivered()
     part = triggered(served, FILTHY)
@@ -100,9 +101,7 @@ def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
     assert store.part(part.id).state is PartState.REVIEWED
 
 
-def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(
-    served: tuple[Service, TestClient],
-) -> None:
+def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Served) -> None:
     service, client = served
     part_id = new_part_id()
     service.store.add_part(part_id=part_id, name="odd", state=PartState.REVIEW)
@@ -138,7 +137,7 @@ def test_names_and_reviews_hold_nothing_hidden(client: TestClient, parts: Path, 
     assert client.post(f"/v1/parts/{part['id']}/review", json=said).status_code == 200
 
 
-def test_a_full_queue_refuses_at_once(served: tuple[Service, TestClient], parts: Path) -> None:
+def test_a_full_queue_refuses_at_once(served: Served, parts: Path) -> None:
     service, client = served
     service.pool.full = True  # type: ignore[attr-defined]
     try:
@@ -172,7 +171,7 @@ def test_what_cannot_be_read_is_told_by_its_name(
     assert "work-" not in answer.text
 
 
-def test_a_bad_file_leaves_no_part(served: tuple[Service, TestClient]) -> None:
+def test_a_bad_file_leaves_no_part(served: Served) -> None:
     service, client = served
     before = len(service.store.parts(limit=500))
     client.post("/v1/parts", files={"scan": ("x.h5", b"\x89HDF\r\n\x1a\n" + bytes(100))})
@@ -182,7 +181,7 @@ def test_a_bad_file_leaves_no_part(served: tuple[Service, TestClient]) -> None:
 
 @pytest.mark.parametrize("name", ["../secret", "..", "clean/../../x", "no-such-part", ""])
 def test_the_stage_feels_only_parts_of_its_folder(
-    served: tuple[Service, TestClient], unsure: dict[str, object], name: str
+    served: Served, unsure: dict[str, object], name: str
 ) -> None:
     service, client = served
     plan = from_json(ScanPlanRecord, unsure["plan"])

@@ -34,6 +34,8 @@ from tests.support.self_signed import certificates
 from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import received
 
+Served = tuple[Service, TestClient]
+
 FORWARDED = {
     "X-Forwarded-For": "203.0.113.9",
     "X-Forwarded-Proto": "https",
@@ -79,14 +81,14 @@ async def asked(app: Any, method: str, path: str, body: Body, **headers: str) ->
 
 
 @pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """A service that asks for tokens."""
     with inline_service(tmp_path_factory.mktemp("guarded"), tokens="on") as both:
         yield both
 
 
 @pytest.fixture(scope="module")
-def open_one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+def open_one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """A service that asks for none."""
     with inline_service(tmp_path_factory.mktemp("open")) as both:
         yield both
@@ -104,7 +106,7 @@ def open_one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service
     ],
 )
 def test_no_byte_of_a_body_is_read_without_a_token(
-    guarded: tuple[Service, TestClient], path: str, status: int, kind: str
+    guarded: Served, path: str, status: int, kind: str
 ) -> None:
     body = Body(10)
     made = asyncio.run(
@@ -117,9 +119,7 @@ def test_no_byte_of_a_body_is_read_without_a_token(
     "path", ["/v1/parts/X/review", "/v1/parts/X/touch", "/jobs/new", "/review/X", "/login"]
 )
 @pytest.mark.parametrize("length", ["", "10000000"])
-def test_what_brings_no_files_may_bring_little(
-    open_one: tuple[Service, TestClient], path: str, length: str
-) -> None:
+def test_what_brings_no_files_may_bring_little(open_one: Served, path: str, length: str) -> None:
     body = Body(10_000)
     said = {"content_length": length} if length else {}
     kind = "application/json" if path.startswith("/v1") else "application/x-www-form-urlencoded"
@@ -130,7 +130,7 @@ def test_what_brings_no_files_may_bring_little(
 
 @pytest.mark.parametrize("name", FORWARDED)
 def test_a_proxy_nobody_has_named_does_not_let_the_world_in(
-    open_one: tuple[Service, TestClient], guarded: tuple[Service, TestClient], name: str
+    open_one: Served, guarded: Served, name: str
 ) -> None:
     through = {name: FORWARDED[name]}
     refused = open_one[1].get("/v1/parts", headers=through)
@@ -160,30 +160,22 @@ def test_a_trusted_proxy_says_where_its_callers_come_from_and_how(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "origin", ["http://[", "null", "http://evil.example", "http://127.0.0.1:8417.evil.example", ""]
-)
-def test_pages_of_other_sites_are_refused_whatever_they_call_themselves(
-    open_one: tuple[Service, TestClient], origin: str
-) -> None:
-    assert open_one[1].post("/v1/parts", headers={"Origin": origin}).status_code == 403
-
-
-@pytest.mark.parametrize(
     ("said", "status"),
     [
         ({"Sec-Fetch-Site": "cross-site"}, 403),
         ({"Sec-Fetch-Site": "same-site", "Origin": "http://127.0.0.1:8417"}, 403),
         ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "http://127.0.0.1:8417.evil.example"}, 403),
+        ({"Origin": "http://["}, 403),
         ({"Origin": "null"}, 403),
+        ({"Origin": ""}, 403),
         # a proxy may call the service by another name than the browser calls the proxy
         ({"Sec-Fetch-Site": "same-origin", "Origin": "https://marks.example"}, 303),
         ({"Origin": "http://127.0.0.1:8417"}, 303),
         ({}, 303),  # no browser
     ],
 )
-def test_a_form_of_another_site_changes_nothing(
-    open_one: tuple[Service, TestClient], said: dict[str, str], status: int
-) -> None:
+def test_a_form_of_another_site_changes_nothing(open_one: Served, said: dict[str, str], status: int) -> None:
     service, client = open_one
     part = received(service.store, PartState.REVIEW)
     form = {"action": "unreadable", "who": "Eve", "before": part.text}
@@ -192,7 +184,7 @@ def test_a_form_of_another_site_changes_nothing(
     assert len(service.store.reviews(part.id)) == (status == 303)
 
 
-def test_made_up_methods_are_counted_as_one(open_one: tuple[Service, TestClient]) -> None:
+def test_made_up_methods_are_counted_as_one(open_one: Served) -> None:
     for k in range(20):
         open_one[1].request(f"MADEUP{k}", "/healthz")
     page = open_one[1].get("/metrics").text
@@ -212,9 +204,7 @@ def status_with(client: TestClient, cookie: str) -> int:
     return other.get("/v1/parts").status_code
 
 
-def test_a_copied_cookie_ends_when_its_owner_signs_out_and_with_the_token(
-    guarded: tuple[Service, TestClient],
-) -> None:
+def test_a_copied_cookie_ends_when_its_owner_signs_out_and_with_the_token(guarded: Served) -> None:
     service, client = guarded
     secret = service.store.add_token("otto", [Scope.READ])
     cookie, other = (
@@ -245,7 +235,7 @@ def test_a_session_ends_after_a_shift(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_programs_of_other_users_need_a_token_where_nobody_else_does(
-    open_one: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+    open_one: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service, client = open_one
     assert client.get("/v1/parts").status_code == 200
@@ -481,7 +471,7 @@ BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;
     ],
 )
 def test_a_browser_is_told_in_a_page_and_a_program_in_a_problem(
-    open_one: tuple[Service, TestClient], path: str, status: int, says: str
+    open_one: Served, path: str, status: int, says: str
 ) -> None:
     page = open_one[1].get(path, headers=BROWSER)
     assert (page.status_code, page.headers["content-type"]) == (status, "text/html; charset=utf-8")
@@ -496,7 +486,7 @@ def test_a_browser_is_told_in_a_page_and_a_program_in_a_problem(
 
 
 def test_the_interface_has_a_page_that_loads_nothing_from_elsewhere(
-    open_one: tuple[Service, TestClient], guarded: tuple[Service, TestClient]
+    open_one: Served, guarded: Served
 ) -> None:
     page = open_one[1].get("/docs")
     assert page.status_code == 200
@@ -528,9 +518,7 @@ def test_small_answers_do_not_wait_for_acknowledgements() -> None:
     assert delays == [1]
 
 
-def test_an_upload_that_drips_has_an_end(
-    open_one: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_upload_that_drips_has_an_end(open_one: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(middleware, "BODY_MOST_S", 0.05)
     head = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="a.png"\r\n\r\n'
 

@@ -27,6 +27,8 @@ from recognition.reader import Reader
 from tests.support import certificates
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
 
+Served = tuple[Service, TestClient]
+
 PNG = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
 BOX = (0.1, 0.2, 0.9, 0.6)
 PROBLEM = "application/problem+json"
@@ -48,7 +50,7 @@ def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> Done:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+def served(tmp_path: Path) -> Iterator[Served]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
     (tmp_path / "camera").mkdir()
     with inline_service(tmp_path, camera=tmp_path / "camera") as (service, client):
@@ -60,7 +62,7 @@ def post(client: TestClient, **data: str) -> Any:
     return client.post("/v1/parts", files=PNG, data=data)
 
 
-def test_a_part_is_read_by_the_job_that_it_names(served: tuple[Service, TestClient], tmp_path: Path) -> None:
+def test_a_part_is_read_by_the_job_that_it_names(served: Served, tmp_path: Path) -> None:
     service, client = served
     assert post(client).json()["text"] == FORMAT
     part = post(client, job="left").json()
@@ -77,7 +79,7 @@ def test_a_part_is_read_by_the_job_that_it_names(served: tuple[Service, TestClie
 
 
 def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
-    served: tuple[Service, TestClient], tmp_path: Path
+    served: Served, tmp_path: Path
 ) -> None:
     _, client = served
     refused = post(client, job="right")
@@ -139,7 +141,7 @@ def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path
         pass
 
 
-def test_job_and_database_are_not_both_named(served: tuple[Service, TestClient]) -> None:
+def test_job_and_database_are_not_both_named(served: Served) -> None:
     answer = post(served[1], job="left", database="die")
     assert (answer.status_code, answer.json()["detail"][:26]) == (422, "there are job and database")
 

@@ -31,6 +31,7 @@ from pipeline.common.records import (
     ReviewAction,
     Scope,
     ShadowRecord,
+    TouchWait,
     TrendStep,
 )
 from pipeline.service.pages.charts import charts_of
@@ -46,6 +47,11 @@ def shop(tmp_path: Path) -> Iterator[Shop]:
     made = Shop(tmp_path)
     yield made
     made.store.close()
+
+
+def words(page: str) -> str:
+    """The text of a page, without tags."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
 
 
 # ---- places
@@ -109,8 +115,7 @@ def pair(shop: Shop, *readings: ReadingRecord, evidence: tuple[EvidenceRecord, .
 
 
 def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
-    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
-    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    photo, edges = shop.pictures()
     seen, felt = reading("KX401", source="vision"), reading("KX407")
     first, second = pair(shop, seen, felt, evidence=(photo, edges))
     assert (first.source, second.source) == ("vision", "fused")
@@ -128,8 +133,7 @@ def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
 def test_where_touch_knows_better_the_photograph_is_whole_and_without_the_cameras_boxes(
     shop: Shop, seen: str
 ) -> None:
-    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
-    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    photo, edges = shop.pictures()
     by_camera = reading(seen, source="vision")
     first, second = pair(shop, by_camera, reading("KX407"), evidence=(photo, edges))
     assert (first.boxes, first.source) == ((), "")
@@ -163,9 +167,8 @@ def test_a_line_that_does_not_run_to_the_right_is_turned_by_quarters(
 
 
 def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Shop) -> None:
-    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
-    edges = replace(shop.keep(EvidenceKind.EDGES_PICTURE, b"edges"), sha256="0" * 64)
-    part_id = shop.add(evidence=(photo, edges))
+    photo, edges = shop.pictures()
+    part_id = shop.add(evidence=(photo, replace(edges, sha256="0" * 64)))
     shop.store.evidence_gone(part_id, photo.sha256)
     page = shop.client.get(f"/review/{part_id}").text
     assert "deleted: its time was up" in page
@@ -191,21 +194,36 @@ def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
 
 
 def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
-    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
-    part_id = new_part_id()
     plan = ScanPlanRecord(
         (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
     )
-    shop.store.add_part(
-        part_id=part_id, name="P", state=PartState.TOUCH_NEEDED, evidence=(photo,), plan=plan,
-        readings=(reading("KX", source="vision"),),
-    )  # fmt: skip
+    seen, touch = reading("KX", source="vision", decision="reject"), TouchWait(False, datetime.now(UTC))
+    part_id = shop.add(
+        readings=(seen,), evidence=shop.pictures()[:1], state=PartState.TOUCH_NEEDED, plan=plan, touch=touch
+    )
     page = shop.client.get(f"/parts/{part_id}").text
-    assert f"/v1/parts/{part_id}/pictures/photo" in page
-    assert "not been scanned yet" in page
-    assert "unsure of &lt;K&gt;" in page
-    assert "0°, 180°" in page
-    assert "12.5 s" in page
+    told = ("not been scanned yet", "unsure of &lt;K&gt;", "0°, 180°", "12.5 s", "waiting for touch")
+    for text in (f"/v1/parts/{part_id}/pictures/photo", "Scan it by the plan below", "low confidence", *told):
+        assert text in page
+    assert "waiting for touch" in shop.client.get("/parts").text
+    shop.add(readings=(reading("", source="vision", decision="reject"),))
+    assert "nothing read" in shop.client.get("/parts").text
+
+
+@pytest.mark.parametrize(
+    ("state", "why", "todo"),
+    [
+        (PartState.ACCEPTED, "Remarks", "Nothing: it is accepted"),
+        (PartState.REVIEW, "Why not accepted", "confirm or correct it"),
+        (PartState.SHADOW, "Remarks", "decides nothing"),
+    ],
+)
+def test_the_page_of_a_part_begins_with_what_to_do(shop: Shop, state: PartState, why: str, todo: str) -> None:
+    page = words(shop.client.get(f"/parts/{shop.add(state=state)}").text)
+    begin, _, rest = page.partition("What to do")
+    assert "Read KX407251 by touch and camera How sure 0.800" in begin
+    assert begin.endswith(f"{why} low confidence ")
+    assert todo in rest.partition("Part P-1")[0]
 
 
 # ---- review
@@ -296,11 +314,6 @@ def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
     assert html.unescape(shown).count(text) >= 3  # name, reading, review
 
 
-def words(page: str) -> str:
-    """The text of a page, without tags."""
-    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", page)).split())
-
-
 def test_other_lines_and_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
     lines = (LineRecord("lot", "LOT<77", 0.987), LineRecord("", "12/26", 0.9))
     codes = (
@@ -329,15 +342,9 @@ def test_agreement_with_the_lines_own_reader(shop: Shop) -> None:
     )
     ids = []
     for kind, would_be, expected in kinds:
-        part_id = new_part_id()
-        given = (
-            ReadingRecord("vision", "", "reject", 0.0) if kind is Agreement.NOTHING else reading("KX407251")
-        )
-        shop.store.add_part(
-            part_id=part_id, name=kind.value, state=PartState.SHADOW, readings=(given,), expected=expected,
-            shadow=ShadowRecord(kind, would_be),
-        )  # fmt: skip
-        ids.append(part_id)
+        given = reading("" if kind is Agreement.NOTHING else "KX407251")
+        shadow = ShadowRecord(kind, would_be)
+        ids.append(shop.add(state=PartState.SHADOW, readings=(given,), expected=expected, shadow=shadow))
     page = shop.client.get("/shadow").text
     figures = dict(re.findall(r'data-figure="([a-z-]+)">.*?<p class="figure">([\d.–]+)', page))
     assert figures == {
@@ -364,11 +371,9 @@ def test_agreement_with_the_lines_own_reader(shop: Shop) -> None:
 
 def test_disagreements_come_page_by_page(shop: Shop) -> None:
     assert "serve --shadow" in shop.client.get("/shadow").text
+    other = ShadowRecord(Agreement.OTHER, PartState.REVIEW)
     for _ in range(51):
-        shop.store.add_part(
-            part_id=new_part_id(), name="p", state=PartState.SHADOW, readings=(reading("KX4"),), expected="KX5",
-            shadow=ShadowRecord(Agreement.OTHER, PartState.REVIEW),
-        )  # fmt: skip
+        shop.add("KX4", state=PartState.SHADOW, expected="KX5", shadow=other)
     first = shop.client.get("/shadow?span=year").text
     assert first.count('class="row"') == 50
     older = re.search(r'href="([^"]+)" rel="next"', first)
@@ -568,14 +573,3 @@ def test_passes_are_told_without_their_picture_too(shop: Shop) -> None:
 def test_signing_in_leads_nowhere_else(to: str) -> None:
     assert own_address(to) == "/review"
     assert own_address("/parts?text=a") == "/parts?text=a"
-
-
-def test_a_part_that_waits_for_touch_says_so(shop: Shop) -> None:
-    empty = reading("", source="vision", decision="reject")
-    waiting = shop.add(name="W", state=PartState.TOUCH_NEEDED, readings=(empty,))
-    for path in ("/parts", f"/parts/{waiting}"):
-        page = shop.client.get(path).text
-        assert "waiting for touch" in page
-        assert "nothing read" not in page
-    shop.add(name="R", readings=(empty,))
-    assert "nothing read" in shop.client.get("/parts").text

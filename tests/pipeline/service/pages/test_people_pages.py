@@ -137,7 +137,7 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
     late = {
         "text": SERIAL,
         "who": "Eve",
-        "reading": "audit",
+        "mode": "audit",
     }  # a page that was open when somebody was quicker
     assert shop.client.post(f"/review/{ids[0]}", data=late).status_code == 409
 
