@@ -116,7 +116,7 @@ class PartService:
             orders: who has files read and keeps them.
             stage: feels what the camera is unsure of.
             camera: photographs a part when a trigger comes.
-            metrics: what is format_count.
+            metrics: what is counted.
             line: that parts come from; kept with them.
             touch_wait_s: how long a part waits for touch before a person gets it.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,

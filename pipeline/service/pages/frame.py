@@ -184,7 +184,7 @@ def set_cookie(
 
 
 def format_count(n: int) -> str:
-    """A number of waiting parts; more than 99 are not format_count."""
+    """A number of waiting parts; more than 99 are not counted."""
     return f"{MOST_COUNTED}+" if n > MOST_COUNTED else str(n)
 
 
