@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import sqlalchemy as sa
 
-from pipeline.common.reading_records import from_json
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.reading_records import ReadingRecord, from_json
+from pipeline.common.records import PartRecord, PartState, ReviewRecord
 from pipeline.store.backup import unpacked
 from pipeline.store.database import AnyRow, Transaction
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
@@ -143,8 +144,13 @@ def _check_parts(store: Store, report: CheckReport) -> None:
         happened = _by_part(tx, found, events)
         for row in found:
             report.parts += 1
-            part = from_json(PartRecord, row.record)
-            if wrong := _not_derived(part, row, happened.get(row.id, [])):
+            try:
+                part = from_json(PartRecord, row.record)
+                wrong = _not_derived(part, row, happened.get(row.id, []))
+            except ValueError:
+                report.add(Fault.DERIVED, row.id, "its record or its history cannot be read")
+                continue
+            if wrong:
                 report.add(Fault.DERIVED, row.id, f"its {' and '.join(wrong)} do not follow from its history")
             due = row.touch_until or part.changed_at + timedelta(days=1)
             if row.state == PartState.TOUCH_NEEDED and tx.now - due > LATE:
@@ -179,10 +185,14 @@ def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[
     """What a part's row holds that is not what its record and its events make of it."""
     wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
-    given = last.get("received", {})
-    wanted = {"reading": last.get(READ), "review": last.get(REVIEWED)}
-    wanted |= {name: given.get(name) for name in ("name", "expected", "database", "job")}
-    return wrong + [name for name, value in wanted.items() if row.record[name] != value]
+    kinds: dict[str, tuple[str, type[Any]]] = {
+        "reading": (READ, ReadingRecord),
+        "review": (REVIEWED, ReviewRecord),
+    }
+    # as records, for one of an earlier version is written anew with the part, and not with its event
+    wanted = {name: from_json(of, last[kind]) if kind in last else None for name, (kind, of) in kinds.items()}
+    wanted |= {name: last.get("received", {}).get(name) for name in ("name", "expected", "database", "job")}
+    return wrong + [name for name, value in wanted.items() if getattr(part, name) != value]
 
 
 def _check_outbox(store: Store, report: CheckReport) -> None:

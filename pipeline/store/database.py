@@ -120,10 +120,10 @@ class Database:
         Raises:
             StoreError: the database cannot be reached.
         """
+        # SQLite's transactions see one moment anyway
+        options = {"isolation_level": "REPEATABLE READ"} if self._writer is None else {}
         with _store_errors(self.shown), self._engine.connect() as connection:
-            if self._writer is None:  # SQLite's transactions see one moment anyway
-                connection = connection.execution_options(isolation_level="REPEATABLE READ")
-            yield Transaction(connection, self._now().astimezone(UTC))
+            yield Transaction(connection.execution_options(**options), self._now().astimezone(UTC))
 
     def copy_file(self, path: Path) -> None:
         """Copy a store in SQLite, as it is at one moment, into a new file; others go on writing.

@@ -111,12 +111,10 @@ def add_part(
     }
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
     part = PartRecord(id=part_id, state=state, text="", touch=touch, **times, **given)
-    came = _read(tx, part, state, readings, plan, shadow, audit, rules)
-    happened = [("received", given), *came.happened]
-    if not_felt:
-        happened.append(("not_felt", {"why": not_felt}))
-    figures = {"fell_back": False, "by_camera": False, "rejected": False, **came.figures}
-    part = write_part(tx, came.part, happened, targets=targets, new=True, figures=figures)
+    part, happened, changed = _read(tx, part, readings, plan, shadow, audit, rules)
+    happened = [("received", given), *happened, *([("not_felt", {"why": not_felt})] if not_felt else ())]
+    figures = {"fell_back": False, "by_camera": False, "rejected": False, **changed}
+    part = write_part(tx, part, happened, targets=targets, new=True, figures=figures)
     _keep_files(tx, part_id, evidence)
     _claim_key(tx, idempotency, part_id)
     return part
@@ -149,11 +147,12 @@ def add_readings(
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review")
-    came = _read(tx, part, state, readings, plan, shadow, audit, rules)
-    if came.part.state is not PartState.ACCEPTED:  # nothing is left to audit
-        came.figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
+    part = replace(part, state=state)
+    part, happened, figures = _read(tx, part, readings, plan, shadow, audit, rules)
+    if part.state is not PartState.ACCEPTED:  # nothing is left to audit
+        figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
     _keep_files(tx, part_id, evidence)
-    return write_part(tx, came.part, came.happened, targets=targets, figures=came.figures)
+    return write_part(tx, part, happened, targets=targets, figures=figures)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -162,74 +161,50 @@ def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]
     write_part(tx, part, [(fit(kind, "the kind of the event", limit=32), data)])
 
 
-class _Read(NamedTuple):
-    part: PartRecord
-    happened: list[Event]
-    figures: dict[str, Any]
-
-
 def _read(
     tx: Transaction,
     part: PartRecord,
-    state: PartState,
     readings: Sequence[ReadingRecord],
     plan: ScanPlanRecord | None,
     shadow: ShadowRecord | None,
     audit: bool,
     rules: SerialRules,
-) -> _Read:
-    """A part as it stands after readings, what has happened, and the figures that have changed."""
+) -> tuple[PartRecord, list[Event], dict[str, Any]]:
+    """A part in the state that readings bring it to, as it stands then; what has happened; figures that change."""
     readings, alarms = [replace(reading, at=tx.now) for reading in readings], list[Event]()
-    if state is PartState.ACCEPTED and readings and rules.any:
-        against = objections(tx, rules, replace(part, text=cleaned(readings[-1].text)))
-        for one in against:
+    if part.state is PartState.ACCEPTED and readings and rules.any:
+        last = readings[-1]
+        for one in objections(tx, rules, replace(part, text=cleaned(last.text))):
+            part = replace(part, state=PartState.REVIEW)
+            readings[-1] = replace(readings[-1], messages=(*readings[-1].messages, one.why))
             alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
             if one.of:  # of two that bear one serial either may be the wrong one
                 part_by_id(tx, one.of, lock=True)
-                add_events(tx, one.of, [("serial_again", {"part": part.id, "text": readings[-1].text})])
-        if against:
-            state = PartState.REVIEW
-            messages = (*readings[-1].messages, *(one.why for one in against))
-            readings[-1] = replace(readings[-1], messages=messages)
-    waits, felt = state is PartState.TOUCH_NEEDED, any(reading.source != "vision" for reading in readings)
+                add_events(tx, one.of, [("serial_again", {"part": part.id, "text": last.text})])
+    waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
+    happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
+    if plan is not None or waits:
+        # what came after the camera's reading was scanned because of it
+        why = {} if plan is None else {"reason": plan.reason, "seconds": plan.seconds}
+        place = by_touch.index(True) if True in by_touch else len(happened)
+        happened.insert(place, ("touch_needed", why))
+    if shadow is not None:
+        happened.append(("compared", to_json(shadow)))
     figures: dict[str, Any] = {}
-    if waits or (felt and (plan is not None or part.plan is not None)):
+    if waits or (any(by_touch) and (plan is not None or part.plan is not None)):
         figures["fell_back"] = True
-    if audit and state is PartState.ACCEPTED:
+    if audit and part.state is PartState.ACCEPTED:
         # nothing is said of it in the history, which whoever audits it may look at
         figures["audit"] = AUDIT_WAITS
-    part = replace(
-        part,
-        state=state,
-        plan=None if felt else plan,
-        touch=part.touch or TouchWait(False, None) if waits else None,
-        shadow=shadow or part.shadow,
-    )
+    touch = part.touch or TouchWait(False, None) if waits else None
+    plan, shadow = None if any(by_touch) else plan, shadow or part.shadow
+    part = replace(part, plan=plan, touch=touch, shadow=shadow)
     if readings:
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)
-        figures["by_camera"] = state is PartState.ACCEPTED and last.source == "vision"
+        figures["by_camera"] = part.state is PartState.ACCEPTED and last.source == "vision"
         figures["rejected"] = last.decision == "reject"
-    return _Read(part, [*_events(state, readings, plan, shadow), *alarms], figures)
-
-
-def _events(
-    state: PartState,
-    readings: Sequence[ReadingRecord],
-    plan: ScanPlanRecord | None,
-    shadow: ShadowRecord | None,
-) -> list[Event]:
-    happened: list[Event] = [(READ, to_json(reading)) for reading in readings]
-    if plan is not None:
-        # what came after the camera's reading was scanned because of it
-        by_touch = (k for k, reading in enumerate(readings) if reading.source != "vision")
-        touched = ("touch_needed", {"reason": plan.reason, "seconds": plan.seconds})
-        happened.insert(next(by_touch, len(happened)), touched)
-    elif state is PartState.TOUCH_NEEDED:
-        happened.append(("touch_needed", {}))
-    if shadow is not None:
-        happened.append(("compared", to_json(shadow)))
-    return happened
+    return part, [*happened, *alarms], figures
 
 
 def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) -> None:

@@ -292,6 +292,11 @@ def test_a_store_that_is_well(filled: Store, evidence: EvidenceFolder) -> None:
     ("table", "statement", "derived"),
     [
         ("events", "UPDATE events SET data = '{}' WHERE kind = 'reviewed'", True),
+        (
+            "events",
+            "UPDATE events SET data = (SELECT data FROM events WHERE id = 2) WHERE actor = 'fused'",
+            True,
+        ),
         ("events", "DELETE FROM events WHERE kind = 'reviewed'", True),
         ("events", "DELETE FROM events WHERE kind = 'touch_needed'", False),
         ("events", "UPDATE events SET at = '2026-11-22 09:30:00.000000' WHERE kind = 'reviewed'", False),

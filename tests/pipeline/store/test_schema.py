@@ -38,13 +38,6 @@ def _engine(url: str) -> Engine:
     return sa.create_engine(url.replace("postgresql://", "postgresql+psycopg://"), poolclass=sa.NullPool)
 
 
-def test_an_empty_database_is_made_ready_and_opened_again(blank_url: str) -> None:
-    with contextlib.closing(Store.open(blank_url)) as store:
-        part = received(store)
-    with contextlib.closing(Store.open(blank_url)) as store:
-        assert store.part(part.id) == part
-
-
 def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
     """Threads and processes."""
     code = "import sys; from pipeline.store.store import Store; sys.stdin.read(); Store.open(sys.argv[1]).close()"
@@ -225,21 +218,12 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
 
 
 def test_sqlite_is_durable_and_checks_its_keys(tmp_path: Path) -> None:
+    wanted = {"journal_mode": "wal", "foreign_keys": 1, "recursive_triggers": 1, "busy_timeout": 30_000}
+    wanted["synchronous"] = 2  # FULL
     store = Store.open(f"sqlite:///{tmp_path}/new/folder/store.db")
-    with store.database.reading() as tx:
-        told = {
-            name: tx.connection.exec_driver_sql(f"PRAGMA {name}").scalar_one()
-            for name in ("journal_mode", "synchronous", "foreign_keys", "recursive_triggers", "busy_timeout")
-        }
-    store.close()
-    # synchronous 2 is FULL
-    assert told == {
-        "journal_mode": "wal",
-        "synchronous": 2,
-        "foreign_keys": 1,
-        "recursive_triggers": 1,
-        "busy_timeout": 30_000,
-    }
+    with contextlib.closing(store), store.database.reading() as tx:
+        run = tx.connection.exec_driver_sql
+        assert {name: run(f"PRAGMA {name}").scalar_one() for name in wanted} == wanted
 
 
 def test_postgresql_may_not_put_off_writing(
@@ -274,12 +258,9 @@ def test_stores_that_cannot_be(tmp_path: Path, url: str, message: str) -> None:
     assert "hidden" not in str(caught.value)
 
 
-@pytest.mark.parametrize("scheme", ["postgresql", "postgres", "postgresql+psycopg", "postgresql+psycopg2"])
-def test_every_way_to_write_postgresql(scheme: str) -> None:
-    assert _checked(f"{scheme}://u:p@h/x").drivername == "postgresql+psycopg"
-
-
-def test_without_its_driver_the_mend_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_postgresql_however_it_is_written_needs_its_driver(monkeypatch: pytest.MonkeyPatch) -> None:
+    for scheme in ("postgresql", "postgres", "postgresql+psycopg", "postgresql+psycopg2"):
+        assert _checked(f"{scheme}://u:p@h/x").drivername == "postgresql+psycopg"
     monkeypatch.setitem(sys.modules, "psycopg", None)
     with pytest.raises(StoreError, match=r"pip install 'tactile-marks\[postgres\]', or use sqlite"):
         Store.open("postgresql://u@h/x")
