@@ -19,9 +19,8 @@ def on_startup(**_: Any) -> None:
     """Give the command reference the full help of every command."""
     for name in app:
         whole_help(name)
-        if name in ("tokens", "glyphs"):
-            for sub in app[name]:
-                whole_help(name, sub)
+        for sub in app[name]:
+            whole_help(name, sub)
 
 
 def on_config(config: Any) -> Any:

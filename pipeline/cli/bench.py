@@ -7,11 +7,10 @@ import signal
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from cyclopts import Parameter
-
-from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
+from pipeline.cli.choices import Flag
+from pipeline.cli.exit_status import CommandError, UsageError
 
 if TYPE_CHECKING:
     from pipeline.bench.settings import BenchSettings
@@ -22,6 +21,24 @@ _CALIBRATED_HEIGHTS = 3.0
 """Bare land that a calibration is taken from, character heights."""
 
 
+@contextlib.contextmanager
+def _lifting_at_the_end() -> Iterator[None]:
+    """Take a request to end as an interrupt, so that whatever is open is closed, and lifts."""
+
+    def end(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {one: signal.signal(one, end) for one in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+
+
+@_lifting_at_the_end()
 def check(bench: Path) -> int:
     """Ask stage and converter who they are; nothing moves.
 
@@ -30,15 +47,15 @@ def check(bench: Path) -> int:
     bench
         The bench, bench.toml.
     """
-    with _at_work():
-        from pipeline.bench.bench import Bench
-        from pipeline.bench.settings import read_bench
+    from pipeline.bench.bench import Bench
+    from pipeline.bench.settings import read_bench
 
-        with Bench(read_bench(bench)) as opened:
-            print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
+    with Bench(read_bench(bench)) as opened:
+        print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
     return 0
 
 
+@_lifting_at_the_end()
 def home(bench: Path) -> int:
     """Lift the comb, find the ends of all axes, and carry it lifted; also after a crash or an alarm.
 
@@ -47,17 +64,17 @@ def home(bench: Path) -> int:
     bench
         The bench, bench.toml.
     """
-    with _at_work():
-        from pipeline.bench.bench import Bench
-        from pipeline.bench.settings import read_bench
+    from pipeline.bench.bench import Bench
+    from pipeline.bench.settings import read_bench
 
-        with Bench(read_bench(bench)) as opened:
-            opened.home()
-            x, y, z = opened.stage.place_mm()
-            print(f"homed; the stage stands at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
+    with Bench(read_bench(bench)) as opened:
+        opened.home()
+        x, y, z = opened.stage.place_mm()
+        print(f"homed; the stage stands at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
     return 0
 
 
+@_lifting_at_the_end()
 def calibrate(bench: Path) -> int:
     """Find every whisker's gain on a bare plate, and print the lines for bench.toml.
 
@@ -66,40 +83,40 @@ def calibrate(bench: Path) -> int:
     bench
         The bench, bench.toml; under the comb lies a plate without marks.
     """
-    with _at_work():
-        from glyphs.surface.maps import TraceDirection
-        from pipeline.bench.bench import Bench
-        from pipeline.bench.settings import read_bench
-        from whisker_array.whisker.passes import Pass
+    from glyphs.surface.maps import TraceDirection
+    from pipeline.bench.bench import Bench
+    from pipeline.bench.settings import read_bench
+    from whisker_array.whisker.passes import Pass
 
-        settings = read_bench(bench)
-        x0, y0, x1, y1 = settings.plate.field_mm
-        height, comb = settings.comb.character_height_mm, settings.comb
-        reach = min(0.5 * _CALIBRATED_HEIGHTS * height, 0.4 * (x1 - x0))
-        order = Pass(
-            TraceDirection.FORWARD_X,
-            tuple(
-                0.5 * (y0 + y1) + comb.pitch_mm * (i - 0.5 * (comb.n_whiskers - 1))
-                for i in range(comb.n_whiskers)
-            ),
-            (0.5 * (x0 + x1) - reach, 0.5 * (x0 + x1) + reach),
-            sample_pitch_mm=height / 80.0,
-            speed_mm_s=5.0 * height,
-            air_samples=256,
+    settings = read_bench(bench)
+    x0, y0, x1, y1 = settings.plate.field_mm
+    height, comb = settings.comb.character_height_mm, settings.comb
+    reach = min(0.5 * _CALIBRATED_HEIGHTS * height, 0.4 * (x1 - x0))
+    order = Pass(
+        TraceDirection.FORWARD_X,
+        tuple(
+            0.5 * (y0 + y1) + comb.pitch_mm * (i - 0.5 * (comb.n_whiskers - 1))
+            for i in range(comb.n_whiskers)
+        ),
+        (0.5 * (x0 + x1) - reach, 0.5 * (x0 + x1) + reach),
+        sample_pitch_mm=height / 80.0,
+        speed_mm_s=5.0 * height,
+        air_samples=256,
+    )
+    if min(order.line_mm) < y0 or max(order.line_mm) > y1:
+        raise CommandError(
+            f"the comb is {max(order.line_mm) - min(order.line_mm):.1f} mm wide, the field {y1 - y0:.1f} mm high",
+            hint="lay a wider bare plate under it and say so in field_mm",
         )
-        if min(order.line_mm) < y0 or max(order.line_mm) > y1:
-            raise CommandError(
-                f"the comb is {max(order.line_mm) - min(order.line_mm):.1f} mm wide, the field {y1 - y0:.1f} mm high",
-                hint="lay a wider bare plate under it and say so in field_mm",
-            )
-        with Bench(settings) as opened:
-            opened.home()
-            found = opened.calibrated(order)
+    with Bench(settings) as opened:
+        opened.home()
+        found = opened.calibrated(order)
     print("gains_known = true")
     print(f"volt_per_n_mm = [{', '.join(f'{g:.5g}' for g in found.gain)}]")
     return 0
 
 
+@_lifting_at_the_end()
 def scan(
     bench: Path,
     *,
@@ -108,7 +125,7 @@ def scan(
     region: Region | None = None,
     directions: tuple[Literal[0, 90, 180, 270], ...] = (),
     part_id: str = "",
-    active: Annotated[bool, Parameter(negative="")] = False,
+    active: Flag = False,
     budget_s: float = 60.0,
     format: str | None = None,
 ) -> int:
@@ -135,64 +152,47 @@ def scan(
     format
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
-    with _at_work():
-        from glyphs.atomic import check_writable
-        from pipeline.bench.bench import Bench
-        from pipeline.bench.settings import read_bench
-        from pipeline.formats.kinds import is_scan
+    from glyphs.atomic import check_writable
+    from pipeline.bench.bench import Bench
+    from pipeline.bench.settings import read_bench
+    from pipeline.cli.whisker import check_recording, scan_actively
 
-        if (out is None) == (dry_run is None):
-            raise CommandError("bench scan: give --out, or --dry-run", status=USAGE)
-        if active and (dry_run is not None or directions or region is not None):
-            raise CommandError(
-                "bench scan: --active chooses its passes",
-                hint="leave out --dry-run, --region and --directions",
-                status=USAGE,
-            )
-        settings = read_bench(bench)
-        if dry_run is not None:
-            return _drawn(_raster(settings, region, directions), settings, dry_run)
-        assert out is not None
-        if not is_scan(out):
-            raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
-        check_writable(out)
-        if active:
-            from pipeline.cli.scan import scan_actively
-
-            with Bench(settings) as opened:
-                session = opened.session(part_id)
-                return scan_actively(
-                    session,
-                    out,
-                    height_mm=settings.comb.character_height_mm,
-                    budget_s=budget_s,
-                    format=format,
-                )
-        from pipeline.bench.raster import feel_all
-        from whisker_array.scan.recording import save_scan
-
-        passes = _raster(settings, region, directions)
+    if (out is None) == (dry_run is None):
+        raise UsageError("bench scan: give --out, or --dry-run")
+    if active and (dry_run is not None or directions or region is not None):
+        raise UsageError(
+            "bench scan: --active chooses its passes", "leave out --dry-run, --region and --directions"
+        )
+    settings = read_bench(bench)
+    if dry_run is not None:
+        return _drawn(_raster(settings, region, directions), settings, dry_run)
+    assert out is not None
+    check_recording(out)
+    check_writable(out)
+    if active:
         with Bench(settings) as opened:
             session = opened.session(part_id)
-            made = feel_all(
-                session,
-                passes,
-                told=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
-            )
-            session.close()
-        save_scan(made, out)
-        print(f"wrote {out}")
+            height_mm = settings.comb.character_height_mm
+            return scan_actively(session, out, height_mm=height_mm, budget_s=budget_s, format=format)
+    from pipeline.bench.raster import feel_all
+    from whisker_array.scan.recording import save_scan
+
+    passes = _raster(settings, region, directions)
+    with Bench(settings) as opened:
+        session = opened.session(part_id)
+        made = feel_all(
+            session,
+            passes,
+            told=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
+        )
+        session.close()
+    save_scan(made, out)
+    print(f"wrote {out}")
     return 0
 
 
-def emulate(
-    bench: Path,
-    *,
-    out: Path,
-    part: Path | None = None,
-    seed: int = 0,
-    pace: float = 0.0,
-) -> int:
+@_lifting_at_the_end()
+def emulate(bench: Path, *, out: Path, part: Path | None = None, seed: int = 0, pace: float = 0.0) -> int:
     """Stand in for a bench: controller and converter answer at pseudo-terminals, until Ctrl-C.
 
     Parameters
@@ -208,32 +208,31 @@ def emulate(
     pace
         Seconds of ours for one of the bench; 0 is as fast as it goes, 1 is real.
     """
-    with _at_work():
-        import numpy as np
+    import numpy as np
 
-        from glyphs.surface.maps import HeightMap
-        from pipeline.bench.emulator.bench import EmulatedBench
-        from pipeline.bench.settings import read_bench, write_bench
-        from pipeline.formats.npz import read_soil
-        from pipeline.formats.touch_file import read_height_map
+    from glyphs.surface.maps import HeightMap
+    from pipeline.bench.emulator.bench import EmulatedBench
+    from pipeline.bench.settings import read_bench, write_bench
+    from pipeline.formats.npz import read_soil
+    from pipeline.formats.touch_file import read_height_map
 
-        settings = read_bench(bench)
-        if part is not None:
-            surface = read_height_map(part)
-            soil = read_soil(part)
-        else:
-            surface, soil = (
-                HeightMap(np.zeros((8, 8), np.float32), settings.comb.character_height_mm / 40.0),
-                None,
-            )
-        with EmulatedBench(surface, settings, seed=seed, soil=soil, pace=pace) as emulated:
-            write_bench(out, emulated.settings)
-            print(
-                f"a {settings.stage.firmware} stage at {emulated.settings.stage.port} and a converter at "
-                f"{emulated.settings.daq.port}; use {out}, end with Ctrl-C",
-                flush=True,
-            )
-            threading.Event().wait()
+    settings = read_bench(bench)
+    if part is not None:
+        surface = read_height_map(part)
+        soil = read_soil(part)
+    else:
+        surface, soil = (
+            HeightMap(np.zeros((8, 8), np.float32), settings.comb.character_height_mm / 40.0),
+            None,
+        )
+    with EmulatedBench(surface, settings, seed=seed, soil=soil, pace=pace) as emulated:
+        write_bench(out, emulated.settings)
+        print(
+            f"a {settings.stage.firmware} stage at {emulated.settings.stage.port} and a converter at "
+            f"{emulated.settings.daq.port}; use {out}, end with Ctrl-C",
+            flush=True,
+        )
+        threading.Event().wait()
     return 0
 
 
@@ -272,21 +271,3 @@ def _drawn(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> 
         figure.savefig(temporary, format=picture.suffix.lstrip(".") or "svg")
     print(f"{len(moves)} passes, all within the stage's travel; wrote {picture}; nothing has moved")
     return 0
-
-
-@contextlib.contextmanager
-def _at_work() -> Iterator[None]:
-    """A command at a bench: a request to end is an interrupt, so that whatever is open is closed, and lifts."""
-
-    def end(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        before = {one: signal.signal(one, end) for one in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        with failures_reported():
-            yield
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)

@@ -1,8 +1,11 @@
-"""Choices that flags of several commands have, as words: the enums themselves are too heavy for help."""
+"""Types of flags that several commands have; the enums themselves are too heavy for help."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 DieName = Literal["flat", "sharp", "blunt-v", "round", "dotted", "lopsided", "double", "one-flank"]
@@ -12,6 +15,10 @@ PlateName = Literal[
 PracticeName = Literal["press", "hand", "ideal"]
 LayoutName = Literal["straight", "turned", "arc", "two-lines"]
 FidelityName = Literal["pointwise", "contact"]
+Flag = Annotated[bool, Parameter(negative="")]
+"""A flag that is off unless given, without a negative."""
+Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
+Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
 
 
 def listed(text: str) -> tuple[str, ...]:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-from cyclopts import Parameter
-
-from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
+from pipeline.cli.choices import Flag, listed
+from pipeline.cli.exit_status import CommandError, UsageError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.design.design import Design
     from whisker_array.design.limits import Request
-    from whisker_array.design.trade import TradeOff
-    from whisker_array.design.tuned import Tuned
 
 SectionName = Literal["auto", "ribbon", "round"]
-WireName = Literal["music"]
+MOST_WHISKERS = 500
 
 
 def design(
@@ -26,17 +26,16 @@ def design(
     alpha: str | None = None,
     mu: str | None = None,
     depth_mm: float | None = None,
-    wire: WireName = "music",
     section: SectionName = "auto",
     speed_mm_s: float | None = None,
     beta_deg: str = "0:45",
     sensitive_to: float | None = None,
-    trade_offs: Annotated[bool, Parameter(negative="--no-trade-offs")] = True,
+    trade_offs: bool = True,
     out: Path | None = None,
     picture: Path | None = None,
     drawing: Path | None = None,
     whisker: Path | None = None,
-    array: Annotated[bool, Parameter(negative="")] = False,
+    array: Flag = False,
     accuracy: float = 0.98,
     dirt: float = 0.3,
     length_mm: float | None = None,
@@ -57,8 +56,6 @@ def design(
         Friction, least:greatest, such as 0.1:0.5. Needed without --array.
     depth_mm
         Depth of the deepest marks, mm. Needed without --array.
-    wire
-        What whiskers are made of.
     section
         Section of the whisker.
     speed_mm_s
@@ -91,92 +88,87 @@ def design(
     whiskers
         Of --array: numbers of whiskers to compare, separated by commas.
     """
+    if picture is not None:
+        from pipeline.plots.pictures import check_picture
+
+        check_picture(picture)
     if array:
-        from pipeline.cli.design_array import design_array
+        from pipeline.cli.design_report import array_report
+        from pipeline.plots.array_picture import array_figure
+        from whisker_array.design.array_design import ArrayRequest, design_arrays
 
-        return design_array(
-            height_mm=height_mm, accuracy=accuracy, dirt=dirt, length_mm=length_mm, speed_error=speed_error,
-            whiskers=whiskers, picture=picture,
+        wanted = ArrayRequest(
+            character_height_mm=height_mm, accuracy=accuracy, severity=dirt, length_mm=length_mm,
+            speed_error=speed_error,
         )  # fmt: skip
-    with failures_reported():
-        import math
-
-        if alpha is None or mu is None or depth_mm is None:
-            raise CommandError(
-                "design: --alpha, --mu and --depth-mm say what the whisker is for",
-                hint="give all three, or --array",
-                status=USAGE,
-            )
-
-        from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
-        from whisker_array.design.design import design_whisker
-        from whisker_array.design.limits import Limits, Request
-        from whisker_array.design.trade import slide_trade_off, speed_trade_off
-        from whisker_array.design.tuned import tune
-
-        low, high = _range("--alpha", alpha)
-        flat, steep = _range("--beta-deg", beta_deg)
-        if not 0.0 <= flat <= steep <= 80.0:
-            raise CommandError(
-                f"--beta-deg is {beta_deg}", hint="setting angles lie between 0 and 80", status=USAGE
-            )
-        request = Request(
-            alpha_rad=(math.radians(low), math.radians(high)),
-            mu=_range("--mu", mu),
-            depth_mm=depth_mm,
-            character_height_mm=height_mm,
-            speed_mm_s=speed_mm_s,
+        choices = design_arrays(wanted, sizes=_sizes(whiskers))
+        print("\n".join(array_report(wanted, choices)))
+        if picture is not None:
+            _save(array_figure(wanted, choices), picture)
+        return 0
+    if alpha is None or mu is None or depth_mm is None:
+        raise UsageError(
+            "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
         )
-        if whisker is not None:
-            if out is not None or picture is not None or drawing is not None or sensitive_to is not None:
-                raise CommandError(
-                    "design: --whisker tells of a whisker that is built",
-                    hint="leave out --out, --picture, --drawing and --sensitive-to",
-                    status=USAGE,
-                )
-            return _built(whisker, request)
-        limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
-        if out is not None:
-            check_whisker_file(out)
-        if picture is not None:
-            from pipeline.plots.pictures import check_picture
+    from pipeline.cli.design_report import report
+    from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
+    from whisker_array.design.design import design_whisker
+    from whisker_array.design.limits import Limits, Request
+    from whisker_array.design.trade import slide_trade_off, speed_trade_off
+    from whisker_array.design.tuned import tune
 
-            check_picture(picture)
-        if drawing is not None:
-            from pipeline.plots.whisker_drawing import check_drawing
+    low, high = _range("--alpha", alpha)
+    flat, steep = _range("--beta-deg", beta_deg)
+    if not 0.0 <= flat <= steep <= 80.0:
+        raise UsageError(f"--beta-deg is {beta_deg}", "setting angles lie between 0 and 80")
+    request = Request(
+        alpha_rad=(math.radians(low), math.radians(high)), mu=_range("--mu", mu), depth_mm=depth_mm,
+        character_height_mm=height_mm, speed_mm_s=speed_mm_s,
+    )  # fmt: skip
+    if whisker is not None:
+        if any(flag is not None for flag in (out, picture, drawing, sensitive_to)):
+            raise UsageError(
+                "design: --whisker is for a whisker that is built",
+                "leave out --out, --picture, --drawing and --sensitive-to",
+            )
+        return _report_built(whisker, request)
+    limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
+    if out is not None:
+        check_whisker_file(out)
+    if drawing is not None:
+        from pipeline.plots.whisker_drawing import check_drawing, save_drawing
 
-            check_drawing(drawing)
-        trades: tuple[TradeOff, ...] = ()
-        tuned: Tuned | None = None
-        if sensitive_to is not None:
-            tuned = tune(math.radians(sensitive_to), request, limits=limits, section=section)
-            made = tuned.design
-        else:
-            made = design_whisker(request, limits=limits, section=section)
-            if trade_offs:
-                trades = (slide_trade_off(made), speed_trade_off(made))
-        from pipeline.cli.design_report import report
+        check_drawing(drawing)
+    tuned = (
+        None
+        if sensitive_to is None
+        else tune(math.radians(sensitive_to), request, limits=limits, section=section)
+    )
+    made = tuned.design if tuned is not None else design_whisker(request, limits=limits, section=section)
+    trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()
+    print("\n".join(report(made, trades=trades, tuned=tuned)))
+    if out is not None:
+        write_whisker_file(out, _file(made))
+        print(f"wrote {out}")
+    if drawing is not None:
+        save_drawing(_file(made), drawing)
+        print(f"wrote {drawing}")
+    if picture is not None:
+        from pipeline.plots.design_picture import design_figure
 
-        print("\n".join(report(made, trades=trades, tuned=tuned)))
-        if out is not None:
-            write_whisker_file(out, _file(made))
-            print(f"wrote {out}")
-        if drawing is not None:
-            from pipeline.plots.whisker_drawing import save_drawing
-
-            save_drawing(_file(made), drawing)
-            print(f"wrote {drawing}")
-        if picture is not None:
-            from pipeline.plots.design_picture import design_figure
-            from pipeline.plots.pictures import save_figure
-
-            save_figure(design_figure(made, trades=trades, tuned=tuned), picture)
-            print(f"wrote {picture}")
+        _save(design_figure(made, trades=trades, tuned=tuned), picture)
     return 0
 
 
-def _built(path: Path, request: Request) -> int:
-    """What an identified whisker does for a request, and by how much it may be off."""
+def _save(figure: Figure, picture: Path) -> None:
+    from pipeline.plots.pictures import save_figure
+
+    save_figure(figure, picture)
+    print(f"wrote {picture}")
+
+
+def _report_built(path: Path, request: Request) -> int:
+    """Report what an identified whisker does for a request, and by how much it may be off."""
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from whisker_array.design.built import fitness
@@ -203,10 +195,21 @@ def _range(flag: str, text: str) -> tuple[float, float]:
     except ValueError:
         low = high = float("nan")
     if not low <= high:
-        raise CommandError(
-            f"{flag} is {text!r}", hint="write least:greatest, such as 30:60, or one number", status=USAGE
-        )
+        raise UsageError(f"{flag} is {text!r}", "write least:greatest, such as 30:60, or one number")
     return low, high
+
+
+def _sizes(text: str) -> tuple[int, ...]:
+    """Numbers of whiskers, ascending."""
+    try:
+        sizes = sorted({int(item) for item in listed(text)})
+    except ValueError:
+        sizes = []
+    if not sizes or not 1 <= sizes[0] <= sizes[-1] <= MOST_WHISKERS:
+        raise UsageError(
+            f"design: --whiskers is {text!r}", f"write numbers from 1 to {MOST_WHISKERS} separated by commas"
+        )
+    return tuple(sizes)
 
 
 def _file(made: Design) -> WhiskerFile:

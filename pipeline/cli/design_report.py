@@ -8,8 +8,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pipeline.common.section_words import describe_section
+from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
 from whisker_array.design.design import Design, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError
+from whisker_array.design.plan_accuracy import ways_words
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import NEIGHBOUR_RAD, Kind, Tuned, factors
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
@@ -153,3 +155,35 @@ def _beside(tuned: Tuned) -> str:
 def _two(value: float) -> str:
     """Two decimals, and no minus before nothing."""
     return f"{round(float(value), 2) + 0.0:.2f}"
+
+
+def array_report(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> list[str]:
+    """List the choices as a table and the quickest one in words; no line is wider than 80 characters."""
+    x0, y0, x1, y1 = request.region_mm
+    out = [
+        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,",
+        f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):",
+        "",
+        "whiskers  rows  stagger  pitch  ribbon  incl.  lines  ways  passes  mm/s  stage",
+        "                     mm     mm      mm                                        s",
+    ]
+    for c in choices:
+        a = c.plan.array
+        out.append(
+            f"{a.n_whiskers:8d}  {a.rows:4d}  {a.stagger_mm:7.2f}  {a.pitch_mm:5.2f}  {ribbon_mm(c.whisker):6.2f}"
+            f"  {math.degrees(c.whisker.beta_rad):4.0f}°  {c.lines:5d}  {len(c.measured.directions):4d}"
+            f"  {c.plan.n_passes:6d}  {c.plan.speed_mm_s:4.0f}  {c.stage_s:5.1f}"
+        )
+    best = min(choices, key=lambda c: c.stage_s)
+    read = best.measured
+    out += [
+        "",
+        f"Quickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
+        f"{ways_words(read.directions)}; of {read.parts} parts so",
+        f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
+        f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.",
+        "Accuracy was measured with the default whisker, slow: python",
+        "tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by "
+        f"{100 * request.speed_error:g} %.",
+    ]
+    return out

@@ -1,16 +1,17 @@
-"""Exit statuses, and what a command may meet as one line and a status."""
+"""Exit statuses, and expected failures as one line and a status."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
 
 FAILED = 1
 """A part, file, store or machine failed."""
 USAGE = 2
-"""An argument or setting cannot be, or an extra is not installed."""
+"""An argument or setting cannot be used, or an extra is not installed."""
 FAULT = 70
 """A fault of the program, as EX_SOFTWARE of sysexits.h."""
 INTERRUPTED = 130
@@ -25,48 +26,71 @@ class CommandError(MarksError):
         self.status = status
 
 
-_EXTRAS = {
-    **dict.fromkeys(
-        (
-            "fastapi",
-            "uvicorn",
-            "starlette",
-            "sqlalchemy",
-            "alembic",
-            "structlog",
-            "prometheus_client",
-            "httpx",
-        ),
-        "service",
-    ),
-    "ezdxf": "drawing",
-}
+class UsageError(CommandError):
+    """Arguments that cannot be, or not together."""
+
+    def __init__(self, what: str, hint: str = "") -> None:
+        super().__init__(what, hint=hint, status=USAGE)
+
+
+_SERVICE = (
+    "fastapi",
+    "uvicorn",
+    "starlette",
+    "sqlalchemy",
+    "alembic",
+    "structlog",
+    "prometheus_client",
+    "httpx",
+)
+_EXTRAS = {**dict.fromkeys(_SERVICE, "service"), "ezdxf": "drawing"}
 """Libraries that only some commands need, and the extra that brings them."""
+_FAILURES = {
+    *("NothingFoundError", "StageError", "StoreError", "ClusterError", "WorkerLostError"),
+    *("NotServingError", "ServiceError"),
+}
+"""Errors of inputs, machines and processes, beside those of files; by name, for their modules are heavy."""
 
 
 @contextlib.contextmanager
 def failures_reported() -> Iterator[None]:
-    """Turn expected failures into a CommandError: files, stages (status 1), settings, arguments and extras (2).
+    """Turn expected failures into a CommandError: files and machines (status 1), settings, arguments and extras (2).
 
-    Whatever else is raised is a fault of the program and goes on to `pipeline.cli.main`.
+    Any other error is a fault of the program and is passed on.
     """
-    from pipeline.formats.find_parts import NothingFoundError
-    from whisker_array.scan.stage_error import StageError
-
     try:
         yield
     except CommandError:
         raise
-    except (FileError, NothingFoundError, StageError) as error:
-        raise CommandError(str(error), status=FAILED) from error
     except ModuleNotFoundError as error:
-        raise CommandError(_missing(error), status=USAGE) from error
-    except MarksError as error:
-        raise CommandError(str(error), status=USAGE) from error
+        raise UsageError(_missing(error)) from error
+    except Exception as error:
+        kinds = {kind.__name__ for kind in type(error).__mro__}
+        if isinstance(error, FileError) or ("UnfitError" not in kinds and kinds & _FAILURES):
+            raise CommandError(str(error)) from error
+        if isinstance(error, MarksError):
+            raise UsageError(str(error)) from error
+        raise
+
+
+@contextlib.contextmanager
+def resumable(kept: str | Path | None) -> Iterator[None]:
+    """Say after an interrupt where finished parts are kept; nothing is kept with None.
+
+    Raises:
+        CommandError: on an interrupt.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if kept is None:
+            raise
+        hint = f"finished parts are kept in {kept}, run the same command again to continue"
+        raise CommandError("interrupted", hint=hint, status=INTERRUPTED) from error
 
 
 def _missing(error: ModuleNotFoundError) -> str:
-    """What to install for a library that is not there.
+    """What to install for a missing library.
 
     Raises:
         ModuleNotFoundError: the error itself, where no extra would bring it.

@@ -7,8 +7,8 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
@@ -27,6 +27,7 @@ from pipeline.cli.exit_status import (
 from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"
+_HELP = ("--help", "-h", "--help-all")
 
 
 def _version() -> str:
@@ -40,8 +41,7 @@ def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection
     if any(argument.name == "--config" for argument in arguments):
         from pipeline.cli.settings import from_file_and_environment
 
-        with failures_reported():
-            from_file_and_environment(app, commands, arguments)
+        from_file_and_environment(app, commands, arguments)
 
 
 def _default(value: object) -> str | None:
@@ -57,90 +57,73 @@ app = App(
     config=_settings,
     default_parameter=Parameter(negative_iterable=(), show_default=_default),
     help="Read die-stamped serials by touch and by camera, from height maps, whisker scans and photographs.",
+    help_flags=_HELP,
     help_epilogue=(
         "Exit status: 0 all is well; 1 a part, file or machine failed; 2 wrong arguments or settings; 70 a fault of "
         "the program, please report it; 130 interrupted; 141 nobody reads the output."
     ),
     suppress_keyboard_interrupt=False,
 )
-_LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
+_GROUPS = (
+    ("glyphs", "Teach", "List, show and collect the fonts of steel stamps."),
+    ("bench", "Whisker", "Drive a bench of iron: stage by G-code, converter, and emulators of both."),
+    ("tokens", "Serve", "Make, list and revoke tokens of the service."),
+    ("store", "Serve", "Back up, restore and check the service's store and files."),
+    ("benchmark", "Exam", "Measure how well dirty marks are read, by this reader and by others."),
+)
+_COMMANDS = (
+    ("read", "Read", "read:read", "Read the serials of parts.", "out format font mode verify"),
+    ("inspect", "Read", "read:inspect", "Draw how one part was read, step by step.", "out format mode"),
+    ("demo", "Read", "demo:demo", "Make, scan and read a few parts; start here.", "service animation"),
+    ("enroll", "Teach", "teach:enroll", "Learn the shapes of a die from reviewed parts.",
+     "database font truth from-store"),
+    ("glyphs list", "Teach", "teach:list_fonts", "List the fonts.", "database"),
+    ("glyphs show", "Teach", "teach:show", "Draw a sheet of fonts.", "out"),
+    ("glyphs build", "Teach", "teach:build", "Write a glyph database.", ""),
+    ("certify", "Judge", "judge:certify", "Show from which confidence your parts may be accepted, and certify it.",
+     "truth risk confidence out format"),
+    ("study", "Judge", "judge:study", "Read parts several times: do readings repeat and agree?",
+     "repeats truth reviewers out format"),
+    ("synth", "Whisker", "teach:synth", "Make stamped, dirty parts and photographs of them.",
+     "parts format dirt soil seed"),
+    ("scan", "Whisker", "whisker:scan", "Scan a height map with the simulated array.",
+     "out height-mm whisker active seed"),
+    ("calibrate", "Whisker", "whisker:calibrate", "Calibrate a recorded scan from its lead-in.", "out in-place"),
+    ("identify", "Whisker", "whisker:identify", "Find the whisker and bench that made a recording over a test piece.",
+     "piece whisker out figure"),
+    ("import", "Whisker", "whisker:import_traces", "Make a scan of traces recorded by others.", "traces out"),
+    ("design", "Whisker", "design:design", "Find the whisker to build.", "height-mm alpha mu depth-mm out array"),
+    ("figures", "Whisker", "whisker:figures", "Compute and draw the results of the paper.", "out mu"),
+    ("bench check", "Whisker", "bench:check", "Ask stage and converter who they are.", ""),
+    ("bench home", "Whisker", "bench:home", "Lift the comb and find the axes' ends.", ""),
+    ("bench calibrate", "Whisker", "bench:calibrate", "Find the whiskers' gains on a bare plate.", ""),
+    ("bench scan", "Whisker", "bench:scan", "Scan the part under the comb, or draw the moves.", "out dry-run active"),
+    ("bench emulate", "Whisker", "bench:emulate", "Stand in for a bench, at pseudo-terminals.", "out part"),
+    ("serve", "Serve", "serve:serve", "Run the service: camera first, touch when unsure.",
+     "port folder format tokens init-config"),
+    ("worker", "Serve", "serve:worker", "Lend this machine's cores to a cluster.", "jobs"),
+    ("tokens add", "Serve", "store:add", "Make a token.", "scope days"),
+    ("tokens list", "Serve", "store:list_tokens", "List the tokens.", ""),
+    ("tokens revoke", "Serve", "store:revoke", "Revoke a token.", ""),
+    ("store backup", "Serve", "store:backup", "Copy store and files while the service runs.", "previous"),
+    ("store restore", "Serve", "store:restore", "Bring a backup back into an empty store.", "folder"),
+    ("store check", "Serve", "store:check", "See whether store and files are as written.", "against json"),
+    ("benchmark run", "Exam", "exam:run", "Sit an exam, and write a report of it.", "out design parts mode give jobs"),
+    ("benchmark compare", "Exam", "exam:compare", "Show what a change did, part by part.", "out"),
+    ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers that are no part of this program.",
+     "parts jobs check"),
+    ("benchmark score", "Exam", "exam:score", "Score anybody's answers to an exam.", "design truth give out"),
+    ("benchmark gate", "Exam", "exam:gate", "Fail if the smallest edition is read worse than before.", "jobs camera"),
+    ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
+)  # fmt: skip
+"""Words of a command, its panel in help, its function, a line on it, and its flags that `--help` shows."""
+_MORE = ("calibrate", "identify", "import", "figures", "study", "worker", "completion")
+"""Commands that `--help` leaves to `--help-all`."""
 
-app.command("pipeline.cli.read:read", name="read", help="Read the serials of parts.")
-app.command(
-    "pipeline.cli.certify:certify",
-    name="certify",
-    help="Show from which confidence your parts may be accepted, and certify it.",
-)
-app.command("pipeline.cli.inspect:inspect", name="inspect", help="Draw how one part was read, step by step.")
-app.command(
-    "pipeline.cli.synth:synth", name="synth", help="Make stamped, dirty parts and photographs of them."
-)
-app.command("pipeline.cli.scan:scan", name="scan", help="Scan a height map with the simulated array.")
-app.command(
-    "pipeline.cli.scan:calibrate", name="calibrate", help="Calibrate a recorded scan from its lead-in."
-)
-app.command(
-    "pipeline.cli.identify:identify",
-    name="identify",
-    help="Find the whisker and bench that made a recording over a test piece.",
-)
-app.command(
-    "pipeline.cli.import_traces:import_traces",
-    name="import",
-    help="Make a scan of traces recorded by others.",
-)
-_BENCH = App(name="bench", help="Drive a bench of iron: stage by G-code, converter, and emulators of both.")
-_BENCH.command("pipeline.cli.bench:check", name="check", help="Ask stage and converter who they are.")
-_BENCH.command("pipeline.cli.bench:home", name="home", help="Lift the comb and find the axes' ends.")
-_BENCH.command(
-    "pipeline.cli.bench:calibrate", name="calibrate", help="Find the whiskers' gains on a bare plate."
-)
-_BENCH.command(
-    "pipeline.cli.bench:scan", name="scan", help="Scan the part under the comb, or draw the moves."
-)
-_BENCH.command(
-    "pipeline.cli.bench:emulate", name="emulate", help="Stand in for a bench, at pseudo-terminals."
-)
-app.command(_BENCH)
-app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
-app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
-app.command(
-    "pipeline.cli.benchmarking.run:app",
-    name="benchmark",
-    help="Measure how well dirty marks are read, by this reader and by others.",
-)
-app.command(
-    "pipeline.cli.study:study", name="study", help="Read parts several times: do readings repeat and agree?"
-)
-app.command("pipeline.cli.design:design", name="design", help="Find the whisker to build.")
-app.command(
-    "pipeline.cli.serve:serve", name="serve", help="Run the service: camera first, touch when unsure."
-)
-app.command(
-    "pipeline.cli.enroll:enroll",
-    name="enroll",
-    help="Learn the shapes of a die from reviewed parts.",
-)
-app.command("pipeline.cli.worker:worker", name="worker", help="Lend this machine's cores to a cluster.")
-_TOKENS = App(name="tokens", help="Make, list and revoke tokens of the service.")
-_TOKENS.command("pipeline.cli.tokens:add", name="add", help="Make a token.")
-_TOKENS.command("pipeline.cli.tokens:list_tokens", name="list", help="List the tokens.")
-_TOKENS.command("pipeline.cli.tokens:revoke", name="revoke", help="Revoke a token.")
-app.command(_TOKENS)
-_STORE = App(name="store", help="Back up, restore and check the service's store and files.")
-_STORE.command(
-    "pipeline.cli.store:backup", name="backup", help="Copy store and files while the service runs."
-)
-_STORE.command("pipeline.cli.store:restore", name="restore", help="Bring a backup back into an empty store.")
-_STORE.command("pipeline.cli.store:check", name="check", help="See whether store and files are as written.")
-app.command(_STORE)
-_LIBRARY.command("pipeline.cli.glyphs:list_fonts", name="list", help="List the fonts.")
-_LIBRARY.command("pipeline.cli.glyphs:show", name="show", help="Draw a sheet of fonts.")
-_LIBRARY.command("pipeline.cli.glyphs:build", name="build", help="Write a glyph database.")
-app.command(_LIBRARY)
+for _name, _group, _line in _GROUPS:
+    app.command(App(name=_name, help=_line, group=_group, help_flags=_HELP))
 
 
-@app.command
 def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     """Print the script with which a shell completes commands and options.
 
@@ -161,6 +144,54 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
         script += f'\n{either}() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef {either} {PROGRAM}'
     print(script)
     return 0
+
+
+for _words, _group, _function, _line, _ in _COMMANDS:
+    *_path, _name = _words.split()
+    _within, _panel = (app[_path[0]], "Commands") if _path else (app, _group)
+    _found = f"pipeline.cli.{_function}" if _function else completion
+    _within.command(_found, name=_name, help=_line, group=_panel)
+
+
+def _show_less(given: Sequence[str]) -> Callable[[], None]:
+    """Let help show only the commands and flags that matter.
+
+    Returns:
+        To be called after help was shown: says what was left out.
+    """
+    from cyclopts.help.formatters import DefaultFormatter
+
+    words, command = [], app
+    for word in given:
+        if word.startswith("-") or word not in command:
+            break
+        words.append(word)
+        command = command[word]
+    flags = next((flags for name, *_, flags in _COMMANDS if name == " ".join(words)), None)
+    shown = {f"--{flag}" for flag in (flags or "").split()}
+    left_out = 0
+
+    class Short(DefaultFormatter):
+        def __call__(self, console: Any, options: Any, panel: Any) -> None:
+            nonlocal left_out
+            if flags is None:
+                kept = [e for e in panel.entries if words or not {*e.names} & {*_MORE}]
+            else:
+                kept = [e for e in panel.entries if e.required or e.positional_label or shown & {*e.names}]
+            left_out += len(panel.entries) - len(kept)
+            panel.entries = kept
+            if kept:
+                super().__call__(console, options, panel)
+
+    app.help_formatter = Short()
+
+    def tell() -> None:
+        app.help_formatter = None
+        if left_out:
+            what = ("command" if flags is None else "flag") + "s" * (left_out > 1)
+            print(f"{left_out} more {what}: {' '.join([PROGRAM, *words])} --help-all")
+
+    return tell
 
 
 def whole_help(*names: str) -> None:
@@ -188,18 +219,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _open_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        if not {"--help", "-h"}.isdisjoint(given):
+        tell = None
+        if not {*_HELP}.isdisjoint(given):
             whole_help(*given)
+            tell = None if "--help-all" in given else _show_less(given)
         with (
             interrupts_noted(),
             show_compiling(lambda line: print(line, file=sys.stderr, flush=True)),
+            failures_reported(),
         ):
-            status = app(
-                given,
-                exit_on_error=False,
-                print_error=False,
-                result_action="return_value",
-            )
+            status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+        if tell is not None:
+            tell()
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except CycloptsError as error:

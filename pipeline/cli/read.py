@@ -1,15 +1,21 @@
-"""`tactile-marks read`: parts in, a table of serials out."""
+"""`tactile-marks read` and `inspect`: parts in, serials or a picture out."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
+from pipeline.cli.exit_status import CommandError, UsageError, resumable
 from pipeline.cli.settings import READING, Config, JobPath, Reading
 from pipeline.runs.options import MODULES, RunOptions
 from pipeline.workers.options import ExecutorOptions
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.formats.part_files import PartFiles
+    from recognition.decision import reading as readings
 
 _RUN, _EXECUTORS = RunOptions(), ExecutorOptions()
 
@@ -34,27 +40,74 @@ def read(
         of them; files that differ in their endings only are one part. URLs (s3://, gs:// ...) with the extra cluster,
         and manifests.
     """
-    from pipeline.store.errors import StoreError
-    from pipeline.workers.cluster import ClusterError
-
     if not (inputs or run.manifest):
-        raise CommandError(
-            "read: name a height map, a scan, a photograph, a folder, a glob or a manifest", status=USAGE
-        )
-    with failures_reported():
-        try:
-            # a worker loads the libraries of reading while this process loads its own
-            with executors.opened(modules=MODULES) as executor:
-                from pipeline.runs.production import run_batch
+        raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")
+    # a worker loads the libraries of reading while this process loads its own
+    with resumable(run.out), executors.opened(modules=MODULES) as executor:
+        from pipeline.runs.production import run_batch
 
-                return run_batch(inputs, reading, run, executor)
-        except (ClusterError, StoreError) as error:
-            raise CommandError(str(error)) from error
-        except KeyboardInterrupt as error:
-            if run.out is None:
-                raise
-            raise CommandError(
-                "interrupted",
-                hint=f"finished parts are kept in {run.out}, run the same command again to continue",
-                status=INTERRUPTED,
-            ) from error
+        return run_batch(inputs, reading, run, executor)
+
+
+def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, config: Config = None) -> int:
+    """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
+
+    A photograph beside the file with the same name is shown, too, whether or not it is read.
+
+    Parameters
+    ----------
+    file
+        A height map, a scan or a photograph.
+    out
+        Picture to write, .png, .svg or .pdf; FILE-inspect.png in the working folder unless given.
+    """
+    from pipeline.plots.pictures import check_picture
+    from pipeline.workers.options import in_a_worker
+
+    picture = out if out is not None else Path(f"{file.stem}-inspect.png")
+    check_picture(picture)
+    for line in in_a_worker(_draw, file, reading, picture):
+        print(line)
+    print(f"wrote {picture}")
+    return 0
+
+
+def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
+    """Read a file and draw the reading; return lines that describe it.
+
+    Raises:
+        FileError: a file that cannot be used.
+        CommandError: it holds several parts.
+    """
+    from pipeline.formats.find_parts import discover
+    from pipeline.plots.pictures import save_figure
+    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.readers import open_reader
+    from recognition.decision.picture import reading_figure
+
+    parts = discover([file], beside=True, height_images=settings.height_image)
+    if len(parts) > 1:
+        raise CommandError(f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file")
+    (part,) = parts
+    mode = Mode(settings.mode) if settings.mode else None
+    reader = PartReader(open_reader(settings), mode=mode, maps=settings, budget_s=settings.touch_budget_s)
+    found = reader.read(part)
+    shown, problem = _with_photo(found, part)
+    save_figure(reading_figure(shown, title=part.name), picture)
+    return [*problem, f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]
+
+
+def _with_photo(reading: readings.Reading, part: PartFiles) -> tuple[readings.Reading, list[str]]:
+    """Add the photograph to the trace, to be shown; say why where it cannot be used."""
+    from glyphs.errors import FileError
+    from pipeline.reading.part_reader import load_photo
+    from recognition.reader import centre_on
+
+    if reading.trace.photo is not None or not part.photo:
+        return reading, []
+    try:
+        photo = load_photo(part)
+    except FileError as problem:
+        return reading, [f"  not shown: {problem}"]
+    surface = None if reading.touch is None else reading.touch.trace.height_map
+    return reading.with_trace(photo=photo if surface is None else centre_on(photo, surface)), []

@@ -1,16 +1,24 @@
-"""`tactile-marks serve`: the vision-fallback service."""
+"""`tactile-marks serve` and `worker`: run the service, lend cores to a cluster."""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import socket
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
+from pipeline.cli.choices import Positive
+from pipeline.cli.exit_status import UsageError
 from pipeline.cli.settings import DEFAULT_FILE, READING, SERVICE, Config, Reading, Service
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.service.settings import ServiceSettings
 
 STARTED_S = time.monotonic()
 """When the command began: this module comes first, what is heavy after it."""
@@ -39,20 +47,45 @@ def serve(
     if init_config is not None:
         return _write_settings((*init_config, DEFAULT_FILE)[0])
     if reading.mode is not None:
-        raise CommandError(
+        raise UsageError(
             "serve: mode is set, but a service reads with the camera first and then by touch",
-            hint="leave mode out",
-            status=USAGE,
+            "leave mode out",
         )
-    with failures_reported():
-        from pipeline.cli.serving import run
+    return _serve(service, reading)
 
-        return run(
-            service,
-            reading,
-            started_s=STARTED_S,
-            say=lambda line: print(line, file=sys.stderr, flush=True),
-        )
+
+def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = None) -> int:
+    """Work for a Dask scheduler until it ends, one process a core; a lost process is replaced.
+
+    Start the scheduler with: dask scheduler. This is `dask worker` with one thread a process and the memory of maps
+    kept between parts, without which a part costs up to three times as much.
+
+    Parameters
+    ----------
+    address
+        Address of the scheduler, such as tcp://HOST:8786.
+    jobs
+        Worker processes; one for each core unless given.
+    memory_gb
+        Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
+    """
+    from pipeline.workers.cluster import require_distributed
+    from pipeline.workers.executors import cores
+    from pipeline.workers.process import MALLOC
+
+    if memory_gb is not None and not memory_gb > 0.0:
+        raise UsageError(f"worker: memory_gb is {memory_gb}", "it must be above 0")
+    require_distributed()
+    # what stands in the environment goes before what Dask's nanny would set for the processes that it starts
+    environment = {**MALLOC, "NUMBA_NUM_THREADS": "1", **os.environ}
+    arguments = [
+        *(sys.executable, "-m", "distributed.cli.dask_worker", address),
+        *("--nworkers", str(jobs or cores()), "--nthreads", "1"),
+        *("--memory-limit", "auto" if memory_gb is None else f"{memory_gb}GB"),
+        "--no-dashboard",
+    ]
+    sys.stdout.flush()
+    os.execve(sys.executable, arguments, environment)
 
 
 def _write_settings(file: Path) -> int:
@@ -62,10 +95,142 @@ def _write_settings(file: Path) -> int:
         with file.open("x", encoding="utf-8") as stream:
             stream.write(settings_file())
     except FileExistsError as error:
-        raise CommandError(
-            f"serve: {file} is there already", hint="name another file after --init-config", status=USAGE
+        raise UsageError(
+            f"serve: {file} is there already", "name another file after --init-config"
         ) from error
     except OSError as error:
-        raise CommandError(f"serve: {file} cannot be written ({error.strerror})", status=USAGE) from error
-    print(f"written to {file}: every setting with its default, commented out", file=sys.stderr)
+        raise UsageError(f"serve: {file} cannot be written ({error.strerror})") from error
+    _say(f"written to {file}: every setting with its default, commented out")
     return 0
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
+    """Serve until a signal ends it; requests that are at work may end first.
+
+    Raises:
+        UsageError: an address that is taken, a certificate that cannot be used, tokens asked for and none there.
+        MarksError: a folder that cannot be made, a store that cannot be opened.
+    """
+    import uvicorn
+
+    from pipeline.service.app import Service as RunningService
+    from pipeline.service.app import check_folder, create_app
+    from pipeline.service.logs import set_up_logs
+    from pipeline.service.web.web_server import (
+        KEEP_ALIVE_S,
+        MOST_CONNECTIONS,
+        DrainingServer,
+        patient_protocol,
+    )
+
+    check_folder(settings)
+    check_tls(settings)
+    check_tokens(settings)
+    with contextlib.ExitStack() as until_served:
+        bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
+        for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
+            if port:  # tried here, to be reported in a line and not out of a running server
+                listening(settings.line_host, port, option=option).close()
+        service = RunningService(settings, reading, started_s=STARTED_S)
+        until_served.pop_all()
+    set_up_logs(settings.log)
+    server = DrainingServer(
+        uvicorn.Config(
+            create_app(service),
+            log_config=None,
+            ssl_certfile=settings.tls_cert,
+            ssl_keyfile=settings.tls_key,
+            http=patient_protocol(an_address=settings.connections, proxies=settings.trusted_proxies),
+            access_log=False,
+            server_header=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_keep_alive=KEEP_ALIVE_S,
+            timeout_graceful_shutdown=max(1, round(settings.shutdown_grace_s)),
+            proxy_headers=False,
+        ),
+        drain=service.drain,
+        drain_s=settings.drain_s,
+    )
+    host, port = bound.getsockname()[:2]
+    scheme = "http" if settings.tls_cert is None else "https"
+    at = f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+    _say(f"tactile-marks serves at {at} (page: /, interface: /openapi.json); Ctrl-C ends it")
+    if settings.shadow:
+        _say(
+            "shadow mode: parts are read and compared with the line's own reader; nothing is decided or published"
+        )
+    server.run(sockets=[bound])
+    return 0 if server.started else 1
+
+
+def check_tokens(settings: ServiceSettings) -> None:
+    """Look for a token where callers need one, before any worker is started.
+
+    Raises:
+        UsageError: there is none.
+        StoreError: the store cannot be opened.
+    """
+    from pipeline.store.store import Store
+
+    if not settings.tokens_asked:
+        return
+    with contextlib.closing(Store.open(settings.store_url)) as store:
+        if store.tokens():
+            return
+    where = "" if settings.store else f" --store {settings.store_url}"
+    raise UsageError(
+        "serve: callers need a token, and there is none yet",
+        f"make one with: tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
+    )
+
+
+def check_tls(settings: ServiceSettings) -> None:
+    """Load the certificate and its key before anything is begun.
+
+    Raises:
+        UsageError: they cannot be used.
+    """
+    import ssl
+
+    cert, key = settings.tls_cert, settings.tls_key
+    for path in filter(None, (cert, key, settings.opcua_certificate, settings.opcua_key)):
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise UsageError(f"serve: {path} is not a file", "name a PEM file")
+    if cert is None:
+        if key is not None:
+            raise UsageError("serve: tls_key without tls_cert", "give both")
+        return
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key, password=_no_password)
+    except (OSError, ValueError) as error:  # an SSLError is an OSError
+        named = cert if key is None else f"{cert} with {key}"
+        reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+        raise UsageError(
+            f"serve: the certificate {named} cannot be used ({reason})",
+            "give a certificate and its own key, both PEM, the key without a password",
+        ) from error
+
+
+def _no_password() -> str:
+    raise ValueError("the key asks for a password")
+
+
+def listening(host: str, port: int, *, option: str) -> socket.socket:
+    """Bind the socket before anything else is begun, so that an address in use is reported at once."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # by its protocol asyncio knows that small answers are not to wait for the last one's acknowledgement
+    bound = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind((host, port))
+        bound.listen(2048)
+    except OSError as error:
+        bound.close()
+        what = f"serve: cannot listen on {host}:{port} ({error.strerror})"
+        raise UsageError(what, f"name another {option}") from error
+    bound.set_inheritable(False)
+    return bound

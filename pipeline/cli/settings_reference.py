@@ -16,7 +16,7 @@ from pipeline.common.settings import Settings
 _HEADINGS = ("setting", "flag", "variable", "type", "default", "what it does")
 _BEGINNING = """\
 # Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
-# Environment variables and flags go over this file; `tactile-marks serve --help` names them.
+# Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
 """
 _TYPES = {
     bool: "true or false",

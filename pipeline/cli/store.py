@@ -1,26 +1,96 @@
-"""`tactile-marks store`: backup, restore and check of the service's store and its files."""
+"""`tactile-marks tokens` and `store`: who may use the service; backup, restore and check of its data."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import sys
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from pipeline.cli.exit_status import FAILED
 from pipeline.cli.settings import SERVICE, Config, ServiceOfFile, StoreAddress
-from pipeline.cli.tokens import opened_store
 
 if TYPE_CHECKING:
+    from pipeline.common.records import TokenRecord
     from pipeline.service.settings import ServiceSettings
     from pipeline.store.check import CheckReport
     from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.store.store import Store
 
-_MOST_SHOWN = 20
+ScopeName = Literal["read", "write", "review"]
+Days = Annotated[int | None, Parameter(validator=Number(gte=1, lte=36_500))]
 Folder = Annotated[
     Path | None, Parameter(help="Folder of the service; the one of its settings unless given.")
 ]
+_MOST_SHOWN = 20
+
+
+def add(
+    name: str,
+    *,
+    scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
+    days: Days = None,
+    store: StoreAddress = None,
+    service: ServiceOfFile = SERVICE,
+    config: Config = None,
+) -> int:
+    """Make a token and print its secret, once: the store keeps only its hash.
+
+    Parameters
+    ----------
+    name
+        Name of the user or machine, such as line-3; reviews made with the token are signed with it.
+    scope
+        What it allows: read, write (send parts) or review. May be repeated.
+    days
+        Days for which it is valid; for ever unless given.
+    """
+    with opened_store(store, service) as opened:
+        from pipeline.common.records import Scope
+
+        expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
+        secret = opened.add_token(name, [Scope(s) for s in scope], expires_at=expires_at)
+    # the secret alone on the standard output, to be piped to where it is needed
+    until = "" if expires_at is None else f" until {expires_at:%Y-%m-%d}"
+    print(f"token {name} for {', '.join(sorted(set(scope)))}{until}; keep it now:", file=sys.stderr)
+    print(secret)
+    return 0
+
+
+def list_tokens(
+    *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
+) -> int:
+    """List the tokens, without their secrets."""
+    with opened_store(store, service) as opened:
+        found = opened.tokens()
+    for token in found:
+        scopes = ", ".join(sorted(token.scopes))
+        print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_standing(token)}")
+    if not found:
+        print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
+    return 0
+
+
+def revoke(
+    name: str, *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
+) -> int:
+    """Refuse a token from now on.
+
+    Parameters
+    ----------
+    name
+        Name of the user or machine.
+    """
+    with opened_store(store, service) as opened:
+        opened.revoke(name)
+    print(f"token {name} is refused from now on")
+    return 0
 
 
 def backup(
@@ -44,14 +114,14 @@ def backup(
     previous
         Backup on the same disk: files that it has are linked to it, and take no room twice.
     """
-    service = _of_folder(service, folder)
-    with opened_store(store or service.store_url, "store backup", as_it_is=True) as opened:
+    service = _in_folder(service, folder)
+    with opened_store(store, service, as_it_is=True) as opened:
         from pipeline.store.backup import back_up
 
         made = back_up(opened, _evidence(service), to, previous=previous)
     print(f"wrote {to}: {made.rows['parts']:,} parts, {made.files:,} files, {made.n_bytes / 1e6:,.1f} MB")
     print(f"sha256 of its store.db: {made.sha256}")
-    return _told_lost(made.lost)
+    return _report_lost(made.lost)
 
 
 def restore(
@@ -69,15 +139,15 @@ def restore(
     backup
         Folder that `store backup` has written.
     """
-    service = _of_folder(service, folder)
-    with opened_store(store or service.store_url, "store restore") as opened:
+    service = _in_folder(service, folder)
+    with opened_store(store, service) as opened:
         from pipeline.common.private import private_folder
         from pipeline.store.backup import restore as bring_back
 
         private_folder(service.folder)
         back = bring_back(backup, opened, _evidence(service))
     print(f"restored {back.rows['parts']:,} parts as they were on {back.made_at[:16].replace('T', ' ')} UTC")
-    return _told_lost(back.lost)
+    return _report_lost(back.lost)
 
 
 def check(
@@ -103,8 +173,8 @@ def check(
     json_output
         Print JSON.
     """
-    service = _of_folder(service, folder)
-    with opened_store(store or service.store_url, "store check", as_it_is=True) as opened:
+    service = _in_folder(service, folder)
+    with opened_store(store, service, as_it_is=True) as opened:
         from pipeline.store.check import check as look_through
 
         report = look_through(opened, _evidence(service), read_files=files, against=against)
@@ -112,7 +182,29 @@ def check(
     return 0 if report.well else FAILED
 
 
-def _of_folder(service: ServiceSettings, folder: Path | None) -> ServiceSettings:
+@contextlib.contextmanager
+def opened_store(url: str | None, service: ServiceSettings, *, as_it_is: bool = False) -> Iterator[Store]:
+    """Open the store at an address, else the service's.
+
+    Raises:
+        StoreError: it cannot be opened.
+    """
+    from pipeline.store.store import Store
+
+    with contextlib.closing(Store.open(url or service.store_url, as_it_is=as_it_is)) as store:
+        yield store
+
+
+def _standing(token: TokenRecord) -> str:
+    if token.revoked_at is not None:
+        return f"revoked {token.revoked_at:%Y-%m-%d}"
+    if token.expires_at is None:
+        return "good for ever"
+    expired = token.expires_at <= datetime.now(UTC)
+    return f"{'expired' if expired else 'good until'} {token.expires_at:%Y-%m-%d}"
+
+
+def _in_folder(service: ServiceSettings, folder: Path | None) -> ServiceSettings:
     return service if folder is None else service.model_copy(update={"folder": folder})
 
 
@@ -122,8 +214,8 @@ def _evidence(service: ServiceSettings) -> EvidenceFolder:
     return EvidenceFolder(service.evidence_folder)
 
 
-def _told_lost(lost: object) -> int:
-    if not isinstance(lost, list | tuple) or not lost:
+def _report_lost(lost: Sequence[object]) -> int:
+    if not lost:
         return 0
     print(f"{len(lost)} files were missing or damaged; `tactile-marks store check` names them")
     return FAILED
@@ -147,7 +239,7 @@ def _lines(report: CheckReport) -> list[str]:
 def _as_json(report: CheckReport) -> str:
     from pipeline.store.check import WHAT_TO_DO
 
-    told = {
+    found = {
         "well": report.well,
         "parts": report.parts,
         "files": report.files,
@@ -155,4 +247,4 @@ def _as_json(report: CheckReport) -> str:
         "what_to_do": {fault: WHAT_TO_DO[fault] for fault in report.counts},
         "findings": [{"fault": f.fault, "subject": f.subject, "what": f.what} for f in report.findings],
     }
-    return json.dumps(told, indent=1)
+    return json.dumps(found, indent=1)

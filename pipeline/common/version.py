@@ -27,6 +27,20 @@ def program_version() -> str:
         return "0"
 
 
+def library_versions(names: Iterable[str]) -> dict[str, str]:
+    """Versions of Python, of the machine, and of those libraries that are installed."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
 @cache
 def program_mark() -> str:
     """A hash of the program's text: what two versions answer does not belong in one table."""

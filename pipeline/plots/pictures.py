@@ -78,6 +78,11 @@ class SheetPart:
     truth: str
     reading: Reading
 
+    @property
+    def right(self) -> bool:
+        """Whether it was read as stamped."""
+        return same_text(self.reading.text, self.truth)
+
 
 @styled
 def overview_figure(parts: Sequence[SheetPart]) -> Figure:
@@ -90,7 +95,7 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
         left.set_title(f"{part.name}: “{part.truth}” stamped")
         if trace.edge_map is not None:
             edge_panel(right, edges=trace.edge_map, layer=0, reading=reading, colour_bar=False)
-        verdict = "right" if same_text(reading.text, part.truth) else "WRONG"
+        verdict = "right" if part.right else "WRONG"
         confidence = f"{reading.confidence:.3f}{reading.font and f', {reading.font}'}"
         right.set_title(
             f"by touch: “{reading.text}”, {verdict}, {reading.decision.value}, confidence {confidence}"

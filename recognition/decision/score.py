@@ -142,17 +142,19 @@ def score_of(source: str) -> Score:
     return Score(fitted["bias"], MappingProxyType(terms), tuple(map(tuple, fitted["thresholds"])))
 
 
-def with_score(reading: Reading) -> Reading:
+def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
     """The reading with its score, and why it is low where it is below the threshold.
 
     Where touch has read nothing beside the camera, it is scored as a camera's.
 
     Args:
         reading: of one sense or both, with what it was made from in its trace.
+        without: quantities that count as usual, to see what each is worth.
     """
     if not reading.characters:
         return reading
-    score, measures = score_of(reading.source), dict(measures_of(reading))
+    score = score_of(reading.source)
+    measures = {name: value for name, value in measures_of(reading).items() if name not in without}
     if Measure.ODDS not in measures and Measure.CAMERA in measures:
         score, measures[Measure.ODDS] = score_of("vision"), measures[Measure.CAMERA]
     made = replace(reading, confidence=score.probability(measures))

@@ -1,6 +1,6 @@
 """Fit the score to parts whose text is known, and judge it on what each fit left out::
 
-    tactile-marks benchmark --design tests/benchmarks/calibration.toml --parts 680 --jobs 2 --out stamped
+    tactile-marks benchmark run --design tests/benchmarks/calibration.toml --parts 680 --jobs 2 --out stamped
     python tests/benchmarks/sketched_parts.py --parts 300 --out sketched
     python tests/benchmarks/fit_score.py stamped sketched --write
 

@@ -162,7 +162,7 @@ def test_it_is_refused_with_other_settings(
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
     made_so = ("--dirt", "0", "--parts", "1", "--format", "A9", "--height-mm", "4")
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
-    assert main(["benchmark", "--out", "b", *made_so, *read_so]) == 0
+    assert main(["benchmark", "run", "--out", "b", *made_so, *read_so]) == 0
     with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:
         decisions = {row["mode"]: (row["decision"], row["flags"]) for row in csv.DictReader(stream)}
     assert decisions["tactile"][0] == "accept"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -39,14 +40,65 @@ def test_help_needs_nothing_heavy() -> None:
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "0 []"
-    for command in ("read", "synth", "scan", "calibrate", "inspect", "demo", "glyphs"):
+    for command in ("read", "synth", "scan", "inspect", "demo", "glyphs"):
         assert command in done.stdout
 
 
-@pytest.mark.parametrize("command", ["read", "synth", "scan", "calibrate", "inspect", "demo", "glyphs"])
-def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--help"]) == 0
-    assert "Usage: tactile-marks" in capsys.readouterr().out
+COMMANDS = (
+    *(
+        "read",
+        "inspect",
+        "demo",
+        "enroll",
+        "certify",
+        "study",
+        "synth",
+        "scan",
+        "calibrate",
+        "identify",
+        "import",
+    ),
+    *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
+    *("bench check", "bench home", "bench calibrate", "bench scan", "bench emulate"),
+    *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),
+    *("benchmark run", "benchmark compare", "benchmark export", "benchmark score", "benchmark gate"),
+)
+
+
+def flags_in(help_text: str) -> set[str]:
+    """Flags that a page of help describes, without the names of positional arguments."""
+    return {found[1] for line in help_text.splitlines() if (found := re.match(r"│[* ]+(--[a-z-]+)", line))}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_is_one_screen_and_the_rest_is_a_flag_away(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main([*command.split(), "--help"]) == 0
+    short = capsys.readouterr().out
+    assert main([*command.split(), "--help-all"]) == 0
+    whole = capsys.readouterr().out
+    assert f"Usage: tactile-marks {command}" in short
+    assert len(short.splitlines()) <= 50
+    few, all_flags = flags_in(short), flags_in(whole)
+    assert few <= all_flags
+    assert len(few) <= 6
+    assert (f": tactile-marks {command} --help-all" in short) == (few < all_flags)
+
+
+def test_help_of_the_program_leaves_out_commands_that_few_need(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    short = capsys.readouterr().out
+    assert main(["--help-all"]) == 0
+    whole = capsys.readouterr().out
+    assert "7 more commands: tactile-marks --help-all" in short
+    for command in {name.split()[0] for name in COMMANDS}:
+        assert f"│ {command} " in whole
+        assert (f"│ {command} " in short) == (command not in LEFT_OUT)
+
+
+LEFT_OUT = ("calibrate", "identify", "import", "figures", "study", "worker", "completion")
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_commands_and_flags_of_the_documentation_exist(page: Path) -> None:
             command = command[words[1]]
         flags = {name for argument in command.assemble_argument_collection() for name in argument.names}
         named = {word.partition("=")[0] for word in words if word.startswith("--")}
-        assert named <= flags | {"--help", "--version"}, f"{page.name}: {line}"
+        assert named <= flags | {"--help", "--help-all", "--version"}, f"{page.name}: {line}"
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="the extra docs is not installed")

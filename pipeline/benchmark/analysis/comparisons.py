@@ -10,6 +10,7 @@ from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped
 from pipeline.benchmark.analysis.pairs import CharacterTest, SerialTest, compare_characters, mcnemar
 from pipeline.benchmark.exam.condition import GIVEN
 from pipeline.benchmark.readers.experts import EXPERT_MODES
+from pipeline.benchmark.readers.modes import WITHOUT
 from pipeline.benchmark.trials.journal import Trial
 
 SINGLE_MODES = ("tactile", "vision")
@@ -68,8 +69,8 @@ def compare(
 
 
 def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comparison]:
-    """At the same levels: fused against the better single sense, a sense against each of its experts, touch and fused
-    against every other reader.
+    """At the same levels: fused against the better single sense, a sense against each of its experts, a mode without a
+    rule against the whole mode, touch and fused against every other reader.
 
     Where neither is there, the first reader against the others.
     """
@@ -82,7 +83,9 @@ def between_readers(groups: Mapping[GroupKey, Sequence[Trial]]) -> Iterator[Comp
 def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]]:
     """Modes to be compared, the first with the second."""
     singles = [mode for mode in SINGLE_MODES if mode in readings]
-    others = [mode for mode in readings if mode not in (*SINGLE_MODES, *EXPERT_MODES, FUSED)]
+    less = {mode: mode.partition(WITHOUT)[0] for mode in readings if WITHOUT in mode}
+    others = [mode for mode in readings if mode not in (*SINGLE_MODES, *EXPERT_MODES, FUSED, *less)]
+    yield from ((mode, whole) for mode, whole in less.items() if whole in readings)
     yield from (
         (s, mode) for s in singles for mode in EXPERT_MODES if mode in readings and mode.startswith(s)
     )

@@ -11,35 +11,34 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.analysis.groups import grouped
 from pipeline.benchmark.trials.journal import Trial
 
 EDITION = "marks-exam-1-48"
 FLOORS_FILE = Path(str(files("pipeline.benchmark.exam") / "designs" / f"{EDITION}.floors.json"))
 MODES = ("tactile", "tactile templates", "rapidocr relief")
-"""Who is read at every change: touch, its templates by themselves, and the peer to beat, on the felt relief."""
+"""Modes that are read at every change: touch, its templates alone, and the peer to beat, on the felt relief."""
 CAMERA_MODES = ("vision", "fused")
-"""Who has floors, too, but takes twice as long."""
-
-
+"""Modes that have floors, too, but take twice as long."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
+"""Parts or characters by which another processor's rounding may fall below a floor."""
 
 
-@dataclass(frozen=True)
-class Counts:
-    """What one mode made of the edition.
+class Counts(NamedTuple):
+    """Results of one mode on the edition.
 
     Attributes:
         characters: right.
         serials: right as a whole.
-        accepted: vouched for.
+        accepted: serials vouched for.
         accepted_wrong: of these, wrong.
     """
 
@@ -48,46 +47,25 @@ class Counts:
     accepted: int
     accepted_wrong: int
 
-    @classmethod
-    def of(cls, trials: Sequence[Trial]) -> Counts:
-        """Count the trials of one mode."""
-        return cls(
-            characters=sum(characters_right(t) for t in trials),
-            serials=sum(t.right for t in trials),
-            accepted=sum(t.accepted for t in trials),
-            accepted_wrong=sum(t.accepted and not t.right for t in trials),
-        )
-
-    def below(self, floor: Counts) -> Iterator[str]:
-        """What is worse than the floor, in words."""
-        for name, slack in SLACK.items():
-            found, least = getattr(self, name), getattr(floor, name)
-            if found < least - slack:
-                yield f"{name} {found}, the floor is {least} (less {slack} for rounding)"
-        if self.accepted_wrong > floor.accepted_wrong:
-            yield f"accepted but wrong {self.accepted_wrong}, the limit is {floor.accepted_wrong}"
-
-    def raised(self, found: Counts) -> Counts:
-        """The tighter of this floor and what was found, number by number."""
-        return Counts(
-            characters=max(self.characters, found.characters),
-            serials=max(self.serials, found.serials),
-            accepted=max(self.accepted, found.accepted),
-            accepted_wrong=min(self.accepted_wrong, found.accepted_wrong),
-        )
-
 
 Floors = dict[str, Counts]
 
 
 def counts_of(trials: Sequence[Trial]) -> Floors:
-    """The counts of every mode."""
-    modes = dict.fromkeys(t.mode for t in trials)
-    return {mode: Counts.of([t for t in trials if t.mode == mode]) for mode in modes}
+    """Count the trials of every mode."""
+    return {
+        key.mode: Counts(
+            characters=sum(characters_right(t) for t in own),
+            serials=sum(t.right for t in own),
+            accepted=sum(t.accepted for t in own),
+            accepted_wrong=sum(t.accepted and not t.right for t in own),
+        )
+        for key, own in grouped(trials).items()
+    }
 
 
 def load_floors(path: Path = FLOORS_FILE) -> Floors:
-    """The stored floors; none where there is no file yet.
+    """Load the stored floors; none where there is no file yet.
 
     Raises:
         FileError: a file that does not hold floors.
@@ -106,23 +84,32 @@ def save_floors(floors: Floors, path: Path = FLOORS_FILE) -> None:
     Raises:
         FileError: it cannot be written.
     """
+    text = json.dumps({mode: counts._asdict() for mode, counts in floors.items()}, indent=1)
     with replacing(path) as temporary:
-        temporary.write_text(
-            json.dumps({mode: asdict(counts) for mode, counts in floors.items()}, indent=1) + "\n", "utf-8"
-        )
+        temporary.write_text(text + "\n", "utf-8")
 
 
 def objections(found: Floors, floors: Floors) -> list[str]:
-    """What is worse than the floors, a line each; a mode without a floor is one."""
+    """List what is worse than the floors; a mode without a floor is one objection."""
     lines: list[str] = []
     for mode, counts in found.items():
-        if mode not in floors:
+        if (floor := floors.get(mode)) is None:
             lines.append(f"{mode}: has no floor yet (give it one with --raise)")
-        else:
-            lines += [f"{mode}: {line}" for line in counts.below(floors[mode])]
+            continue
+        for name, slack in SLACK.items():
+            here, least = getattr(counts, name), getattr(floor, name)
+            if here < least - slack:
+                lines.append(f"{mode}: {name} {here}, the floor is {least} (less {slack} for rounding)")
+        if counts.accepted_wrong > floor.accepted_wrong:
+            wrong = f"accepted but wrong {counts.accepted_wrong}, the limit is {floor.accepted_wrong}"
+            lines.append(f"{mode}: {wrong}")
     return lines
 
 
 def raised(found: Floors, floors: Floors) -> Floors:
-    """The floors, tightened to what was found; a mode without a floor gets one."""
-    return {**floors, **{mode: floors.get(mode, counts).raised(counts) for mode, counts in found.items()}}
+    """Tighten the floors to what was found, number by number; a mode without a floor gets one."""
+    tight = dict(floors)
+    for mode, counts in found.items():
+        *most, wrong = zip(counts, floors.get(mode, counts), strict=True)
+        tight[mode] = Counts._make([*map(max, most), min(wrong)])
+    return tight

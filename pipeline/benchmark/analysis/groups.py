@@ -8,7 +8,8 @@ that was rejected may be right.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,16 +147,6 @@ class Group(Cell):
     scan_s: tuple[float, float]
 
 
-def cells_of(trials: Mapping[GroupKey, Sequence[Trial]]) -> tuple[Cell, ...]:
-    """What each group is judged by."""
-    return tuple(cell_of(key, members) for key, members in trials.items())
-
-
-def groups_of(trials: Mapping[GroupKey, Sequence[Trial]]) -> tuple[Group, ...]:
-    """All about each group."""
-    return tuple(group_of(key, members) for key, members in trials.items())
-
-
 def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
     """What some trials of one mode are judged by."""
     chars = [len(t.truth) for t in trials]
@@ -177,12 +168,12 @@ def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
 def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
     """All about some trials of one mode."""
     read = [t for t in trials if not t.error]
-    said, was = _characters_said(read)
+    said = list(_characters(read))
     return Group(
         **vars(cell_of(key, trials)),
         risk=risk_coverage([t.confidence for t in trials], [t.right for t in trials]),
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
-        character_reliability=reliability(said, was),
+        character_reliability=reliability([c for c, _ in said], [right for _, right in said]),
         confused=confusion(trials),
         compute_s=_spread([t.compute_s for t in read]),
         reading_s=_spread([t.reading_s for t in read]),
@@ -193,18 +184,16 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
 
 def split_of(trials: Iterable[Trial]) -> Split:
     """What became of the parts."""
-    accepted_right = accepted_wrong = review = rejected = failed = 0
-    for trial in trials:
-        if trial.error:
-            failed += 1
-        elif trial.accepted:
-            accepted_right += trial.right
-            accepted_wrong += not trial.right
-        elif trial.decision == "review":
-            review += 1
-        else:
-            rejected += 1
-    return Split(accepted_right, accepted_wrong, review, rejected, failed)
+    counts = Counter(_fate(trial) for trial in trials)
+    return Split(**{name: counts[name] for name in Split.__dataclass_fields__})
+
+
+def _fate(trial: Trial) -> str:
+    if trial.error:
+        return "failed"
+    if trial.accepted:
+        return "accepted_right" if trial.right else "accepted_wrong"
+    return "review" if trial.decision == "review" else "rejected"
 
 
 def levels_in(trials: Iterable[Trial]) -> dict[str, tuple[Level, ...]]:
@@ -225,13 +214,8 @@ def ordered_levels(levels: Iterable[Level]) -> tuple[Level, ...]:
     return tuple(sorted(found, key=rank))
 
 
-def _characters_said(trials: Iterable[Trial]) -> tuple[list[float], list[bool]]:
-    """Confidence of every character read, and whether it was right."""
-    pairs = list(_characters(trials))
-    return [said for said, _ in pairs], [right for _, right in pairs]
-
-
 def _characters(trials: Iterable[Trial]) -> Iterator[tuple[float, bool]]:
+    """Confidence of every character read, and whether it was right."""
     for trial in trials:
         if "".join(c.char for c in trial.characters) != trial.text:
             continue

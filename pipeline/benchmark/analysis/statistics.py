@@ -20,9 +20,9 @@ from pipeline.benchmark.analysis.groups import (
     Cell,
     Group,
     GroupKey,
-    cells_of,
+    cell_of,
+    group_of,
     grouped,
-    groups_of,
     levels_in,
 )
 from pipeline.benchmark.analysis.risk import RiskCoverage
@@ -85,9 +85,9 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
         levels=levels,
         given=given,
         crossed=tuple(crossed),
-        cells=cells_of(grouped(trials, (*crossed, *more))),
-        by_severity=groups_of(by_severity),
-        by_mode=groups_of(by_mode),
+        cells=tuple(cell_of(*one) for one in grouped(trials, (*crossed, *more)).items()),
+        by_severity=tuple(group_of(*one) for one in by_severity.items()),
+        by_mode=tuple(group_of(*one) for one in by_mode.items()),
         effects=factor_effects(trials),
         comparisons=(*between_readers(over_all), *between_readers(by_severity)),
         knowledge=tuple(between_givens(trials)),
@@ -97,47 +97,40 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
 
 def plain(value: Any) -> Any:
     """The findings as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
-    if isinstance(value, GroupKey):
-        return {"mode": value.mode, **dict(value.levels)}
-    if isinstance(value, Group):
-        return {
-            **_cell(value),
-            **{
-                name: plain(getattr(value, name))
-                for name in ("risk", "serial_reliability", "character_reliability")
-            },
-            "mistakes": [{"true": t, "read": r, "count": n} for t, r, n in value.confused.mistakes()],
-        }
-    if isinstance(value, Cell):
-        return _cell(value)
-    if isinstance(value, Share):
-        return {
-            "count": value.count,
-            "total": value.total,
-            **plain({"share": value.value, "low": value.low, "high": value.high}),
-        }
-    if isinstance(value, RiskCoverage):
-        step = max(1, value.coverage.size // 100)
-        points = [*range(step - 1, value.coverage.size - 1, step), value.coverage.size - 1]
-        curve = [[plain(float(value.coverage[k])), plain(float(value.risk[k]))] for k in points if k >= 0]
-        return {"aurc": plain(value.area), "least_aurc": plain(value.least_area), "curve": curve}
-    if isinstance(value, Enum):
-        return plain(value.value)
-    if isinstance(value, float):
-        return round(value, 6)
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    match value:
+        case GroupKey():
+            return {"mode": value.mode, **dict(value.levels)}
+        case Cell():
+            names = (*_CELL, "risk", "serial_reliability", "character_reliability")
+            found = {**plain(value.key), **{n: plain(getattr(value, n)) for n in names if hasattr(value, n)}}
+            if isinstance(value, Group):
+                found["mistakes"] = [
+                    {"true": t, "read": r, "count": n} for t, r, n in value.confused.mistakes()
+                ]
+            return found
+        case Share():
+            interval = {"share": value.value, "low": value.low, "high": value.high}
+            return {"count": value.count, "total": value.total, **plain(interval)}
+        case RiskCoverage():
+            n = value.coverage.size
+            step = max(1, n // _CURVE_POINTS)
+            points = [k for k in (*range(step - 1, n - 1, step), n - 1) if k >= 0]
+            curve = [[plain(float(value.coverage[k])), plain(float(value.risk[k]))] for k in points]
+            return {"aurc": plain(value.area), "least_aurc": plain(value.least_area), "curve": curve}
+        case Enum():
+            return plain(value.value)
+        case float():
+            return round(value, 6)
+        case dict():
+            return {k: plain(v) for k, v in value.items()}
+        case list() | tuple():
+            return [plain(v) for v in value]
+        case _ if hasattr(value, "__dataclass_fields__"):
+            return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
     return value
 
 
+_CURVE_POINTS = 100  # of a risk-coverage curve, at most
 _CELL = (
     "serials", "characters", "characters_by_part", "split", "accepted", "accepted_wrong", "wrong_of_accepted",
 )  # fmt: skip
-
-
-def _cell(value: Cell) -> dict[str, Any]:
-    return {**plain(value.key), **{name: plain(getattr(value, name)) for name in _CELL}}

@@ -1,4 +1,4 @@
-"""What a trial stands for: the factors of a part, and what the reader was given beside the part.
+"""Conditions of a trial: the factors of a part, and what the reader was given beside the part.
 
 part      soil  severity  font  format  height_mm  die  plate  ...        what was made
 given     font_given  height_given  format_given                          what the reader knew of it
@@ -6,10 +6,8 @@ given     font_given  height_given  format_given                          what t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 from glyphs.surface.display import one_line
 from pipeline.common.settings import SettingsError
@@ -61,29 +59,8 @@ class Given:
         return ",".join(name for name in GIVEN if getattr(self, name)) or "nothing"
 
 
-class Condition(Mapping[str, Level]):
+class Condition(dict[str, Level]):
     """The levels of all factors of a part, by name; a factor that is not there is not known."""
-
-    def __init__(self, **levels: Level) -> None:
-        self._levels = MappingProxyType(levels)
-
-    def __getitem__(self, name: str) -> Level:
-        return self._levels[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._levels)
-
-    def __len__(self) -> int:
-        return len(self._levels)
-
-    def __hash__(self) -> int:
-        return hash(tuple(self._levels.items()))
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return (_condition, (dict(self._levels),))
-
-    def __repr__(self) -> str:
-        return f"Condition({', '.join(f'{name}={level!r}' for name, level in self.items())})"
 
     @property
     def severity(self) -> float | None:
@@ -111,10 +88,6 @@ class Condition(Mapping[str, Level]):
     def levels(self) -> dict[str, Level]:
         """As factors of a trial: a font by its name, whatever folder its file is in."""
         return {n: font_name(str(v)) if n == "font" and v else v for n, v in self.items()}
-
-
-def _condition(levels: dict[str, Level]) -> Condition:
-    return Condition(**levels)
 
 
 def font_name(font: str) -> str:

@@ -29,18 +29,35 @@ import math
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from glyphs.errors import FileError
+from glyphs.soiling.soiled import WORKSHOP
 from pipeline.benchmark.exam.condition import Condition, Given, Level
 from pipeline.common.parsed import toml_of
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS
 
-Levels = tuple[str | bool | float, ...]
+
+def _levels(value: Any) -> Any:
+    """Levels by factor, one level as a tuple of one."""
+    if not isinstance(value, Mapping):
+        return value
+    return {k: tuple(v) if isinstance(v, list | tuple) else (v,) for k, v in value.items()}
+
+
+Part = Annotated[dict[str, tuple[str | bool | float, ...]], BeforeValidator(_levels)]
 
 
 class PackagedFont(BaseModel):
@@ -74,12 +91,7 @@ class Section(BaseModel):
     name: str = ""
     parts: int = Field(ge=1, le=MAX_PARTS)
     kept_out: bool = False
-    part: dict[str, Levels] = {}
-
-    @field_validator("part", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return _levels(value)
+    part: Part = {}
 
 
 class Design(BaseModel):
@@ -108,16 +120,11 @@ class Design(BaseModel):
     parts_a_cell: int = Field(default=0, ge=0, le=MAX_PARTS)
     cross: tuple[str, ...] = ("severity",)
     alike: bool = False
-    part: dict[str, Levels]
+    part: Part
     given: tuple[str, ...] = ("format",)
     sections: tuple[Section, ...] = Field(default=(), alias="section")
     fonts: dict[str, PackagedFont] = {}
     kept_out_soils: tuple[str, ...] = ()
-
-    @field_validator("part", mode="before")
-    @classmethod
-    def _listed(cls, value: Any) -> Any:
-        return _levels(value)
 
     @field_validator("given")
     @classmethod
@@ -168,9 +175,8 @@ class Design(BaseModel):
         Raises:
             FileError: not a file, not TOML, or not a design; names the setting.
         """
-        values = toml_of(path)
         try:
-            return cls.of(**{"name": path.stem, **values})
+            return cls.of(**{"name": path.stem, **toml_of(path)})
         except SettingsError as error:
             raise FileError(path, error.what, error.hint) from error
 
@@ -216,6 +222,26 @@ class Design(BaseModel):
                 yield section, number, replicate, Condition(**{name: chosen[name] for name in levels})
 
 
+def of_flags(
+    levels: Mapping[str, tuple[Any, ...]], *, parts: int, seed: int, given: tuple[str, ...]
+) -> Design:
+    """Cross fonts, formats, soils and severities in full, the same stamped parts in every cell.
+
+    Args:
+        levels: of these and of other factors, where they are not the usual ones.
+        parts: of every cell.
+        seed: of everything random.
+        given: what readers are given.
+
+    Raises:
+        SettingsError: what cannot be; names the setting.
+    """
+    usual: dict[str, Any] = {"font": "gothic", "format": "AA999999", "soil": WORKSHOP,
+             "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
+    cross, part = ("font", "format", "soil", "severity"), {**usual, **levels}
+    return Design.of(seed=seed, parts_a_cell=parts, cross=cross, alike=True, part=part, given=given)
+
+
 def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:
     """(cells, rounds) index of a level: any `levels` rounds of a cell from the first on have each once.
 
@@ -229,10 +255,3 @@ def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np
         start = rng.permutation(np.arange(cells) % levels)
         out[:, block : block + width] = order[(start[:, None] + np.arange(width)[None, :]) % levels]
     return out
-
-
-def _levels(value: Any) -> Any:
-    """One level is a list of one."""
-    if not isinstance(value, Mapping):
-        return value
-    return {k: tuple(v) if isinstance(v, list | tuple) else (v,) for k, v in value.items()}

@@ -10,9 +10,11 @@ from typing import Any
 
 from pipeline.benchmark.exam.condition import font_name, level_name
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.common.version import program_mark, program_version
+from pipeline.common.version import library_versions, program_mark, program_version
 
 CARD = "card.json"
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pillow", "fonttools")
+"""Libraries that the numbers may depend on."""
 _PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
 
 
@@ -44,7 +46,7 @@ def card_of(
         "design": design,
         "version": program_version(),
         "program": program_mark(),
-        "libraries": _libraries(),
+        "libraries": library_versions(_LIBRARIES),
     }
 
 
@@ -98,18 +100,3 @@ def _licence(package: str) -> str:
     written = about.get_all("License-Expression") or classified or about.get_all("License") or ()
     first = ", ".join(written).strip().splitlines()[:1]
     return first[0] if first else "not known"
-
-
-def _libraries() -> dict[str, str]:
-    """Versions that the numbers may depend on."""
-    import platform
-    from importlib.metadata import version
-
-    names = ("numpy", "scipy", "numba", "opencv-python-headless", "pillow", "fonttools")
-    found = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
-    for name in names:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found

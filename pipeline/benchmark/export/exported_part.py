@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from glyphs.surface.maps import EdgeMap
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
 from pipeline.benchmark.export.layers import write_layer
@@ -32,9 +30,10 @@ from pipeline.formats.photos import write_photo
 from pipeline.formats.synth import write_surface
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
+from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
 if TYPE_CHECKING:
-    from whisker_array.estimation.relief import Relief
+    from pipeline.benchmark.readers.felt import FeltMaps
     from whisker_array.scan.scan import Scan
 
 LABELS = "labels"
@@ -124,82 +123,60 @@ class _Writer:
         for name in FOLDERS:
             (self.folder / name).mkdir()
         part, surface = self.specimen.part, self.specimen.height_map
-        write_surface(self._at(f"parts/{part}.npz"), surface, self.specimen.soil)
-        self._photo()
-        self._layer(
-            "ideal", f"ideal/{part}.png", surface.z_mm, "mm", pitch_mm=surface.pitch_mm, origin_mm=(0.0, 0.0)
-        )
+        write_surface(self.folder / f"parts/{part}.npz", surface, self.specimen.soil)
+        photo = self.senses.photo
+        photo_grid = _Grid(photo_pitch_mm(photo), photo_origin_mm(photo), photo.shape)
+        self._picture("photo", f"photos/{part}.png", photo, photo_grid)
+        plate = _Grid(surface.pitch_mm, (0.0, 0.0), surface.z_mm.shape)
+        self._layer("ideal", f"ideal/{part}.png", surface.z_mm, "mm", plate)
         if felt:
-            maps = self.senses.felt
-            self.scan = _scan(maps.scan)
-            if maps.edges is not None:
-                self._edges(maps.edges)
-            if maps.relief is not None:
-                self._relief(maps.relief)
-        for view in self._drawn():
+            self._felt(self.senses.felt, f"felt/{part}")
+        for view in (view for view in PICTURES if view in self.views):
             path = f"lines/{part}-{view}.png"
             try:
-                photo = Photo(PICTURES[view](self.senses))
+                drawn = Photo(PICTURES[view](self.senses))
             except MarksError:  # fewer than 8 pixels of it lie in the picture
                 continue
-            write_photo(self._at(path), photo)
+            write_photo(self.folder / path, drawn)
             self.lines[view] = path
 
-    def _drawn(self) -> Iterator[str]:
-        return (view for view in PICTURES if view in self.views)
-
-    def _at(self, path: str) -> Path:
-        return self.folder / path
-
-    def _photo(self) -> None:
-        from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
-
-        photo, path = self.senses.photo, f"photos/{self.specimen.part}.png"
-        write_photo(self._at(path), photo)
-        self.views["photo"] = _view(path, photo_pitch_mm(photo), photo_origin_mm(photo), photo.shape)
-
-    def _edges(self, edges: EdgeMap) -> None:
-        path = f"felt/{self.specimen.part}-edges.png"
-        write_photo(self._at(path), Photo(draw_edges(edges), pitch_mm=edges.pitch_mm))
-        self.views["edges"] = _view(path, edges.pitch_mm, edges.origin_mm, edges.shape)
-        for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
-            self._layer(
-                f"edges-{direction:d}-16",
-                f"felt/{self.specimen.part}-edges-{direction:d}-16.png",
-                np.where(edges.valid, layer, np.nan),
-                "enhancement",
-                pitch_mm=edges.pitch_mm,
-                origin_mm=edges.origin_mm,
+    def _felt(self, maps: FeltMaps, stem: str) -> None:
+        self.scan, edges, relief = _scan(maps.scan), maps.edges, maps.relief
+        if edges is not None:
+            grid = _Grid(edges.pitch_mm, edges.origin_mm, edges.shape)
+            self._picture(
+                "edges", f"{stem}-edges.png", Photo(draw_edges(edges), pitch_mm=grid.pitch_mm), grid
             )
+            for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
+                view, values = f"edges-{direction:d}-16", np.where(edges.valid, layer, np.nan)
+                self._layer(view, f"{stem}-{view}.png", values, "enhancement", grid)
+        if relief is not None:
+            grid = _Grid(relief.pitch_mm, relief.origin_mm, relief.height_mm.shape)
+            drawn = draw_heights(relief.height_mm, pitch_mm=grid.pitch_mm)
+            self._picture("relief", f"{stem}-relief.png", Photo(drawn, pitch_mm=grid.pitch_mm), grid)
+            self._layer("relief-16", f"{stem}-relief-16.png", relief.height_mm, "mm", grid)
 
-    def _relief(self, relief: Relief) -> None:
-        path, grid = f"felt/{self.specimen.part}-relief.png", relief.height_mm
-        write_photo(
-            self._at(path), Photo(draw_heights(grid, pitch_mm=relief.pitch_mm), pitch_mm=relief.pitch_mm)
-        )
-        self.views["relief"] = _view(path, relief.pitch_mm, relief.origin_mm, grid.shape)
-        self._layer(
-            "relief-16",
-            f"felt/{self.specimen.part}-relief-16.png",
-            grid,
-            "mm",
-            pitch_mm=relief.pitch_mm,
-            origin_mm=relief.origin_mm,
-        )
+    def _picture(self, view: str, path: str, photo: Photo, grid: _Grid) -> None:
+        write_photo(self.folder / path, photo)
+        self.views[view] = {"file": path, **grid.label()}
 
-    def _layer(
-        self,
-        view: str,
-        path: str,
-        values: NDArray[np.floating],
-        unit: str,
-        *,
-        pitch_mm: float,
-        origin_mm: tuple[float, float],
-    ) -> None:
-        step = write_layer(self._at(path), values, unit=unit, pitch_mm=pitch_mm, origin_mm=origin_mm)
-        shape = (values.shape[0], values.shape[1])
-        self.views[view] = {**_view(path, pitch_mm, origin_mm, shape), "step": step, "unit": unit}
+    def _layer(self, view: str, path: str, values: NDArray[np.floating], unit: str, grid: _Grid) -> None:
+        place: Any = {"pitch_mm": grid.pitch_mm, "origin_mm": grid.origin_mm}
+        step = write_layer(self.folder / path, values, unit=unit, **place)
+        self.views[view] = {"file": path, **grid.label(), "step": step, "unit": unit}
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Where the pixels of a view are on the plate."""
+
+    pitch_mm: float
+    origin_mm: tuple[float, float]
+    shape: tuple[int, ...]
+
+    def label(self) -> dict[str, Any]:
+        origin = [round(float(v), 6) for v in self.origin_mm]
+        return {"pitch_mm": float(self.pitch_mm), "origin_mm": origin, "shape": list(self.shape[:2])}
 
 
 def _scan(scan: Scan) -> dict[str, Any]:
@@ -213,13 +190,6 @@ def _scan(scan: Scan) -> dict[str, Any]:
         "tip_radius_mm": scan.touch.tip_radius_mm,
         "whisker": scan.touch.whisker,
     }
-
-
-def _view(
-    path: str, pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
-) -> dict[str, Any]:
-    origin = [round(float(v), 6) for v in origin_mm]
-    return {"file": path, "pitch_mm": float(pitch_mm), "origin_mm": origin, "shape": list(shape)}
 
 
 def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:

@@ -10,7 +10,7 @@ whose label is missing or does not agree with the files.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,6 @@ from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.export.data_card import CARD, card_of, page_of
 from pipeline.benchmark.export.exported_part import (
     FOLDERS,
-    ExportedPart,
     ExportOrder,
     export_part,
     label_path,
@@ -83,11 +82,14 @@ def export(
         on_start(len(items), len(labels))
     missing = [item for item in items if item.part not in labels]
     failed: list[str] = []
-    for item, made, error in _made(executor or InlineExecutor(), order, missing):
+    for outcome in (executor or InlineExecutor()).calls(export_part, order, missing):
+        item, made = outcome.task, outcome.result
         if made is None:
-            failed.append(f"{item.part}: {error}")
+            failed.append(f"{item.part}: {outcome.error}")
             continue
-        _write(folder, item, made)
+        last = label_path(item.part)
+        for path in sorted(made.files, key=last.__eq__):
+            _put(folder / path, made.files[path])
         labels[item.part] = made.label
         if on_part is not None:
             on_part(item.part)
@@ -118,13 +120,6 @@ def check(order: ExportOrder, folder: Path) -> list[Difference]:
         if path in there and sha256((folder / path).read_bytes()) != hashed
     ]
     return sorted(found + [Difference(p, "not in the manifest") for p in there - wanted.keys()], key=str)
-
-
-def _made(
-    executor: Executor, order: ExportOrder, items: Sequence[Item]
-) -> Iterator[tuple[Item, ExportedPart | None, Exception | None]]:
-    for outcome in executor.calls(export_part, order, items):
-        yield outcome.task, outcome.result, outcome.error
 
 
 def _design_of(order: ExportOrder) -> dict[str, Any]:
@@ -167,19 +162,11 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
     label = _json_of(folder / label_path(item.part))
     if label is None or not isinstance(label.get("files"), dict):
         return None
-    for path, hashed in label["files"].items():
-        try:
-            if sha256((folder / path).read_bytes()) != hashed:
-                return None
-        except OSError:
-            return None
-    return label
-
-
-def _write(folder: Path, item: Item, made: ExportedPart) -> None:
-    last = label_path(item.part)
-    for path in sorted(made.files, key=lambda path: path == last):
-        _put(folder / path, made.files[path])
+    try:
+        same = all(sha256((folder / path).read_bytes()) == hashed for path, hashed in label["files"].items())
+    except OSError:
+        return None
+    return label if same else None
 
 
 def _finish(order: ExportOrder, folder: Path, labels: Sequence[dict[str, Any]]) -> None:

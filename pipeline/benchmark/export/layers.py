@@ -29,12 +29,7 @@ def step_of(values: NDArray[np.floating]) -> float:
 
 
 def write_layer(
-    path: Path,
-    values: NDArray[np.floating],
-    *,
-    unit: str,
-    pitch_mm: float,
-    origin_mm: tuple[float, float],
+    path: Path, values: NDArray[np.floating], *, unit: str, pitch_mm: float, origin_mm: tuple[float, float]
 ) -> float:
     """Write a map as PNG, whole or not at all.
 

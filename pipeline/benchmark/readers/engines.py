@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -146,16 +147,8 @@ def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
         classes: what they mean.
     """
     best = beliefs.argmax(axis=1)
-    line: Line = []
-    before = 0
-    for step, k in enumerate(best):
-        belief = float(beliefs[step, k])
-        if k and k == before:
-            line[-1] = (line[-1][0], max(line[-1][1], belief))
-        elif k:
-            line.append((classes[k], belief))
-        before = int(k)
-    return line
+    runs = ((k, list(steps)) for k, steps in groupby(range(len(best)), key=lambda step: int(best[step])))
+    return [(classes[k], float(beliefs[steps, k].max())) for k, steps in runs if k]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What a mode is, and the senses that all modes share.
+"""Modes, and the senses that all modes share.
 
 A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings, and how long
 that took, so that every mode is charged for all it used.
@@ -7,10 +7,10 @@ that took, so that every mode is charged for all it used.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from glyphs.errors import MarksError
 from pipeline.benchmark.exam.perturbed import perturbed
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
 
 
+R = TypeVar("R")
 _KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
 """What `PartReadings` keeps of each sense: values, and their times."""
 
@@ -63,18 +64,13 @@ class PartReadings:
         from pipeline.reading.part_reader import read_surface
 
         part = self.specimen
-        reading: Reading = self._timed(
-            "touch",
-            lambda: read_surface(
-                self._reader,
-                part.height_map,
-                soil=part.soil,
-                rows_known=part.rows_known,
-                part_id=part.part,
-                feel=part.feel,
-            ),
-        )
-        return reading
+        known: Any = {
+            "soil": part.soil,
+            "rows_known": part.rows_known,
+            "part_id": part.part,
+            "feel": part.feel,
+        }
+        return self._timed("touch", lambda: read_surface(self._reader, part.height_map, **known))
 
     @cached_property
     def felt(self) -> FeltMaps:
@@ -83,8 +79,7 @@ class PartReadings:
         Raises:
             MapError: a surface that cannot be scanned.
         """
-        maps: FeltMaps = self._timed("felt", lambda: feel_part(self.specimen))
-        return maps
+        return self._timed("felt", lambda: feel_part(self.specimen))
 
     @cached_property
     def photo(self) -> Photo:
@@ -99,8 +94,7 @@ class PartReadings:
     def vision(self) -> Reading:
         """The photograph read."""
         photo = self.photo
-        reading: Reading = self._timed("vision", lambda: self._reader.vision.read_photo(photo))
-        return reading
+        return self._timed("vision", lambda: self._reader.vision.read_photo(photo))
 
     @cached_property
     def lights(self) -> Reading:
@@ -110,8 +104,7 @@ class PartReadings:
             MarksError: there is only one, or none.
         """
         photo = self._taken("photographs", self.specimen.take_lights)
-        reading: Reading = self._timed("lights", lambda: self._reader.vision.read_photo(photo))
-        return reading
+        return self._timed("lights", lambda: self._reader.vision.read_photo(photo))
 
     def _taken(self, name: str, take: Callable[[], Photo] | None) -> Photo:
         from recognition.reader import centre_on
@@ -119,11 +112,11 @@ class PartReadings:
         if take is None:
             several = " under several lights" if name == "photographs" else ""
             raise MarksError(f"{self.specimen.part} has no {name}{several}")
-        photo: Photo = self._timed(name, take)
+        photo = self._timed(name, take)
         # as `pipeline.reading.part_reader` has it
         return photo if photo.centre_mm is not None else centre_on(photo, self.specimen.height_map)
 
-    def _timed(self, name: str, act: Callable[[], Any]) -> Any:
+    def _timed(self, name: str, act: Callable[[], R]) -> R:
         start = time.perf_counter()
         result = act()
         self.seconds[name] = time.perf_counter() - start
@@ -150,44 +143,19 @@ def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -
 
 
 @dataclass(frozen=True)
-class StageReading:
-    """A reading, and what it took on a stage.
-
-    Attributes:
-        reading: of the part.
-        stage_s: stage seconds.
-        passes: felt.
-        stop: why no more.
-        thought_s: longest wait between two passes, processor seconds.
-        usual_thought_s: median wait.
-    """
-
-    reading: Reading
-    stage_s: float
-    passes: int
-    stop: str = ""
-    thought_s: float = 0.0
-    usual_thought_s: float = 0.0
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a trial that the stage fills."""
-        times = {name: round(getattr(self, name), 4) for name in ("thought_s", "usual_thought_s")}
-        return {
-            "scan_s": round(self.stage_s, 3),
-            "flags": self.stop,
-            "measures": {"passes": float(self.passes), **times},
-        }
-
-
-class ModeReader(Protocol):
+class Mode:
     """A mode.
 
     Attributes:
         uses: what it needs of `PartReadings`: "touch", "vision", "lights", "felt"; the others' time is not charged to
             it.
+        read: reads a part; gives with it fields of the trial that other modes leave to the run, or none.
     """
 
     uses: tuple[str, ...]
+    read: Callable[[PartReadings], tuple[Reading, Mapping[str, Any]]]
 
-    def read(self, senses: PartReadings) -> Reading | StageReading:
-        """Read the part."""
+    @classmethod
+    def of(cls, uses: tuple[str, ...], read: Callable[[PartReadings], Reading]) -> Mode:
+        """A mode that only reads."""
+        return cls(uses, lambda senses: (read(senses), {}))

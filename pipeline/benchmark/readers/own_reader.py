@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.named import load_named
-from pipeline.benchmark.readers.mode import PartReadings
+from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM, reading_of
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.common.settings import SettingsError
@@ -106,35 +106,27 @@ class ExamPart:
         return PICTURES[kind](self._senses)
 
 
-class OwnMode:
+def own_mode(name: str, settings: ReaderSettings) -> Mode:
     """A mode that asks a function.
 
     Raises:
         SettingsError: there is no such function.
     """
+    function: Any = load_named(name, what="reader", error=SettingsError)
+    if not callable(function):
+        raise SettingsError(f"the reader {name!r} is no function", hint="name one that takes a part")
 
-    uses: tuple[str, ...] = ()
-
-    def __init__(self, name: str, settings: ReaderSettings) -> None:
-        self._read: Any = load_named(name, what="reader", error=SettingsError)
-        if not callable(self._read):
-            raise SettingsError(f"the reader {name!r} is no function", hint="name one that takes a part")
-        self._settings = settings
-
-    def read(self, senses: PartReadings) -> Reading:
-        """Ask the function.
-
-        Raises:
-            MarksError: it gives something else than a text or an answer, or ends the program.
-        """
+    def read(senses: PartReadings) -> Reading:
         try:
-            said = self._read(ExamPart(senses, self._settings))
+            said = function(ExamPart(senses, settings))
         except SystemExit as error:
             raise MarksError("the reader wanted to end the program", hint="let it raise an error") from error
         answer = Answer(said) if isinstance(said, str) else said
         if not isinstance(answer, Answer):
             raise MarksError(f"the reader gave a {type(said).__name__}", hint="give a text or an Answer")
         return reading_of_answer(answer)
+
+    return Mode.of((), read)
 
 
 def reading_of_answer(answer: Answer) -> Reading:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from glyphs.fonts.serials import allowed_characters
-from pipeline.benchmark.readers.engines import Engine, Line, open_engine
-from pipeline.benchmark.readers.mode import ModeReader, PartReadings
+from pipeline.benchmark.readers.engines import Line, open_engine
+from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES
 
 if TYPE_CHECKING:
@@ -18,9 +18,10 @@ ACCEPTED_FROM = 0.9
 """Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 _FELT = ("edges", "relief")
+_LEAST_PX = 8  # of a side: engines fail on smaller pictures
 
 
-def open_peer(engine: str, picture: str, *, format: str | None) -> ModeReader:
+def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
     """A mode that has another's engine read.
 
     Args:
@@ -32,22 +33,16 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> ModeReader:
         ModeUnavailableError: the engine or its data are not installed.
     """
     places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
-    chars = "".join(sorted(set("".join(places)))) or _ALPHABET
-    return _Peer(open_engine(engine, chars), picture, places)
+    reader = open_engine(engine, "".join(sorted(set("".join(places)))) or _ALPHABET)
+    felt = picture in _FELT
 
+    def read(senses: PartReadings) -> Reading:
+        drawn = PICTURES[picture](senses)
+        line = reader.read_line(drawn, places) if min(drawn.shape[:2]) >= _LEAST_PX else []
+        reading = reading_of(line, places=places)
+        return replace(reading, seconds={"scan": senses.felt.simulated_s}) if felt else reading
 
-class _Peer:
-    def __init__(self, engine: Engine, picture: str, places: tuple[str, ...]) -> None:
-        self.uses: tuple[str, ...] = ("felt",) if picture in _FELT else ()
-        self._engine, self._picture, self._places = engine, picture, places
-
-    def read(self, senses: PartReadings) -> Reading:
-        picture = PICTURES[self._picture](senses)
-        line = self._engine.read_line(picture, self._places) if min(picture.shape[:2]) >= 8 else []
-        reading = reading_of(line, places=self._places)
-        if self._picture not in _FELT:
-            return reading
-        return replace(reading, seconds={"scan": senses.felt.simulated_s})
+    return Mode.of(("felt",) if felt else (), read)
 
 
 def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:

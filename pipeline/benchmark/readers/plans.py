@@ -11,10 +11,11 @@ All are read by touch alone, on one bench with the sensors and the stage that `B
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pipeline.benchmark.readers.mode import PartReadings, StageReading
+from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
@@ -22,6 +23,7 @@ from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder
 from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
 
 if TYPE_CHECKING:
+    from recognition.decision.reading import Reading
     from recognition.reader import Reader
 
 WORTHS_S = (30.0, WORTH_S, 1000.0)
@@ -85,38 +87,31 @@ PLANS = (
 )
 
 
-class PlanMode:
-    """Touch by one plan."""
+def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
+    """Touch by one plan; the stage's time, passes and waits go into the trial."""
+    from pipeline.reading.simulated_scan import feel, open_session
 
-    uses: tuple[str, ...] = ()
+    touch = reader.touch
 
-    def __init__(self, plan: TouchPlan, reader: Reader) -> None:
-        self._plan, self._touch = plan, reader.touch
-
-    def read(self, senses: PartReadings) -> StageReading:
-        """Feel the part by the plan and read it."""
-        from pipeline.reading.simulated_scan import feel, open_session
-
+    def read(senses: PartReadings) -> tuple[Reading, dict[str, Any]]:
         part = senses.specimen
         height_mm = part.height_mm or USUAL_HEIGHT_MM
-        if self._plan.name == "whole":
-            plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
-            scan = feel(
-                part.height_map, plan=plan, height_mm=height_mm, sensor_seed=BENCH_SEED, soil=part.soil
-            )
-            return StageReading(self._touch.read_scan(scan), plan.scan_time_s, passes=len(plan.passes()))
-        session = open_session(
-            part.height_map, height_mm=height_mm, soil=part.soil, part_id=part.part, sensor_seed=BENCH_SEED
-        )
-        found = ActiveReader(self._touch, self._plan.settings(part.number)).read(session)
+        bench: Any = {"height_mm": height_mm, "soil": part.soil, "sensor_seed": BENCH_SEED}
+        if plan.name == "whole":
+            raster = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
+            reading = touch.read_scan(feel(part.height_map, plan=raster, **bench))
+            return reading, _on_stage(raster.scan_time_s, len(raster.passes()))
+        session = open_session(part.height_map, part_id=part.part, **bench)
+        found = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()
         # after the last pass nobody waits: the part can be taken away
         waits = sorted(p.thought_s for p in found.passes[:-1] if p.thought_s > 0.0)
-        return StageReading(
-            found.reading,
-            found.stage_s,
-            passes=len(found.passes),
-            stop=found.stop.value,
-            thought_s=max(waits, default=0.0),
-            usual_thought_s=waits[len(waits) // 2] if waits else 0.0,
-        )
+        return found.reading, _on_stage(found.stage_s, len(found.passes), found.stop.value, waits or [0.0])
+
+    return Mode((), read)
+
+
+def _on_stage(stage_s: float, passes: int, stop: str = "", waits: Sequence[float] = (0.0,)) -> dict[str, Any]:
+    """Fields of a trial: stage seconds, why no more was felt, passes, and the longest and the median wait."""
+    times = {"thought_s": round(waits[-1], 4), "usual_thought_s": round(waits[len(waits) // 2], 4)}
+    return {"scan_s": round(stage_s, 3), "flags": stop, "measures": {"passes": float(passes), **times}}

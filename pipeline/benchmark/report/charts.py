@@ -166,14 +166,7 @@ def _shares(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: s
     )  # fmt: skip
 
 
-def _wrong(
-    axes: Axes,
-    x: NDArray[np.float64],
-    shares: Sequence[Share],
-    mode: str,
-    *,
-    floor: float,
-) -> None:
+def _wrong(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: str, *, floor: float) -> None:
     colour, marker, line = style_of(mode)
     y = np.array([max(floor, 1.0 - s.value) for s in shares])
     low = np.array([max(floor, 1.0 - s.high) for s in shares])

@@ -31,41 +31,33 @@ def design_words(parts: Mapping[str, Any], n_parts: int, given: Sequence[str]) -
 
 
 def _factors(design: Mapping[str, Any], n_parts: int) -> list[tuple[str, str]]:
-    levels = _all_levels(design)
+    levels, sections = _all_levels(design), design.get("section", ())
     cross = [name for name in design.get("cross", ()) if name in levels]
     varied = [name for name in cross if len(levels[name]) > 1]
-    balanced = [name for name in levels if name not in cross and len(levels[name]) > 1]
-    fixed = [name for name in levels if len(levels[name]) == 1]
-    rows = [("parts", f"{n_parts:,}")]
-    if varied:
-        cells = math.prod(len(levels[name]) for name in varied)
-        text = " × ".join(_with_levels(name, levels[name]) for name in varied)
-        rows.append(("crossed in full", f"{text}: {cells} cells" if len(varied) > 1 else text))
-    if balanced:
-        rows.append(
-            ("balanced in every cell", "; ".join(_with_levels(name, levels[name]) for name in balanced))
-        )
-    if fixed:
-        words = (f"{factor_name(name)} {level_name(levels[name][0])}" for name in fixed)
-        rows.append(("the same for all", "; ".join(words)))
-    named = [section for section in design.get("section", ()) if section.get("name")]
-    if named:
-        rows.append(("sections", "; ".join(_section(section) for section in named)))
-    return rows
+    cells = math.prod(len(levels[name]) for name in varied)
+    crossed = " × ".join(_with_levels(name, levels[name]) for name in varied)
+    rows = {
+        "crossed in full": f"{crossed}: {cells} cells" if len(varied) > 1 else crossed,
+        "balanced in every cell": "; ".join(
+            _with_levels(name, found)
+            for name, found in levels.items()
+            if name not in cross and len(found) > 1
+        ),
+        "the same for all": "; ".join(
+            f"{factor_name(name)} {level_name(found[0])}" for name, found in levels.items() if len(found) == 1
+        ),
+        "sections": "; ".join(_section(section) for section in sections if section.get("name")),
+    }
+    return [("parts", f"{n_parts:,}"), *((what, words) for what, words in rows.items() if words)]
 
 
 def _all_levels(design: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """Of the design and of all its sections."""
-    found = {name: list(values) for name, values in design["part"].items()}
-    own: dict[str, list[Any]] = {}
-    for section in design.get("section", ()):
-        for name, values in section.get("part", {}).items():
-            own.setdefault(name, []).extend(values)
-    # what every section names for itself is not the design's
-    sections = len(design.get("section", ()))
-    for name, values in own.items():
-        by_all = sum(name in s.get("part", {}) for s in design["section"]) == sections
-        found[name] = list(dict.fromkeys([*([] if by_all else found.get(name, [])), *values]))
+    """Of the design and of all its sections; a factor that every section names for itself is not the design's."""
+    own = [section.get("part", {}) for section in design.get("section", ())]
+    found = {}
+    for name in dict.fromkeys([*design["part"], *(name for part in own for name in part)]):
+        shared = [] if own and all(name in part for part in own) else design["part"].get(name, [])
+        found[name] = list(dict.fromkeys([*shared, *(level for part in own for level in part.get(name, ()))]))
     return found
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 from pipeline.benchmark.analysis.bounds import parts_without_wrong
+from pipeline.benchmark.analysis.checks import WRONG_LIMIT, Verdict, at_most
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, Group
 from pipeline.benchmark.analysis.statistics import Statistics
-from pipeline.benchmark.analysis.targets import WRONG_LIMIT, Verdict, at_most
 from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.report import charts as report_pictures
@@ -22,6 +21,7 @@ from pipeline.benchmark.report.text_tables import given_words, leaders
 from pipeline.benchmark.report.worst_parts import WorstPart, marked
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.version import library_versions
 
 _MOST_MISTAKES = 12
 
@@ -158,14 +158,8 @@ def _flat(values: dict[str, Any], before: str = "") -> Iterator[tuple[str, str]]
 
 
 def versions() -> dict[str, str]:
-    """Of this program and of what it stands on."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    libraries = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
-    for name in ("tactile-marks", "numpy", "scipy", "numba", "opencv-python-headless", "scikit-image",
-                 "scikit-learn", "rapidocr", "onnxruntime", "tesserocr"):  # fmt: skip
-        try:
-            libraries[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return libraries
+    """Versions of this program and of the libraries below it."""
+    names = (
+        "numpy scipy numba opencv-python-headless scikit-image scikit-learn rapidocr onnxruntime tesserocr"
+    )
+    return library_versions(("tactile-marks", *names.split()))

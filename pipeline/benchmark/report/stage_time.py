@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, PercentFormatter
 
 from glyphs.atomic import replacing
-from pipeline.benchmark.analysis.groups import grouped
+from pipeline.benchmark.analysis.groups import grouped, split_of
 from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.benchmark.report.charts import inlined, severity_name, severity_panels
 from pipeline.benchmark.report.page import write_page, write_table
@@ -53,18 +53,22 @@ class PlanResult:
 
 def results(trials: Iterable[Trial]) -> list[PlanResult]:
     """A row a plan, in the order of the trials."""
-    return [
-        PlanResult(
-            plan=_plan(key.mode),
-            n=len(own),
-            stage_s=fmean(t.scan_s for t in own),
-            median_s=median(t.scan_s for t in own),
-            right=sum(t.right for t in own),
-            accepted=sum(t.accepted for t in own),
-            wrong=sum(t.accepted and not t.right for t in own),
+    found = []
+    for key, own in grouped(trials).items():
+        split, seconds = split_of(own), [t.scan_s for t in own]
+        right = sum(t.right for t in own)
+        found.append(
+            PlanResult(
+                _plan(key.mode),
+                len(own),
+                fmean(seconds),
+                median(seconds),
+                right,
+                split.accepted,
+                split.accepted_wrong,
+            )
         )
-        for key, own in grouped(trials).items()
-    ]
+    return found
 
 
 def by_severity(trials: Sequence[Trial]) -> list[tuple[float | None, list[PlanResult]]]:
@@ -73,13 +77,12 @@ def by_severity(trials: Sequence[Trial]) -> list[tuple[float | None, list[PlanRe
     return [(s, results(t for t in trials if s is None or t.severity == s)) for s in (*known, None)]
 
 
-def write_stage_time(trials: Sequence[Trial], folder: Path, *, title: str, command: str) -> tuple[Path, ...]:
+def write_stage_time(trials: Sequence[Trial], folder: Path, *, command: str) -> tuple[Path, ...]:
     """Write the table, the page, and the curves of what was given first.
 
     Args:
         trials: by modes of `pipeline.benchmark.readers.plans`.
         folder: for active.csv, active.html and active.png.
-        title: of the page.
         command: how to do it again, as typed.
     """
     table, page, picture = (folder / f"active.{suffix}" for suffix in ("csv", "html", "png"))
@@ -94,7 +97,7 @@ def write_stage_time(trials: Sequence[Trial], folder: Path, *, title: str, comma
     write_page(
         page,
         "stage_time.html.j2",
-        title=title,
+        title="What a serial costs in stage seconds",
         command=command,
         sections=[
             {

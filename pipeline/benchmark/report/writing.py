@@ -16,11 +16,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pipeline.benchmark.analysis.checks import Verdict, verdicts
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in
 from pipeline.benchmark.analysis.stability import steady
-from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
-from pipeline.benchmark.analysis.targets import Verdict, verdicts
+from pipeline.benchmark.analysis.statistics import Statistics, plain, statistics_of
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.page import write_page, write_table, write_text
 from pipeline.benchmark.report.report_page import report_values, versions
@@ -82,7 +82,7 @@ def write_report(
     Raises:
         FileError: the folder cannot be written.
     """
-    found = statistics_of(trials, crossed_of(benchmark.description()))
+    found = statistics_of(trials, benchmark.crossed)
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
@@ -126,11 +126,6 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
             min((c.margin for c in t.characters), default=""), t.flags, t.error,
             *(round(getattr(t, name), 4) for name in _TIMES),
         )  # fmt: skip
-
-
-def crossed_of(description: Mapping[str, Any]) -> tuple[str, ...]:
-    """Factors of the cells, from what a benchmark says of itself; the severity where it says nothing."""
-    return tuple(description["parts"].get("cross", DEFAULT_CROSSED))
 
 
 def _figures(

@@ -14,18 +14,23 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from glyphs.errors import MarksError, describe_fault
+from pipeline.benchmark.exam.condition import Level
+from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
-from pipeline.runs.journal import Journal, resumable
+from pipeline.runs.journal import resumable
 
 if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
     from recognition.decision.reading import Reading
 
+RECORDED = "recorded"
+"""The factor that tells a recording of its own from one that was perturbed."""
+_DEPTH = "depth_mm"
 _REPEAT = re.compile(r"(.+)\.(\d+)")
 
 
@@ -68,40 +73,16 @@ class StudyPlan:
         return f"array {array + 1}" if self.arrays > 1 else "the reader"
 
 
-@dataclass(frozen=True)
-class Measured:
-    """One trial.
-
-    Attributes:
-        part: its name.
-        appraiser: who.
-        trial: from 1 on.
-        recorded: it is a recording of its own, not one that was perturbed.
-        text: as read, without blanks; empty with an error.
-        decision: accept, review or reject; empty with an error.
-        confidence: that all of it is right, 0 to 1.
-        depth_mm: mean of its characters; None where it is not known.
-        error: why there is no reading; empty where there is one.
-    """
-
-    part: str
-    appraiser: str
-    trial: int
-    recorded: bool
-    text: str = ""
-    decision: str = ""
-    confidence: float = 0.0
-    depth_mm: float | None = None
-    error: str = ""
-
-
-class StudyJournal(Journal[tuple[Measured, ...]]):
-    """The trials of a broken-off study."""
+class StudyJournal(TrialJournal):
+    """The trials of a broken-off study: the mode is the appraiser, the number that of the trial, from 1 on."""
 
     kind: ClassVar[str] = "study"
-    version: ClassVar[int] = 2
-    keeps: ClassVar[Any] = tuple[Measured, ...]
     file: ClassVar[str] = "study.unfinished"
+
+
+def depth_of(trial: Trial) -> float | None:
+    """Mean depth of the characters, mm; None where it is not known."""
+    return trial.measures.get(_DEPTH)
 
 
 def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
@@ -127,7 +108,7 @@ def measure(
     executor: Executor,
     journal: StudyJournal,
     on_part: Callable[[], None] = lambda: None,
-) -> list[Measured]:
+) -> list[Trial]:
     """Every trial of every part, in their order; what fails is in the trial.
 
     Args:
@@ -138,8 +119,8 @@ def measure(
         on_part: told of every part as it is done.
     """
 
-    def lost(part: StudiedPart, error: Exception) -> tuple[Measured, ...]:
-        return tuple(_failed(blank, describe_fault(error)) for _, blank in _blanks(plan, part))
+    def lost(part: StudiedPart, error: Exception) -> tuple[Trial, ...]:
+        return tuple(replace(blank, error=describe_fault(error)) for _, blank in _blanks(plan, part))
 
     for _ in resumable(journal, parts, executor, measure_part, plan, lost=lost):
         on_part()
@@ -147,42 +128,34 @@ def measure(
     return [m for part in parts for m in done[part.name]]
 
 
-def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Measured, ...]:
+def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Trial, ...]:
     """Every trial of one part."""
     return tuple(_measured(plan, part, array, blank) for array, blank in _blanks(plan, part))
 
 
-def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Measured]]:
+def _blanks(plan: StudyPlan, part: StudiedPart) -> Iterator[tuple[int, Trial]]:
     """The trials of a part before it is read, each with the number of its array."""
     several = len(part.recordings) if len(part.recordings) > 1 else 0
     for array in range(plan.arrays):
         for trial in range(1, plan.repeats + 1):
-            yield array, Measured(part.name, plan.appraiser(array), trial, recorded=trial <= several)
+            levels: dict[str, Level] = {RECORDED: trial <= several}
+            yield array, Trial(part.name, trial, levels, plan.appraiser(array), truth="")
 
 
-def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Measured) -> Measured:
-    recording = part.recordings[(blank.trial - 1) % len(part.recordings)]
-    seed = zlib.crc32(f"{part.name} {array} {blank.trial}".encode())
-    again = None if blank.recorded else Retake(ANEW, seed, array=array)
+def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> Trial:
+    recording = part.recordings[(blank.number - 1) % len(part.recordings)]
+    seed = zlib.crc32(f"{part.name} {array} {blank.number}".encode())
+    again = None if blank.levels[RECORDED] else Retake(ANEW, seed, array=array)
     try:
         reading = _read(plan.settings, recording, again)
     except MarksError as error:
-        return _failed(blank, str(error))
+        return replace(blank, error=str(error))
     # a fault of the program in one part may not cost the study the other parts
     except Exception as error:
-        return _failed(blank, f"{describe_fault(error)}; please report it")
-    touch = reading.touch
-    return replace(
-        blank,
-        text="".join(reading.text.split()),
-        decision=reading.decision.value,
-        confidence=round(float(reading.confidence), 6),
-        depth_mm=None if touch is None else touch.depth_mean_mm,
-    )
-
-
-def _failed(blank: Measured, error: str) -> Measured:
-    return replace(blank, error=error)
+        return replace(blank, error=f"{describe_fault(error)}; please report it")
+    depth_mm = None if reading.touch is None else reading.touch.depth_mean_mm
+    measures = {} if depth_mm is None else {_DEPTH: depth_mm}
+    return replace(blank, **answer_of(reading), measures=measures)
 
 
 def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:

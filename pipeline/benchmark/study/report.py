@@ -19,6 +19,7 @@ from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
+from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
@@ -27,15 +28,12 @@ _MOST_PARTS = 60
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#7f7f7f", "#a0522d", "#cc79a7", "#56b4e9")
 
 
-def write_study(
-    study: Study, folder: Path, *, notes: Sequence[str] = (), command: str = ""
-) -> tuple[Path, ...]:
+def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path, ...]:
     """Write the page and the tables, and name them; no table of depths where there is no gauge study.
 
     Args:
         study: what was found.
         folder: for them; made if need be.
-        notes: what else to know about it.
         command: how to do it again, as typed.
 
     Raises:
@@ -54,7 +52,7 @@ def write_study(
         title="Agreement study",
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         study=study,
-        trials=max((m.trial for m in study.measured), default=0),
+        trials=max((m.number for m in study.measured), default=0),
         comparisons=[("serials", study.serials), ("decisions", study.decisions)],
         gauge=study.depth,
         components=[] if study.depth is None else list(components(study.depth)),
@@ -63,7 +61,7 @@ def write_study(
         differ=[(part, study.truth.get(part, ""), _said(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
         errors=[m for m in study.measured if m.error],
-        notes=notes,
+        notes=study.notes,
         versions=versions(),
         command=command,
     )
@@ -91,19 +89,23 @@ def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None
 
 def depth_figure(study: Study) -> Figure:
     """Mean depth of every part as each appraiser measured it, the shallowest part first."""
-    known = [m for m in study.measured if m.depth_mm is not None and m.part not in study.depthless]
+    known = [
+        (m.part, m.mode, depth_mm)
+        for m in study.measured
+        if (depth_mm := depth_of(m)) is not None and m.part not in study.depthless
+    ]
     means: dict[str, list[float]] = {}
-    for m in known:
-        means.setdefault(m.part, []).append(m.depth_mm or 0.0)
+    for part, _, depth_mm in known:
+        means.setdefault(part, []).append(depth_mm)
     order = {part: k for k, part in enumerate(sorted(means, key=lambda p: sum(means[p]) / len(means[p])))}
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes = figure.subplots()
-    appraisers = list(dict.fromkeys(m.appraiser for m in known))
+    appraisers = list(dict.fromkeys(who for _, who, _ in known))
     for number, who in enumerate(appraisers):
-        own = [m for m in known if m.appraiser == who]
+        own = [(order[part], depth_mm) for part, by, depth_mm in known if by == who]
         beside = 0.18 * (number - 0.5 * (len(appraisers) - 1))
         axes.plot(
-            [order[m.part] + beside for m in own], [m.depth_mm or 0.0 for m in own], ".", markersize=5,
+            [x + beside for x, _ in own], [depth_mm for _, depth_mm in own], ".", markersize=5,
             color=_COLOURS[number % len(_COLOURS)], label=who,
         )  # fmt: skip
     axes.set_xticks([])
@@ -125,9 +127,9 @@ def _readings(study: Study) -> Iterator[Sequence[object]]:
     )  # fmt: skip
     for m in study.measured:
         yield (
-            m.part, study.truth.get(m.part, ""), m.appraiser, m.trial, int(m.recorded), m.text,
+            m.part, study.truth.get(m.part, ""), m.mode, m.number, int(bool(m.levels[RECORDED])), m.text,
             _right(study, m.part, m.text), m.decision, m.confidence,
-            "" if m.depth_mm is None else round(m.depth_mm, 6), m.error,
+            "" if (depth_mm := depth_of(m)) is None else round(depth_mm, 6), m.error,
         )  # fmt: skip
     for who, by_part in study.answers.items():
         for part, said in by_part.items():

@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.benchmark.study.agreement import Agreement, agreements
 from pipeline.benchmark.study.gauge import GaugeRR, gauge_rr
-from pipeline.benchmark.study.repeats import Measured
+from pipeline.benchmark.study.repeats import depth_of
+from pipeline.benchmark.trials.journal import Trial
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,10 @@ class Study:
         depth: how well the mean depth of a part is gauged; None where `no_depth` says why.
         no_depth: why there is no gauge study; empty where there is one.
         depthless: parts left out of it, as their depth was not known each time.
+        notes: what else to know about it, in sentences.
     """
 
-    measured: tuple[Measured, ...]
+    measured: tuple[Trial, ...]
     answers: Mapping[str, Mapping[str, tuple[str, ...]]]
     truth: Mapping[str, str]
     serials: tuple[Agreement, ...]
@@ -35,6 +37,7 @@ class Study:
     depth: GaugeRR | None
     no_depth: str
     depthless: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -44,7 +47,7 @@ class Study:
     @property
     def appraisers(self) -> tuple[str, ...]:
         """The reader's arrays, then the reviewers."""
-        return (*dict.fromkeys(m.appraiser for m in self.measured), *self.answers)
+        return (*dict.fromkeys(m.mode for m in self.measured), *self.answers)
 
     @property
     def widest_depth(self) -> tuple[str, float]:
@@ -62,9 +65,11 @@ class Study:
 
 
 def study_of(
-    measured: Sequence[Measured],
+    measured: Sequence[Trial],
     answers: Mapping[str, Mapping[str, tuple[str, ...]]] | None = None,
     truth: Mapping[str, str] | None = None,
+    *,
+    notes: tuple[str, ...] = (),
 ) -> Study:
     """All that trials, answers and truth tell.
 
@@ -72,13 +77,14 @@ def study_of(
         measured: every trial; equally many of every part and appraiser.
         answers: of reviewers: trial by trial, by reviewer and part.
         truth: text by part, as far as known.
+        notes: what else to know.
 
     Raises:
         ValueError: not equally many.
     """
     answers, truth = answers or {}, {part: "".join(text.split()) for part, text in (truth or {}).items()}
     depths, depthless = _depths(measured)
-    trials = max((m.trial for m in measured), default=0)
+    trials = max((m.number for m in measured), default=0)
     no_depth = ""
     if len(depths) < 2:
         no_depth = "the depth of fewer than two parts is known each time"
@@ -93,25 +99,26 @@ def study_of(
         depth=None if no_depth else gauge_rr(list(depths.values())),
         no_depth=no_depth,
         depthless=depthless,
+        notes=notes,
     )
 
 
-def _by_appraiser(measured: Sequence[Measured], attribute: str) -> dict[str, dict[str, tuple[str, ...]]]:
+def _by_appraiser(measured: Sequence[Trial], attribute: str) -> dict[str, dict[str, tuple[str, ...]]]:
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     for m in measured:
-        by_part = found.setdefault(m.appraiser, {})
+        by_part = found.setdefault(m.mode, {})
         by_part[m.part] = (*by_part.get(m.part, ()), getattr(m, attribute))
     return found
 
 
-def _depths(measured: Sequence[Measured]) -> tuple[dict[str, list[list[float]]], tuple[str, ...]]:
+def _depths(measured: Sequence[Trial]) -> tuple[dict[str, list[list[float]]], tuple[str, ...]]:
     """Depths by part, (appraisers, trials), mm, where all are known; and the parts where they are not."""
     found: dict[str, dict[str, list[float]]] = {}
     unknown: dict[str, None] = {}
     for m in measured:
-        if m.depth_mm is None:
+        if (depth_mm := depth_of(m)) is None:
             unknown[m.part] = None
         else:
-            found.setdefault(m.part, {}).setdefault(m.appraiser, []).append(m.depth_mm)
+            found.setdefault(m.part, {}).setdefault(m.mode, []).append(depth_mm)
     known = {part: list(by.values()) for part, by in found.items() if part not in unknown}
     return known, tuple(unknown)

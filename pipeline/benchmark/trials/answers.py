@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from glyphs.errors import FileError
 from pipeline.benchmark.exam.condition import Condition, Given, Level
@@ -22,9 +24,6 @@ from pipeline.benchmark.trials.journal import Trial, answer_of
 from pipeline.common.version import key_of
 from pipeline.formats.table_file import number_of
 from pipeline.formats.truth import PartLine, load_part_lines
-
-_DECISIONS = ("accept", "review", "reject")
-_YES, _NO = ("1", "yes", "true"), ("0", "no", "false")
 
 
 @dataclass(frozen=True)
@@ -135,42 +134,40 @@ def _part_of(name: str, known: set[str]) -> str:
     return stem if name not in known and view in PICTURES and stem in known else name
 
 
+class _Cells(BaseModel):
+    """What a line of answers says of its text."""
+
+    confidence: Annotated[float, BeforeValidator(number_of), Field(ge=0.0, le=1.0)] = 0.0
+    decision: Literal["accept", "review", "reject"] | None = None
+    accepted: bool | None = None
+
+
+_HINTS = {
+    "confidence": "give a number from 0 to 1",
+    "decision": "give one of accept, review, reject",
+    "accepted": "give yes or no",
+}
+
+
 def _said(path: Path, line: PartLine) -> dict[str, Any]:
     """The fields of a trial that an answer fills."""
-    return _said_of(line.text, _confidence(path, line), _decision(path, line))
+    written = {name: line.others[name].lower() for name in _HINTS if line.others.get(name)}
+    try:
+        cells = _Cells.model_validate(written)
+    except ValidationError as error:
+        name = str(error.errors()[0]["loc"][0])
+        what = name if name == "accepted" else f"the {name}"
+        raise FileError(path, f"line {line.line}: {what} is {written[name]!r}", _HINTS[name]) from error
+    decision = cells.decision
+    if decision is None and cells.accepted is not None:
+        decision = "accept" if cells.accepted else "review"
+    return _said_of(line.text, cells.confidence, decision)
 
 
 def _said_of(text: str, confidence: float, decision: str | None) -> dict[str, Any]:
     accepted = None if decision is None else decision == "accept"
     fields = answer_of(reading_of_answer(Answer(text, confidence, accepted)))
     return fields if decision in (None, "accept") else {**fields, "decision": decision}
-
-
-def _confidence(path: Path, line: PartLine) -> float:
-    cell = line.others.get("confidence", "")
-    try:
-        value = number_of(cell) if cell else 0.0
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise FileError(path, f"line {line.line}: the confidence is {cell!r}", "give a number from 0 to 1")
-    return value
-
-
-def _decision(path: Path, line: PartLine) -> str | None:
-    """Accept, review or reject; None where the table leaves it to the confidence."""
-    decision, accepted = (line.others.get(name, "").lower() for name in ("decision", "accepted"))
-    if decision in _DECISIONS:
-        return decision
-    if decision:
-        raise FileError(
-            path, f"line {line.line}: the decision is {decision!r}", f"give one of {', '.join(_DECISIONS)}"
-        )
-    if accepted in (*_YES, *_NO):
-        return "accept" if accepted in _YES else "review"
-    if accepted:
-        raise FileError(path, f"line {line.line}: accepted is {accepted!r}", "give yes or no")
-    return None
 
 
 def _condition(table: Path, line: PartLine) -> Condition:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
 
@@ -12,6 +13,8 @@ Z_95 = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
 WORST_SHARE, GOOD_SHARE = 0.5, 0.98
 WANTED = 0.02
+MOST_PARTS = 10**9
+"""More than any interval takes that can be asked for, ±0.002 % and wider."""
 
 
 def half_width(parts: int, share: float) -> float:
@@ -34,13 +37,8 @@ def parts_needed(wanted: float, share: float) -> int:
     """
     if not 0.0 < wanted < 1.0:
         raise ValueError(f"an interval of +-{wanted} is not between 0 and 1")
-    low, high = 0, 1
-    while half_width(high, share) > wanted:
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if half_width(middle, share) > wanted else (low, middle)
-    return high
+    widths = range(1, MOST_PARTS)
+    return 1 + bisect_left(widths, x=True, key=lambda parts: half_width(parts, share) <= wanted)
 
 
 def foresight(items: Sequence[Item], crossed: Sequence[str]) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 
 from pipeline.benchmark.exam.condition import PERTURBED, Condition, Given
 from pipeline.benchmark.exam.specimens import Item, Parts
-from pipeline.benchmark.readers.mode import ModeReader, PartReadings, StageReading
+from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.modes import MODES, open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
@@ -79,6 +79,11 @@ class Benchmark:
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
         }
+
+    @property
+    def crossed(self) -> tuple[str, ...]:
+        """Factors of the cells; the severity where the parts do not name any."""
+        return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
         """How a part of that kind is read by a reader that is given so much of it."""
@@ -174,9 +179,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
         mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
-        read = mode.read(senses)
-        on_stage = read.fields() if isinstance(read, StageReading) else {}
-        reading = read.reading if isinstance(read, StageReading) else read
+        reading, more = mode.read(senses)
         reading = reader.apply_certificate(reading) if own_mode else reading
         measures = measures_of(reading) if own_mode else {}
     except Exception as error:
@@ -189,7 +192,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
         "compute_s": round(own + used, 4),
         "scan_s": round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
     }
-    return replace(blank, **{**found, **on_stage})
+    return replace(blank, **{**found, **more})
 
 
 @lru_cache(maxsize=KEPT_READERS)
@@ -199,7 +202,7 @@ def reader_for(settings: ReaderSettings) -> Reader:
 
 
 @lru_cache(maxsize=4 * KEPT_READERS)
-def _mode(name: str, reader: Reader) -> ModeReader:
+def _mode(name: str, reader: Reader) -> Mode:
     return open_mode(name, reader)
 
 

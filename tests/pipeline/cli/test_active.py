@@ -40,6 +40,7 @@ def test_an_active_scan_chooses_its_ways_itself(part: Path, tmp_path: Path) -> N
 def test_the_benchmark_compares_plans(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from pipeline.benchmark.readers import modes
     from pipeline.benchmark.readers import plans as touch_plans
     from pipeline.benchmark.trials import run
 
@@ -49,10 +50,12 @@ def test_the_benchmark_compares_plans(
         touch_plans.TouchPlan("uniform", 4),
         touch_plans.TouchPlan("whole", LINES_PER_HEIGHT),
     )
-    monkeypatch.setattr(touch_plans, "PLANS", plans)
+    monkeypatch.setattr(modes, "PLANS", plans)
     asked = [
         "benchmark",
-        "--active",
+        "run",
+        "--mode",
+        "plans",
         "--out",
         str(tmp_path),
         "--dirt",

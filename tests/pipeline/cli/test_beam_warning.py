@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cli.beam_warning import linear_beam_warning
+from pipeline.cli.whisker import linear_beam_warning
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import linear_error
 from whisker_array.whisker.sections import Rectangle, Round, WhiskerError

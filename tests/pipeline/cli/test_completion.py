@@ -49,7 +49,7 @@ def test_bash_completes_commands_options_choices_and_files(
         "tactile-marks read --mode f": "fused",
         "tactile-marks read part.npz --fidelity ": "pointwise contact",
         "tactile-marks read --truth tr": "truth.csv",
-        "tactile-marks benchmark --pee": "--peers",
+        "tactile-marks benchmark run --desi": "--design",
         "tactile-marks completion z": "zsh",
     }
     registered, *found = completed(tmp_path, capsys.readouterr().out, *lines)

@@ -28,7 +28,7 @@ def test_the_demonstration_leaves_a_page_that_stands_alone(
     assert str(out / "overview.html") in shown
     assert str(out / "overview.png") in shown
     page = (out / "overview.html").read_text(encoding="utf-8")
-    assert 'src="data:image/png;base64,' in page
+    assert 'src="data:image/jpeg;base64,' in page
     assert page.count("src=") == page.count('src="data:') == len(demonstration.DEMO_PARTS)
     assert "://" not in page
     for part in demonstration.DEMO_PARTS:

@@ -8,8 +8,6 @@ import pytest
 
 from glyphs.stamping.database import DatabaseError, load_database
 from glyphs.surface.maps import HeightMap
-from pipeline.cli.enroll import enroll
-from pipeline.cli.exit_status import CommandError
 from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
@@ -229,8 +227,8 @@ def test_the_command_takes_a_table(folder, tmp_path, capsys):
     path, config = tmp_path / "press.glyphs", tmp_path / "c.toml"
     config.write_text('font = ["gothic"]\nheight_mm = 5.0\n')
     parts = folder / "part-2.npz"
-    status = enroll(parts, database=path, font="press-7", truth=folder / "truth.csv", config=config)
-    assert status == 0
+    asked = ("--font", "press-7", "--truth", folder / "truth.csv", "--config", config)
+    assert main(["enroll", *map(str, (parts, "--database", path, *asked))]) == 0
     shown = capsys.readouterr().out
     assert "press-7: 4 characters of 1 parts enrolled" in shown
     assert "held out: too few parts" in shown
@@ -241,16 +239,15 @@ def test_the_command_takes_a_table(folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({}, "name parts with --truth"),
-        ({"inputs": ["x"]}, "give --truth"),
-        ({"inputs": ["x"], "from_store": True}, "name parts with --truth"),
-        ({"from_store": True, "since": -1.0}, "positive number"),
+        ((), "name parts with --truth"),
+        (("x",), "give --truth"),
+        (("x", "--from-store"), "name parts with --truth"),
+        (("--from-store", "--since=-1"), "Must be > 0"),
     ],
 )
-def test_the_command_refuses(given, message, tmp_path):
-    inputs = given.pop("inputs", [])
-    with pytest.raises(CommandError, match=message):
-        enroll(*inputs, database=tmp_path / "d.glyphs", font="press-7", **given)
+def test_the_command_refuses(given, message, tmp_path, capsys):
+    assert main(["enroll", *given, "--database", str(tmp_path / "d.glyphs"), "--font", "press-7"]) == 2
+    assert message in capsys.readouterr().err
 
 
 def reviewed_store(folder, root, *, actions):

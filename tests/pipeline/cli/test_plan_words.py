@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.cli.plan_words import describe_plan
+from pipeline.cli.whisker import describe_plan
 from whisker_array.whisker.array import default_plan
 
 

@@ -87,7 +87,7 @@ def test_a_photograph_has_one_array_and_no_depth(
     ("arguments", "status", "complaint"),
     [
         ([], 2, "name parts"),
-        (["PARTS", "--repeats", "0"], 2, "at least 1"),
+        (["PARTS", "--repeats", "0"], 2, "Must be >= 1"),
         (["PARTS", "--format", "A(", "--font", "nowhere"], 2, "nowhere"),
         (["missing/"], 1, "missing"),
     ],

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import tokens as command_tokens
-from pipeline.cli.exit_status import FAILED, USAGE, CommandError
+from pipeline.cli.exit_status import FAILED, USAGE
+from pipeline.cli.main import main
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.store.access import new_token, token_hash
 from pipeline.store.store import ConflictError, NotFoundError, Store, UnfitError
@@ -90,9 +90,12 @@ def url(tmp_path: Path) -> str:
 
 
 def test_the_command_makes_lists_and_revokes(url: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command_tokens.list_tokens(store=url) == 0
+    def tokens(*arguments: str) -> None:
+        assert main(["tokens", *arguments, "--store", url]) == 0
+
+    tokens("list")
     assert "no tokens; make one" in capsys.readouterr().err
-    command_tokens.add("line-3", scope=("write", "read"), days=90, store=url)
+    tokens("add", "line-3", "--scope", "write", "--scope", "read", "--days", "90")
     shown = capsys.readouterr()
     secret = shown.out.strip()
     assert re.fullmatch(r"tm_\S{43}", secret)
@@ -103,35 +106,30 @@ def test_the_command_makes_lists_and_revokes(url: str, capsys: pytest.CaptureFix
     assert found.scopes == {Scope.READ, Scope.WRITE}
     assert found.expires_at is not None
     assert timedelta(days=89) < found.expires_at - datetime.now(UTC) <= timedelta(days=90)
-    command_tokens.add("desk", scope=("review",), store=url)
+    store.close()
+    tokens("add", "desk", "--scope", "review")
     capsys.readouterr()
-    command_tokens.revoke("desk", store=url)
+    tokens("revoke", "desk")
     assert "desk is refused" in capsys.readouterr().out
-    command_tokens.list_tokens(store=url)
+    tokens("list")
     line_3, desk = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"line-3 +read, write +made \S+  good until \S+", line_3)
     assert re.fullmatch(r"desk +review +made \S+  revoked \S+", desk)
-    store.close()
 
 
 @pytest.mark.parametrize(
-    ("name", "more", "status", "message"),
+    ("arguments", "status", "message"),
     [
-        ("x", {"days": 0}, USAGE, "0 days cannot be"),
-        ("x", {"days": 10**9}, USAGE, "give 1 to 36500"),
-        ("", {}, USAGE, "needs a name"),
-        ("x", {"store": "nothing"}, FAILED, "not a URL"),
+        (("add", "x", "--scope", "read", "--days", "0"), USAGE, "Must be >= 1"),
+        (("add", "x", "--scope", "read", "--days", "1000000000"), USAGE, "Must be <= 36500"),
+        (("add", "", "--scope", "read"), USAGE, "needs a name"),
+        (("add", "x", "--scope", "read", "--store", "nothing"), FAILED, "not a URL"),
+        (("revoke", "x"), FAILED, "no token 'x'"),
     ],
 )
 def test_the_command_tells_what_is_wrong(
-    url: str, name: str, more: dict[str, object], status: int, message: str
+    url: str, arguments: tuple[str, ...], status: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(CommandError, match=message) as caught:
-        command_tokens.add(name, scope=("read",), **{"store": url, **more})
-    assert caught.value.status == status
-
-
-def test_the_command_does_not_find_a_token(url: str) -> None:
-    with pytest.raises(CommandError, match="no token 'x'") as caught:
-        command_tokens.revoke("x", store=url)
-    assert caught.value.status == FAILED
+    store = () if "--store" in arguments else ("--store", url)
+    assert main(["tokens", *arguments, *store]) == status
+    assert message in capsys.readouterr().err

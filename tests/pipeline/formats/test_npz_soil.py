@@ -12,7 +12,7 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.cli.scan import scan
+from pipeline.cli.whisker import scan
 from pipeline.formats.npz import DEFAULT_HARDNESS_MPA, read_npz, read_soil, soil_members, write_npz
 from pipeline.formats.touch_file import read_scan
 from whisker_array.whisker.defaults import NOMINAL_FRICTION

@@ -168,18 +168,21 @@ def test_the_light_may_be_given() -> None:
 
 def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     common = ["--parts", "1", "--format", "A9", "--height-mm", "3"]
-    assert main(["synth", str(tmp_path / "a"), *common, "--dirt", "0.5", "--oil", "0", "--pits", "0"]) == 0
+    assert main(["synth", str(tmp_path / "a"), *common, "--dirt", "0.5", "--mix", "oil=0,pits=0"]) == 0
     with np.load(tmp_path / "a" / "part-000.npz") as content:
         assert content["soft_mm"].max() > 0.0
         assert content["friction"].min() > 0.19  # no oil
-    assert main(["synth", str(tmp_path / "b"), *common, "--swarf", "0.6", "--no-photo"]) == 0
+    assert main(["synth", str(tmp_path / "b"), *common, "--mix", "swarf=0.6", "--no-photo"]) == 0
     assert not (tmp_path / "b" / "part-000.png").exists()
     with np.load(tmp_path / "b" / "part-000.npz") as content:
         assert content["soft_mm"].max() == 0.0
     assert main(["synth", str(tmp_path / "c"), *common, "--dirt", "1.5"]) == 2
     assert "severity is 1.5" in capsys.readouterr().err
-    assert main(["synth", str(tmp_path / "c"), *common, "--grime", "-1"]) == 2
+    assert main(["synth", str(tmp_path / "c"), *common, "--mix", "grime=-1"]) == 2
     assert "grime is -1" in capsys.readouterr().err
+    for wrong, complaint in (("dust=1", "the kinds are grime"), ("oil", "write kinds and amounts")):
+        assert main(["synth", str(tmp_path / "c"), *common, "--mix", wrong]) == 2
+        assert complaint in capsys.readouterr().err
 
 
 def test_practices_from_the_command_line(tmp_path: Path) -> None:

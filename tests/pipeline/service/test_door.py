@@ -19,7 +19,7 @@ import uvicorn
 from starlette.testclient import TestClient
 
 from pipeline.cli.exit_status import CommandError
-from pipeline.cli.serving import check_tls, listening
+from pipeline.cli.serve import check_tls, listening
 from pipeline.common.records import PartState, Scope
 from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings

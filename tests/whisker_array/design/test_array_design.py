@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pipeline.cli.design_array import array_report
+from pipeline.cli.design_report import array_report
 from whisker_array.design.array_design import ArrayRequest, design_arrays
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, measured_plans

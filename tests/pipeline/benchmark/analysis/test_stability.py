@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark.analysis.changes import changes
+from pipeline.benchmark.analysis.checks import Outcome, verdicts
 from pipeline.benchmark.analysis.stability import Fault, stability_of
 from pipeline.benchmark.analysis.statistics import statistics_of
-from pipeline.benchmark.analysis.targets import Outcome, verdicts
 from pipeline.benchmark.exam.condition import PERTURBED
 from pipeline.benchmark.readers.own_reader import Answer, ExamPart
 from pipeline.benchmark.report import writing
@@ -131,10 +131,10 @@ def test_an_accepted_serial_that_becomes_another_fails_the_run(
     monkeypatch.setattr(writing, "draw_worst", undrawn)
     SIZES.clear()
     arguments = [
-        "benchmark", "--perturb", "--dirt", "0", "--parts", "1", "--format", "A9", "--mode", "",
+        "benchmark", "run", "--perturb", "--dirt", "0", "--parts", "1", "--format", "A9",
     ]  # fmt: skip
     bad, good = (f"{__name__}:{own.__name__}" for own in (misled, steadfast))
-    assert main([*arguments, "--reader", bad, "--out", str(tmp_path / "bad")]) == 1
+    assert main([*arguments, "--mode", bad, "--out", str(tmp_path / "bad")]) == 1
     said = capsys.readouterr()
     assert "accepted as A1, and under scale as B2" in said.out
     assert "became other accepted serials" in said.err
@@ -145,5 +145,5 @@ def test_an_accepted_serial_that_becomes_another_fails_the_run(
     assert [s["perturbation"] for s in stability] == ["", *(p.name for p in PERTURBATIONS)]
     with (tmp_path / "bad" / "benchmark.csv").open(encoding="utf-8") as stream:
         assert [row["perturbed"] for row in csv.DictReader(stream)] == ["", *(p.name for p in PERTURBATIONS)]
-    assert main([*arguments, "--reader", good, "--out", str(tmp_path / "good")]) == 0
+    assert main([*arguments, "--mode", good, "--out", str(tmp_path / "good")]) == 0
     assert "FAULT" not in capsys.readouterr().out

@@ -101,11 +101,7 @@ def test_no_code_that_fits_names_what_is_kept_out(path: Path) -> None:
 
 def test_the_known_fits_are_among_those_looked_at() -> None:
     found = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
-    assert {
-        "tests/benchmarks/soil_severity.py",
-        "tests/benchmarks/learning.py",
-        SCALE,
-    } <= found
+    assert {"tests/benchmarks/soil_severity.py", "tests/benchmarks/learning.py", SCALE} <= found
 
 
 def test_every_fitted_file_has_a_manifest() -> None:

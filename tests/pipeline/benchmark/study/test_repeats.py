@@ -9,9 +9,10 @@ import pytest
 
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.study import repeats
-from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal, StudyPlan, studied_parts
+from pipeline.benchmark.study.repeats import StudiedPart, StudyJournal, StudyPlan, studied_parts
 from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import study_of
+from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
@@ -32,7 +33,7 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
     )  # fmt: skip
 
 
-def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Measured]:
+def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Trial]:
     """All trials of a study in a folder, by this process."""
     with StudyJournal.open(folder, {"repeats": plan.repeats}) as journal:
         return repeats.measure(plan, parts, InlineExecutor(), journal)
@@ -68,21 +69,21 @@ def test_recordings_come_as_they_are_and_what_lacks_is_perturbed(
 ) -> None:
     plan = StudyPlan(ReadSettings(), repeats=3, arrays=1)
     found = measured(plan, studied_parts([RECORDED, SECOND, MAP]), tmp_path)
-    assert [(m.part, m.trial, m.recorded) for m in found] == [
+    assert [(m.part, m.number, m.levels["recorded"]) for m in found] == [
         ("r", 1, True), ("r", 2, True), ("r", 3, False), ("m", 1, False), ("m", 2, False), ("m", 3, False),
     ]  # fmt: skip
     assert [name for name, _ in asked] == ["r.1", "r.2", "r.1", "m", "m", "m"]
     seeds = [again.seed for _, again in asked if again is not None]
     assert len(set(seeds)) == 4
     assert {m.text for m in found} == {"A1"}
-    assert {m.appraiser for m in found} == {"the reader"}
+    assert {m.mode for m in found} == {"the reader"}
 
 
 def test_an_array_keeps_its_sensors_from_trial_to_trial(
     asked: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
     found = measured(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), tmp_path)
-    assert [(m.appraiser, m.trial) for m in found] == [
+    assert [(m.mode, m.number) for m in found] == [
         ("array 1", 1), ("array 1", 2), ("array 2", 1), ("array 2", 2),
     ]  # fmt: skip
     assert [again.array for _, again in asked if again is not None] == [0, 0, 1, 1]
@@ -135,9 +136,19 @@ def test_answers_that_cannot_be_used_are_refused(tmp_path: Path, lines: str, com
         load_reviews(table, {"m", "n"})
 
 
-def trials(part: str, depths: list[float | None], text: str = "A1") -> list[Measured]:
+def trials(part: str, depths: list[float | None], text: str = "A1") -> list[Trial]:
     return [
-        Measured(part, f"array {1 + k // 2}", 1 + k % 2, False, text, "accept", 0.9, d)
+        Trial(
+            part,
+            1 + k % 2,
+            {"recorded": False},
+            f"array {1 + k // 2}",
+            "",
+            text,
+            "accept",
+            0.9,
+            measures={} if d is None else {"depth_mm": d},
+        )
         for k, d in enumerate(depths)
     ]
 
@@ -158,5 +169,5 @@ def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
     few = study_of(measured[:4])
     assert few.depth is None
     assert "fewer than two parts" in few.no_depth
-    once = study_of([m for m in measured if m.trial == 1])
+    once = study_of([m for m in measured if m.number == 1])
     assert "measured once" in once.no_depth

@@ -12,7 +12,7 @@ from glyphs.errors import FileError
 from pipeline.benchmark.exam.condition import Condition, Given
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
-from pipeline.cli.benchmarking.score import score
+from pipeline.cli.exam import score
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.common.settings import SettingsError
 from tests.factories import designed_parts

@@ -64,7 +64,7 @@ class Echo:
     uses: tuple[str, ...] = ()
     seen: list[str] = field(default_factory=list)
 
-    def read(self, senses: PartReadings) -> Reading:
+    def read(self, senses: PartReadings) -> tuple[Reading, dict[str, Any]]:
         self.seen.append(senses.specimen.part)
         if int(senses.specimen.truth) % 3 == 1:
             raise ZeroDivisionError("a fault\nof the program")
@@ -72,7 +72,7 @@ class Echo:
             CharacterReading((Candidate(c, 1.0, 0.75), Candidate("x", 0.0, 0.25)), Box(0, 0, 1, 1))
             for c in senses.specimen.truth
         )
-        return Reading(characters, 0.5)
+        return Reading(characters, 0.5), {}
 
 
 @pytest.fixture(autouse=True)

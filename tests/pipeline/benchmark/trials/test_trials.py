@@ -15,14 +15,7 @@ from recognition.decision.reading import Reading
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(
-    "p",
-    0,
-    {"severity": 0.3, "font": "gothic"},
-    "tactile",
-    "A1",
-    "A1",
-    compute_s=1.0,
-    simulated_s=0.25,
+    "p", 0, {"severity": 0.3, "font": "gothic"}, "tactile", "A1", "A1", compute_s=1.0, simulated_s=0.25
 )
 
 

@@ -1,0 +1,58 @@
+"""Ablation: the decision without one of its rules, a contract or a term of the score."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pipeline.common.settings import SettingsError
+
+if TYPE_CHECKING:
+    from recognition.decision.evidence import Measure
+    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.reading import Reading
+
+
+def rules() -> dict[str, ReadingFlag | Measure]:
+    """List contracts and terms of the score by name, such as unread-marks or strokes."""
+    from recognition.decision.decide import CONTRACTS
+    from recognition.decision.evidence import Measure
+    from recognition.decision.score import SOURCES, score_of
+
+    terms = {term for source in SOURCES for term in score_of(source).terms if term is not Measure.ODDS}
+    found: dict[str, ReadingFlag | Measure] = {}
+    for rule in (*CONTRACTS, *sorted(terms)):
+        # the rules for a mark are several flags, which have no name together
+        several = rule.name is None or "|" in rule.name
+        found["mark-rules" if several else str(rule.name).lower().replace("_", "-")] = rule
+    return found
+
+
+def ablated(reading: Reading, name: str) -> Reading:
+    """Decide on a reading without one rule; nothing is read again.
+
+    Raises:
+        SettingsError: no such rule.
+    """
+    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.score import with_score
+
+    rule = check_rule(name)
+    return (
+        reading.without_flags(rule)
+        if isinstance(rule, ReadingFlag)
+        else with_score(reading, without=frozenset({rule}))
+    )
+
+
+def check_rule(name: str) -> ReadingFlag | Measure:
+    """Look a rule up.
+
+    Raises:
+        SettingsError: no such rule; names all.
+    """
+    known = rules()
+    if name not in known:
+        raise SettingsError(
+            f"there is no rule {name!r} to leave out", hint=f"the rules are {', '.join(known)}"
+        )
+    return known[name]

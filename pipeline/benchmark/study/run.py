@@ -1,0 +1,95 @@
+"""A study from its inputs to its report; one that was broken off goes on with the same call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from glyphs.errors import FileError
+from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, measure, studied_parts
+from pipeline.benchmark.study.report import write_study
+from pipeline.benchmark.study.reviews import Reviews, load_reviews
+from pipeline.benchmark.study.study import Study, study_of
+from pipeline.common.settings import ReadSettings
+from pipeline.common.version import program_mark
+from pipeline.formats.find_parts import list_parts
+from pipeline.formats.part_files import PartFiles
+from pipeline.formats.truth import PartTexts, load_truth
+from pipeline.reading.kept_readers import reader_of
+from pipeline.runs.progress import Progress
+from pipeline.workers.options import ExecutorOptions
+
+_MOST_NAMED = 5
+
+
+def run_study(
+    settings: ReadSettings,
+    inputs: Sequence[str],
+    out: Path,
+    *,
+    repeats: int,
+    arrays: int,
+    reviewers: Path | None = None,
+    truth: Path | None = None,
+    executors: ExecutorOptions | None = None,
+    command: str = "",
+) -> tuple[Study, tuple[Path, ...]]:
+    """Measure every part several times, write the report, and return what was found with the files.
+
+    Args:
+        settings: of reading.
+        inputs: parts, folders, globs and manifests.
+        out: folder of the report; the journal of a study that was broken off is in it.
+        repeats: trials of every part.
+        arrays: virtual arrays that each measure every height map.
+        reviewers: table of what people read.
+        truth: table of what is stamped; of parts in a manifest the text expected unless given.
+        executors: who works.
+        command: how to do it again, as typed.
+
+    Raises:
+        MarksError: inputs or tables that cannot be used, or a folder that cannot be written.
+    """
+    reader_of(settings)  # settings that cannot be, before anything is read
+    listed = list_parts(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
+    parts = studied_parts(listed)
+    names = {part.name for part in parts}
+    reviews = load_reviews(reviewers, names) if reviewers else Reviews({}, ())
+    true = _truth(truth, listed, names)
+    simulated = settings.mode != "vision" and all(part.simulated for part in parts)
+    plan = StudyPlan(settings, repeats, arrays if simulated else 1)
+    description = {
+        "settings": settings.model_dump(mode="json", exclude_defaults=True),
+        "inputs": list(inputs),
+        "repeats": plan.repeats,
+        "arrays": plan.arrays,
+        "program": program_mark(),
+    }
+    with StudyJournal.open(out, description) as journal, Progress() as progress:
+        if journal.names:
+            print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")
+        progress.start(len(parts) - len(journal.names))
+        with (executors or ExecutorOptions()).opened(len(parts)) as executor:
+            measured = measure(plan, parts, executor, journal, progress.advance)
+        notes = tuple(_notes(fewer_arrays=plan.arrays < arrays, unknown=reviews.unknown))
+        found = study_of(measured, reviews.answers, true, notes=notes)
+        written = write_study(found, out, command=command)
+        journal.remove()
+    return found, written
+
+
+def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> dict[str, str]:
+    expected = {part.name: part.expected for part in listed if part.expected}
+    texts = PartTexts(expected) if table is None else load_truth(table)
+    known = {name: text for name in names if (text := texts.text_of(name)) is not None}
+    if table is not None and not known:
+        raise FileError(table, "has no row for these parts", "name the parts as their files")
+    return known
+
+
+def _notes(*, fewer_arrays: bool, unknown: Sequence[str]) -> Iterator[str]:
+    if fewer_arrays:
+        yield "Recordings and photographs have one array: what another changes is not in this study."
+    if unknown:
+        named = ", ".join(unknown[:_MOST_NAMED]) + (", ..." if len(unknown) > _MOST_NAMED else "")
+        yield f"Reviewers read {len(unknown)} parts that are not in this study: {named}."

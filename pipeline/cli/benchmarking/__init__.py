@@ -1,1 +1,0 @@
-"""`tactile-marks benchmark` and what stands under it."""

@@ -1,0 +1,453 @@
+"""`tactile-marks benchmark`: run an exam, compare two runs, export it, score answers, and the regression gate."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive, listed
+from pipeline.cli.exit_status import CommandError, UsageError, resumable
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.exam.specimens import Parts
+    from pipeline.benchmark.report.writing import Written
+    from pipeline.runs.progress import Progress
+    from pipeline.workers.executors import Executor
+
+
+def run(
+    *,
+    out: Path,
+    design: str | None = None,
+    parts: Positive = None,
+    mode: str = "tactile,vision,fused",
+    give: Annotated[list[str] | None, Parameter(negative="")] = None,
+    jobs: Jobs = 1,
+    soil: str | None = None,
+    dirt: str | None = None,
+    font: str | None = None,
+    format: str | None = None,
+    height_mm: float | None = None,
+    seed: int | None = None,
+    inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
+    truth: Path | None = None,
+    perturb: Flag = False,
+    experts: str = "",
+    ablate: str = "",
+    fidelity: FidelityName = "contact",
+    certificate: Path | None = None,
+    cluster: str | None = None,
+) -> int:
+    """Make dirty parts, read each in every mode, and write report.html, benchmark.csv, benchmark.json and benchmark.md.
+
+    Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
+    and --truth the parts of a folder are read instead.
+
+    Parameters
+    ----------
+    out
+        Folder for the trials and the report; made if it is not there.
+    design
+        Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
+        file of your own. In place of the flags that say what parts are, but for --parts.
+    parts
+        Number of parts for every soil, dirt, font and format; 200 unless given. Of a design: the first so many; all
+        unless given.
+    mode
+        What reads, separated by commas: tactile, vision, fused, lights (vision of four photographs, the lamp on another
+        side each time), a reader of your own, module:function, that takes a pipeline.ExamPart and gives its text, or
+        another program, such as "rapidocr relief". Also groups: experts (what every expert of the modes named would
+        read alone), peers (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers),
+        plans (touch that chooses its passes against uniform, random and whole plans; of plans alone the report is
+        active.html, active.csv and active.png: accepted serials against stage seconds).
+    give
+        What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
+        format alone, or what the design says, unless given. Repeat it to read every part with each:
+        --give format --give font,format.
+    jobs
+        Worker processes.
+    soil
+        What the dirt is, several separated by commas, each on parts of its own: workshop unless given, caked, rust,
+        paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
+    dirt
+        How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
+    font
+        Built-in names or TTF/OTF files, separated by commas; gothic unless given. Of --inputs: those that may be
+        theirs, all built-in ones unless given.
+    format
+        Masks of the serials, separated by commas; AA999999 unless given. Of --inputs: theirs, if known.
+    height_mm
+        Character height, mm; 5 unless given.
+    seed
+        Of everything random: the same seed gives the same parts; 1 unless given.
+    inputs
+        Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
+    truth
+        CSV with the columns part and text, for --inputs.
+    perturb
+        Read every part again under changes that should not matter: traced lines half a pitch beside, sensor noise, 6 %
+        light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
+        one. Takes about five times as long.
+    experts
+        Which experts are combined, separated by commas: network, templates; both unless given. Templates alone read by
+        touch only.
+    ablate
+        Rules of the decision, separated by commas: each of tactile, vision, lights and fused is also decided without
+        each, as "tactile without unread-marks", and compared with the whole. Contracts and terms of the score; a wrong
+        name lists them. Nothing is read again.
+    fidelity
+        How touch is simulated.
+    certificate
+        Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
+        not vouch for, and the report says where the parts are unlike the certified ones.
+    cluster
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
+    """
+    from pipeline.benchmark.readers.modes import expanded
+    from pipeline.benchmark.readers.plans import TouchPlan
+    from pipeline.benchmark.report.stage_time import write_stage_time
+    from pipeline.benchmark.report.writing import command_line, write_report
+    from pipeline.benchmark.trials.planning import foresight
+    from pipeline.benchmark.trials.run import Benchmark, run_benchmark
+    from pipeline.cli.exam_tables import print_plans, print_result
+    from pipeline.common.settings import SettingsError
+    from pipeline.reading.certificate import checked
+    from pipeline.reading.perturbation import PERTURBATIONS
+    from recognition.language.orientation import Orientation
+    from recognition.senses.settings import ReaderSettings
+    from whisker_array.simulation.traces import Fidelity
+
+    source = _parts(
+        inputs, truth, design, parts, tuple(give or ()),
+        {"soil": soil, "severity": dirt, "font": font, "format": format, "height_mm": height_mm, "seed": seed},
+    )  # fmt: skip
+    vouching = checked(certificate) if certificate is not None else None
+    # parts of a design lie upright; how those of somebody else lie is not known
+    lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
+    try:
+        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie, experts=listed(experts))
+    except ValueError as error:
+        raise SettingsError(f"--experts is {experts!r}: {error}") from error
+    if vouching is not None:
+        reading = replace(reading, **vouching.thresholds())
+    if inputs is not None:
+        reading = replace(reading, fonts=listed(font or ""))
+    tried = Benchmark(
+        source, expanded(listed(mode), ablate=listed(ablate)), reading, PERTURBATIONS if perturb else ()
+    )
+    items = source.items()
+    print(foresight(items, tried.crossed), file=sys.stderr)
+    with _at_work(len(items), out, jobs, cluster) as (progress, executor):
+        trials = run_benchmark(
+            tried, out, executor=executor, on_start=progress.start, on_part=lambda _: progress.advance()
+        )
+        if all(TouchPlan.of(one) for one in tried.modes):
+            print_plans(trials, write_stage_time(trials, out, command=command_line()))
+            return 0
+        progress.step("drawing the report")
+        written = write_report(
+            tried, trials, out, command=command_line(), certificate=vouching, executor=executor
+        )
+    print_result(written)
+    _check_stable(written)
+    return 0
+
+
+def gate(
+    *,
+    jobs: Jobs = 1,
+    camera: Flag = False,
+    raise_floors: Annotated[bool, Parameter(name="--raise", negative="")] = False,
+    out: Path | None = None,
+) -> int:
+    """Read the edition marks-exam-1-48 and fail if anything is read worse than its floors allow.
+
+    Parameters
+    ----------
+    jobs
+        Worker processes.
+    camera
+        Read the photographs, too, and fuse: about twice as long.
+    raise_floors
+        Tighten the floors to what is found; none is ever loosened. Commit the file by itself.
+    out
+        Keep the trials in this folder, for `benchmark compare`; they are thrown away unless given.
+    """
+    from pipeline.benchmark.analysis import gate as floor
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.benchmark.exam.editions import design_named
+    from pipeline.benchmark.trials.run import Benchmark, run_benchmark
+    from pipeline.workers.options import ExecutorOptions
+    from recognition.language.orientation import Orientation
+    from recognition.senses.settings import ReaderSettings
+
+    modes = floor.MODES + floor.CAMERA_MODES if camera else floor.MODES
+    source = DesignedParts(design_named(floor.EDITION))
+    benchmark = Benchmark(source, modes, ReaderSettings(orientation=Orientation.UPRIGHT))
+    start = time.perf_counter()
+    n = len(source.items())
+    with tempfile.TemporaryDirectory() as scratch, ExecutorOptions(jobs).opened(n) as executor:
+        found = floor.counts_of(run_benchmark(benchmark, out or Path(scratch), executor=executor))
+    print(f"{floor.EDITION}: {n} parts in {time.perf_counter() - start:.0f} s")
+    for name, c in found.items():
+        print(
+            f"{name:16} characters {c.characters}, serials {c.serials}, accepted {c.accepted}, wrong {c.accepted_wrong}"
+        )
+    if raise_floors:
+        floor.save_floors(floor.raised(found, floor.load_floors()), floor.FLOORS_FILE)
+        print(f"wrote {floor.FLOORS_FILE}")
+    elif worse := floor.objections(found, floor.load_floors()):
+        raise CommandError("worse than the floors: " + "; ".join(worse))
+    else:
+        print("no worse than the floors")
+    return 0
+
+
+def export(
+    design: str,
+    folder: Path,
+    *,
+    parts: int | None = None,
+    felt: bool = True,
+    jobs: Jobs = 1,
+    cluster: str | None = None,
+    check: Flag = False,
+) -> int:
+    """Write an exam's parts, photographs, felt views and truth. An interrupted export goes on with the same command.
+
+    Parameters
+    ----------
+    design
+        An edition: marks-exam-1, marks-exam-1-240, marks-exam-1-48; or a TOML file of your own.
+    folder
+        For the files; made if it is not there.
+    parts
+        The first so many parts; all unless given. The first of a design are balanced, too.
+    felt
+        Write what touch feels; it takes a third of the time.
+    jobs
+        Worker processes.
+    cluster
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers make the parts instead. Needs the extra cluster.
+    check
+        Write nothing: compare the folder with its manifest, and name what differs.
+    """
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.benchmark.exam.editions import design_named
+    from pipeline.benchmark.export import folder as exporting
+    from pipeline.benchmark.export.exported_part import ExportOrder
+
+    order = ExportOrder(DesignedParts(design_named(design), parts), felt=felt)
+    if check:
+        found = exporting.check(order, folder)
+        for difference in found:
+            print(f"{difference.path}: {difference.problem}")
+        if found:
+            hint = "run the export again, and remove what is not in the manifest"
+            raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)
+        print(f"{folder} is as its manifest says")
+        return 0
+    with _at_work(len(order.parts.items()), folder, jobs, cluster) as (progress, executor):
+        written = exporting.export(
+            order, folder, executor=executor, on_start=progress.start, on_part=lambda _: progress.advance()
+        )
+    print(f"wrote {written} parts and their truth to {folder}")
+    return 0
+
+
+def score(
+    readings: list[Path],
+    /,
+    *,
+    design: str | None = None,
+    truth: Path | None = None,
+    parts: int | None = None,
+    name: str | None = None,
+    give: str = "nothing",
+    out: Path | None = None,
+) -> int:
+    """Score tables of answers against an exam: columns part (or file) and text, also confidence, decision or accepted.
+
+    Parameters
+    ----------
+    readings
+        CSV files, one for each reader. The second and later ones are compared with the first, part by part.
+    design
+        The exam: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML file of your own; or
+    truth
+        a CSV with the columns part and text, and a column for each factor, as truth.csv of an export.
+    parts
+        The first so many parts of the design; all unless given. A part without an answer counts as read empty.
+    name
+        What the readers are called, separated by commas; as their files unless given.
+    give
+        What the readers were given beside the part: font, height, format, or nothing.
+    out
+        Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, as of a run.
+    """
+    if (design is None) == (truth is None):
+        raise UsageError("score: give --design or --truth")
+    if design is None and parts is not None:
+        raise UsageError("score: --parts goes with --design")
+    names = listed(name) if name else tuple(path.stem for path in readings)
+    if len(names) != len(readings) or len(set(names)) != len(names):
+        raise UsageError(
+            f"score: {len(readings)} tables, and the names {', '.join(names)}",
+            "give each its own name with --name",
+        )
+    from pipeline.benchmark.exam.condition import Given
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.benchmark.exam.editions import design_named
+    from pipeline.benchmark.report.writing import command_line, write_report
+    from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
+    from pipeline.benchmark.trials.run import Benchmark
+    from pipeline.cli.exam_tables import print_files, print_scores
+    from recognition.senses.settings import ReaderSettings
+
+    source: TruthParts | DesignedParts
+    if truth is not None:
+        source = TruthParts.load(truth)
+        items = source.items()
+    else:
+        source = DesignedParts(design_named(design or ""), parts)
+        items = designed_items(source)
+    given = Given.parse(give)
+    read = {
+        reader: load_answers(path, items, reader=reader, given=given)
+        for reader, path in zip(names, readings, strict=True)
+    }
+    print_scores(read)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        # part by part, as a run has them
+        trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
+        print_files(
+            write_report(Benchmark(source, names, ReaderSettings()), trials, out, command=command_line())
+        )
+    return 0
+
+
+def compare(
+    before: Path, after: Path, /, *, out: Path | None = None, pictures: int = 24, jobs: Jobs = 1
+) -> int:
+    """Compare two finished benchmarks of the same parts, and show what flipped.
+
+    Writes compare.html, with pictures of the parts that flipped, and compare.csv.
+
+    Parameters
+    ----------
+    before
+        Folder of the benchmark before the change (its --out).
+    after
+        Folder of the benchmark after it.
+    out
+        Folder for the page and the table; that of the second benchmark unless given.
+    pictures
+        How many flips are drawn at most, the gravest first.
+    jobs
+        Worker processes that draw.
+    """
+    if pictures < 0:
+        raise UsageError("compare: --pictures is at least 0")
+    from pipeline.benchmark.report.change_report import write_comparison
+    from pipeline.cli.exam_tables import print_comparison
+    from pipeline.workers.options import ExecutorOptions
+
+    with ExecutorOptions(jobs).opened(pictures) as executor:
+        print_comparison(write_comparison(before, after, out or after, pictures=pictures, executor=executor))
+    return 0
+
+
+@contextmanager
+def _at_work(n: int, kept: Path, jobs: int, cluster: str | None) -> Iterator[tuple[Progress, Executor]]:
+    """Show progress and open the executor for n parts; after an interrupt, say where finished parts are kept."""
+    from pipeline.runs.progress import Progress
+    from pipeline.workers.options import ExecutorOptions
+
+    with Progress() as progress, resumable(kept), ExecutorOptions(jobs, cluster).opened(n) as executor:
+        yield progress, executor
+
+
+def _parts(
+    inputs: list[str] | None,
+    truth: Path | None,
+    design: str | None,
+    parts: int | None,
+    give: tuple[str, ...],
+    flags: dict[str, str | float | None],
+) -> Parts:
+    """The parts of a folder, of a design, or of the flags that say what they are.
+
+    Raises:
+        UsageError: flags that do not go together.
+        MarksError: parts that cannot be found or made.
+    """
+    from pipeline.benchmark.exam.condition import Condition
+    from pipeline.benchmark.exam.design import of_flags
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.benchmark.exam.editions import design_named
+    from pipeline.benchmark.exam.folder_parts import FolderParts
+
+    told = {name: value for name, value in flags.items() if value is not None}
+    words = {"severity": "dirt", "height_mm": "height-mm"}
+    if (inputs is None) != (truth is None):
+        raise UsageError("benchmark: --inputs and --truth go together")
+    if design is not None and (more := [*told, *(["inputs"] if inputs else [])]):
+        what = f"benchmark: --design says what the parts are, and so does --{words.get(more[0], more[0])}"
+        raise UsageError(what, "leave one of them out")
+    if inputs is not None and truth is not None:
+        made = ["parts"] * (parts is not None) + ["give"] * bool(give)
+        if extra := [*made, *(name for name in told if name not in ("severity", "font", "format"))]:
+            raise UsageError(f"benchmark: --{words.get(extra[0], extra[0])} is for parts that are made")
+        formats, severities = listed(str(told.get("format", ""))), _numbers(str(told.get("severity", "")))
+        if len(formats) > 1 or len(severities) > 1:
+            raise UsageError("benchmark: a folder has one format and one dirt")
+        known = Condition(severity=(*severities, None)[0], format=(*formats, "")[0])
+        return FolderParts.load(inputs, truth, known)
+    if design is not None:
+        return DesignedParts(design_named(design).giving(give), parts)
+    levels: dict[str, tuple[str | float, ...]] = {
+        n: _numbers(str(v)) if n == "severity" else listed(v) if isinstance(v, str) else (v,)
+        for n, v in told.items()
+        if n != "seed"
+    }
+    seed = int(told.get("seed", 1))
+    return DesignedParts(of_flags(levels, parts=parts or 200, seed=seed, given=give or ("format",)))
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    from pipeline.common.settings import SettingsError
+
+    try:
+        return tuple(float(item) for item in listed(text))
+    except ValueError as error:
+        raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
+
+
+def _check_stable(written: Written) -> None:
+    """Name every accepted serial that a perturbation made another accepted serial.
+
+    Single experts and programs of others decide nothing: the report alone has theirs.
+
+    Raises:
+        CommandError: there is one.
+    """
+    from pipeline.benchmark.readers.modes import EXPERTS, PEERS
+
+    deciding = [s for s in written.statistics.stability if s.key.mode not in {*EXPERTS, *PEERS}]
+    faults = [(s.key.reader, f) for s in deciding if s.perturbation for f in s.faults]
+    for reader, f in faults:
+        print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")
+    if faults:
+        raise CommandError(
+            f"benchmark: accepted serials became other accepted serials under a perturbation: {len(faults)}",
+            hint="the parts are named above and in the report",
+        )

@@ -1,0 +1,205 @@
+"""`tactile-marks certify` and `study`: how far readings can be trusted."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pipeline.cli.choices import Jobs, Positive
+from pipeline.cli.exit_status import FAILED, UsageError, resumable
+from pipeline.cli.settings import READING, Config, JobPath, Reading
+from pipeline.workers.options import ExecutorOptions
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.study.study import Study
+    from pipeline.runs.certification import Certification
+
+_EXECUTORS = ExecutorOptions()
+_MOST_NAMED = 5
+
+
+def certify(
+    *inputs: str,
+    truth: Path,
+    risk: float = 0.001,
+    confidence: float = 0.95,
+    out: Path = Path("certificate.json"),
+    manifest: tuple[str, ...] = (),
+    executors: Annotated[ExecutorOptions, Parameter(name="*")] = _EXECUTORS,
+    reading: Reading = READING,
+    job: JobPath = None,
+    config: Config = None,
+) -> int:
+    """Show, on parts whose serials are known, from which confidence readings may be accepted, and write a certificate.
+
+    Parts are read as read does, with the same settings. The certificate names the confidence from which at most RISK
+    of what is accepted is wrong, by a guarantee that allows for the number of parts; a page of it stands beside it, in
+    .html. Give it to read, serve and benchmark as --certificate. Where no confidence can be shown, it says about how
+    many parts are missing, and the exit status is 1. What was broken off, the same command goes on with.
+
+    Parameters
+    ----------
+    inputs
+        Parts, as for read.
+    truth
+        CSV with the columns part and text: what is stamped on them. Parts without a line are left out.
+    risk
+        Share of wrong serials among the accepted that is not to be passed, such as 0.001.
+    confidence
+        With which that is to be shown, such as 0.95.
+    out
+        Certificate to write (.json).
+    manifest
+        Table (.csv, .parquet) of parts, as for read; may be repeated.
+    """
+    if not (inputs or manifest):
+        raise UsageError("certify: name the parts, as for read")
+    for name, value in (("risk", risk), ("confidence", confidence)):
+        if not 0.0 < value < 1.0:
+            raise UsageError(f"certify: {name} is {value:g}", "it lies between 0 and 1")
+    if out.suffix.lower() != ".json":
+        raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
+    from glyphs.atomic import check_writable
+    from pipeline.benchmark.report.certificate_page import write_certificate_page
+    from pipeline.benchmark.report.writing import command_line
+    from pipeline.reading.certificate import write_certificate
+    from pipeline.runs import certification
+
+    check_writable(out)
+    with resumable(out.parent):
+        found = certification.certify(
+            inputs, truth, reading, executors, out=out, risk=risk, confidence=confidence, manifests=manifest
+        )
+    _print_tests(found, confidence)
+    if found.certificate is None:
+        print(_what_is_missing(found, risk, confidence))
+        return FAILED
+    page = out.with_suffix(".html")
+    write_certificate(found.certificate, out)
+    write_certificate_page(found.certificate, page, command=command_line())
+    print(f"{found.certificate.describe()}\nwrote {out}\nwrote {page}")
+    return 0
+
+
+def _print_tests(found: Certification, confidence: float) -> None:
+    """Print what was read, and the thresholds at which anything changes."""
+    from pipeline.cli.exam_tables import plain_table, screen
+
+    words = [f"{found.parts:,} labelled parts"]
+    words += [f"{found.errors:,} with an error"] if found.errors else []
+    words += [f"{found.without_truth:,} without a label left out"] if found.without_truth else []
+    print(", ".join(words))
+    headings = ("accepted from", "parts", "wrong", f"at most ({confidence:.4g})", "risk")
+    table = plain_table(headings, ("risk",))
+    for test, after in zip(found.tests, (*found.tests[1:], None), strict=True):
+        # of thresholds that accept the same parts, the most lenient
+        if after is None or after.accepted != test.accepted or after.shown is not test.shown:
+            cells = (f"{test.threshold:g}", f"{test.accepted:,}", str(test.wrong), f"{test.bound:.3%}")
+            table.add_row(*cells, test.shown.value)
+    screen().print(table)
+
+
+def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
+    from recognition.decision.accepted_risk import parts_needed
+
+    needed = parts_needed(risk, confidence=confidence)
+    more = (
+        "parts like these are accepted wrongly too often, or never accepted: more will not help"
+        if found.missing is None
+        else f"about {found.missing:,} more parts like these are missing"
+    )
+    return (
+        f"not certified: a risk of {risk:g} at {confidence:.0%} confidence takes {needed:,} accepted parts without "
+        f"a wrong one, or more with few wrong ones; {more}"
+    )
+
+
+def study(
+    *inputs: str,
+    repeats: Jobs = 3,
+    arrays: Jobs = 2,
+    reviewers: Path | None = None,
+    truth: Path | None = None,
+    out: Path = Path("study"),
+    jobs: Positive = None,
+    reading: Reading = READING,
+    config: Config = None,
+) -> int:
+    """Read every part several times, and report how far readings agree and how well depth is gauged.
+
+    Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
+    photograph every trial is perturbed. Writes study.html, readings.csv, agreement.csv and depth.csv. The exit status
+    is 1 if any trial has no reading. What was broken off, the same command goes on with.
+
+    Parameters
+    ----------
+    inputs
+        Height maps, scans and photographs, folders, globs and manifests of them, as for read.
+    repeats
+        Trials of every part.
+    arrays
+        Virtual arrays that each measure every height map, to show what another array changes; recordings and
+        photographs have one.
+    reviewers
+        CSV with the columns part, reviewer and text: what people read; several lines of one reviewer and part are
+        trials.
+    truth
+        CSV with the columns part and text; of parts in a manifest the text expected unless given.
+    out
+        Folder for the page and the tables.
+    jobs
+        Worker processes; one for each core unless given, or none for a few parts.
+    """
+    if not inputs:
+        raise UsageError("study: name parts, folders, globs or manifests")
+    from pipeline.benchmark.report.writing import command_line
+    from pipeline.benchmark.study.run import run_study
+
+    with resumable(out):
+        found, written = run_study(
+            reading, inputs, out, repeats=repeats, arrays=arrays, reviewers=reviewers, truth=truth,
+            executors=ExecutorOptions(jobs), command=command_line(),
+        )  # fmt: skip
+    _print(found)
+    for path in written:
+        print(f"wrote {path}")
+    errors = {m.part: m.error for m in found.measured if m.error}
+    for part, error in list(errors.items())[:_MOST_NAMED]:
+        print(f"{part}: {error}", file=sys.stderr)
+    if errors:
+        print(f"{len(errors)} parts could not be read each time; they are in readings.csv", file=sys.stderr)
+    return FAILED if errors else 0
+
+
+def _print(found: Study) -> None:
+    from pipeline.cli.exam_tables import plain_table, screen
+
+    for note in found.notes:
+        print(note)
+    words = ("what", "comparison", "who")
+    table = plain_table((*words, "agree", "parts", "share", "95 %", "kappa"), words)
+    for what, each in (("serial", found.serials), ("decision", found.decisions)):
+        for a in each:
+            table.add_row(
+                what, a.kind.value, a.who, str(a.parts.count), str(a.parts.total), f"{a.parts.value:.1%}",
+                f"{100 * a.parts.low:.1f} to {100 * a.parts.high:.1f}",
+                "-" if a.kappa is None else f"{a.kappa.value:.3f}",
+            )  # fmt: skip
+    screen().print(table)
+    gauge = found.depth
+    if gauge is None:
+        print(f"depth: no gauge study, {found.no_depth}")
+        return
+    between = gauge.reproducibility_mm
+    print(
+        f"depth, {gauge.verdict}: gauge {gauge.share:.1%} of the variation, "
+        f"{gauge.categories if gauge.categories is not None else 'any number of'} categories; "
+        f"repeatability {1000 * gauge.repeatability_mm:.2f} µm, "
+        + ("" if between is None else f"reproducibility {1000 * between:.2f} µm, ")
+        + f"parts {1000 * gauge.part_mm:.2f} µm ({gauge.parts} parts)"
+    )
+    part, spread_mm = found.widest_depth
+    print(f"depth varies most on {part}: {1000 * spread_mm:.1f} µm from the least to the most")

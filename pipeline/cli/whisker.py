@@ -1,0 +1,386 @@
+"""`tactile-marks scan`, `calibrate`, `identify`, `import` and `figures`: recordings of touch."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+from pipeline.cli.choices import FidelityName, Flag
+from pipeline.cli.exit_status import CommandError, UsageError
+from pipeline.cli.settings import MAPS, Maps
+
+if TYPE_CHECKING:
+    from whisker_array.scan.session import StageSession
+    from whisker_array.whisker.array import RasterPlan, WhiskerArray
+    from whisker_array.whisker.shapes import Whisker
+
+
+def scan(
+    height_map: Path,
+    *,
+    out: Path,
+    height_mm: Annotated[float | None, Parameter(validator=Number(gt=0, lt=1000))] = None,
+    fidelity: FidelityName = "contact",
+    noise: bool = True,
+    memory: bool = True,
+    seed: int = 0,
+    whisker: Path | None = None,
+    friction: Annotated[float | None, Parameter(validator=Number(gte=0, lte=1))] = None,
+    profilers: bool = False,
+    two_way: bool = False,
+    active: Flag = False,
+    budget_s: float = 60.0,
+    format: str | None = None,
+    maps: Maps = MAPS,
+) -> int:
+    """Scan a height map with the virtual whisker array and record the raw moments.
+
+    Parameters
+    ----------
+    height_map
+        .npz, .x3p, .sdf, .sur ... Friction and soft dirt count where an .npz holds them, as `synth --dirt` writes
+        it. A .toml is a test piece (`identify`).
+    out
+        Recording to write, .h5.
+    height_mm
+        Character height in mm, which sets the scale of array and raster; measured unless given, which takes as long as
+        to read the part.
+    fidelity
+        How touch is simulated.
+    noise
+        Sensors as real ones are: gains, offsets, noise, drift, 16 bits. Without it they are ideal, and so is the stage.
+    memory
+        Of those sensors, too, creep, hysteresis and a zero that shifts, and a stage with play and errors of its place.
+    seed
+        Of all that: the same seed gives the same scan.
+    whisker
+        Whisker to scan with, as `design --out` writes it; one for the character height unless given.
+    friction
+        True friction of the part, 0 to 1; what the file says, or the whisker's nominal one, unless given.
+    profilers
+        Add a second row of whiskers that measures the profile; it separates slopes from heights.
+    two_way
+        Scan every pass again on its return, pushed backwards; it measures friction.
+    active
+        Choose pass after pass while reading, and stop when the serial is sure or more touch would not help, in place of
+        the whole plan; the passes felt are recorded together.
+    budget_s
+        Most stage seconds with --active.
+    format
+        What the serial looks like, with --active, such as AA999999; as read --format takes it.
+    """
+    from glyphs.atomic import check_writable
+    from pipeline.formats.npz import read_soil
+    from pipeline.formats.piece_file import read_surface
+    from pipeline.formats.touch_file import read_height_map
+    from pipeline.formats.whisker_file import read_whisker_file
+    from pipeline.reading.identified import prediction_lines
+    from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
+    from whisker_array.identification.predictions import predictions
+    from whisker_array.scan.recording import save_scan
+    from whisker_array.simulation.traces import Fidelity
+    from whisker_array.whisker.array import default_plan
+    from whisker_array.whisker.defaults import default_whisker
+    from whisker_array.whisker.touch import default_touch
+
+    check_recording(out)
+    if active and (profilers or two_way or whisker is not None):
+        raise UsageError(
+            "scan: --active chooses its passes for the usual comb",
+            "leave out --profilers, --two-way and --whisker",
+        )
+    check_writable(out)
+    piece = height_map.suffix.lower() == ".toml"
+    surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
+    soil = read_soil(height_map, maps)
+    built = read_whisker_file(whisker) if whisker is not None else None
+    if height_mm is None and built is not None:
+        height_mm = built.character_height_mm
+    height = height_mm if height_mm is not None else find_height_mm(surface, soil=soil)
+    if active:
+        session = open_session(
+            surface, height_mm=height, fidelity=Fidelity(fidelity), noise=noise, memory=memory, sensor_seed=seed,
+            part_id=height_map.stem, friction=friction, soil=soil,
+        )  # fmt: skip
+        return scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
+    region = (0.0, 0.0, *surface.size_mm)
+    plan = default_plan(region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way)
+    if built is not None:
+        plan = replace(plan, speed_mm_s=built.speed_mm_s)
+    print(describe_plan(plan))
+    shape = built.whisker if built is not None else default_whisker(height)
+    touch = built.touch if built is not None else default_touch(height)
+    mu = touch.friction if friction is None else friction
+    if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
+        print(f"warning: {warning}", file=sys.stderr)
+    made = feel(
+        surface, plan=plan, height_mm=height, fidelity=Fidelity(fidelity), noise=noise, memory=memory,
+        sensor_seed=seed, part_id=height_map.stem, touch=touch, friction=friction, soil=soil,
+    )  # fmt: skip
+    save_scan(made, out)
+    print(
+        f"wrote {out}: characters {height:.2f} mm, preload {made.touch.preload_mm:.2f} mm, "
+        f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
+    )
+    if built is not None and built.known is not None and not built.whisker.is_straight:
+        print("\n".join(prediction_lines(predictions(built.whisker, built.touch, built.known))))
+    return 0
+
+
+def check_recording(path: Path) -> None:
+    """Check that a recording can have this name.
+
+    Raises:
+        UsageError: another suffix.
+    """
+    from pipeline.formats.kinds import is_scan
+
+    if not is_scan(path):
+        raise UsageError(f"{path}: a recording ends in .h5")
+
+
+def scan_actively(
+    session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
+) -> int:
+    """Record the passes that a reader chooses, and say why it stopped.
+
+    Raises:
+        CommandError: nothing could be felt.
+    """
+    from recognition.active.replay import read_kept
+    from recognition.reader import Reader
+    from whisker_array.scan.recording import save_scan
+
+    found = read_kept(Reader(format=format).touch, session, budget_s=budget_s)
+    session.close()
+    if found.scan is None:
+        raise CommandError(f"scan: nothing was felt: {found.problem}", hint="see to the stage")
+    for one in found.passes:
+        print(
+            f"{one.stage_s:6.1f} s  {one.order.describe()}{f'  {one.text} {one.confidence:.2f}' if one.text else ''}"
+        )
+    save_scan(found.scan, out)
+    print(f"wrote {out}: characters {height_mm:.2f} mm; {found.describe()}")
+    return 0
+
+
+def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = False) -> int:
+    """Find gain and offset of each whisker from the lifted and lead-in samples of a scan; write a calibrated copy.
+
+    Parameters
+    ----------
+    recording
+        The scan, .h5.
+    out
+        Copy to write; NAME-calibrated.h5 beside the recording unless given.
+    in_place
+        Write the calibration into the recording itself.
+    """
+    if in_place and out is not None:
+        raise UsageError("calibrate: --out and --in-place", "give one of them")
+    if not in_place and out is None:
+        out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
+    from glyphs.errors import FileError
+    from pipeline.formats.lead_in import calibrate_scan
+    from pipeline.workers.options import in_a_worker
+    from whisker_array.scan.recording import load_scan, save_calibration
+    from whisker_array.scan.sensor import SensorError
+
+    try:
+        lead_in = calibrate_scan(in_a_worker(load_scan, recording, raw=True))
+        unit = save_calibration(recording, lead_in.calibration, out=out)
+    except SensorError as error:
+        place = f"{error.where}: " if error.where else ""
+        raise FileError(recording, f"cannot be calibrated: {place}{error.what}", error.hint) from error
+    gain_unit = "1" if unit == "N mm" else f"{unit} / (N mm)"
+    print(f"{'':7}  {'gain':>10}  {'offset':>9}  {'residual':>10}      samples\n"
+          f"whisker  {gain_unit:>10}  {unit:>9}  {'N mm, rms':>10}    air   land")  # fmt: skip
+    known, samples = lead_in.calibration, (lead_in.air_samples, lead_in.land_samples)
+    rows = zip(known.gain, known.offset_n_mm, lead_in.residual_n_mm, *samples, strict=True)
+    for whisker, (gain, offset, residual, air, land) in enumerate(rows):
+        note = "" if land else "  never on the land: gain left at 1"
+        print(f"{whisker:7d}  {gain:10.4f}  {offset:+9.4f}  {residual:10.4f}  {air:5d}  {land:5d}{note}")
+    print(f"wrote {out or recording}")
+    return 0
+
+
+def identify(
+    recording: Path,
+    *,
+    piece: Path,
+    whisker: Path | None = None,
+    out: Path | None = None,
+    figure: Path | None = None,
+) -> int:
+    """Find the whisker and bench that made a recording over a piece of known relief.
+
+    Parameters
+    ----------
+    recording
+        The scan, .h5, of four directions and back at best; `scan PIECE.toml` makes one to try it.
+    piece
+        TOML of a test piece, or the height map of any other, with its corner where the scan's frame begins.
+    whisker
+        The whisker as drawn, a file that `design` writes. Without it lengths, angle and stiffness are not looked for.
+    out
+        Whisker file to write, with what was found in place of what was drawn; needs --whisker.
+    figure
+        Picture (.svg, .png) of what was felt, what the bench found predicts, and what is left over.
+    """
+    if out is not None and whisker is None:
+        raise UsageError("--out writes a whisker, and none was given", "add --whisker")
+    from pipeline.reading.identified import identify_recording, table_of, write_found
+    from pipeline.workers.options import in_a_worker
+
+    found, drawn = in_a_worker(identify_recording, recording, piece, whisker)
+    print("\n".join(table_of(found)))
+    if out is not None and drawn is not None:
+        write_found(out, found, drawn)
+        print(f"wrote {out}")
+    if figure is not None:
+        from pipeline.plots.identified import draw_identified
+
+        draw_identified(found, figure)
+        print(f"wrote {figure}")
+    return 0
+
+
+def import_traces(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)], /, *, traces: Path, out: Path
+) -> int:
+    """Make a scan of traces recorded by others: positions and signals in, what `read` and `inspect` take out.
+
+    Parameters
+    ----------
+    files
+        .csv, .txt, .tsv or .tdms (with the extra tdms), in the order in which they were recorded.
+    traces
+        What stands in them, .toml: columns, units, where the whiskers are.
+    out
+        Recording to write, .h5.
+    """
+    from glyphs.atomic import check_writable
+    from glyphs.errors import FileError
+    from pipeline.formats.import_traces import import_traces as imported
+    from pipeline.formats.traces_file import read_traces_file
+    from pipeline.formats.whisker_file import read_whisker_file
+    from whisker_array.scan.read_recording import VOLT
+    from whisker_array.scan.recording import save_scan
+
+    check_recording(out)
+    if not files:
+        raise UsageError("import: no files", "name the traces to be imported")
+    check_writable(out)
+    described = read_traces_file(traces)
+    whisker = traces.parent / described.whisker
+    if not whisker.is_file():
+        raise FileError(traces, f"names the whisker {described.whisker}, which is not there", "put it beside")
+    volts = described.moment_unit == VOLT
+    scan = imported(files, described, touch=read_whisker_file(whisker).touch)
+    save_scan(scan, out, volts=volts)
+    passes = ", ".join(f"{s.plan.line_mm.shape[0]} at {int(s.plan.direction)}°" for s in scan.sweeps)
+    print(
+        f"wrote {out}: passes {passes} of {scan.n_whiskers} whiskers, samples {scan.sweeps[0].plan.step_mm:.4f} mm "
+        f"apart at {scan.sample_rate_hz:,.0f} Hz"
+    )
+    if volts:
+        print(f"its signals are in volts: run tactile-marks calibrate {out}")
+    return 0
+
+
+def figures(
+    *,
+    out: Path = Path("figures-out"),
+    mu: float = 0.2,
+    noise: float = 0.0,
+    seed: int = 0,
+    picture_format: Literal["png", "svg"] = "png",
+) -> int:
+    """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16), and more.
+
+    The linear beam beside the exact one, and the errors of friction, slope and depth as a mixed array finds them.
+
+    Parameters
+    ----------
+    out
+        Folder for the pictures, figures.csv and estimators.csv; made if it is not there.
+    mu
+        Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
+    noise
+        Rms noise of the moment as a share of its value on the land, 0 to 0.02.
+    seed
+        Seed of the noise.
+    picture_format
+        Of the pictures.
+    """
+    from pipeline.plots.drawing import FigureSettings
+    from pipeline.plots.gallery import draw_gallery, step_table
+
+    settings = FigureSettings(mu=mu, noise=noise, seed=seed)
+    print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
+    gallery = draw_gallery(out, settings=settings, picture_format=picture_format)
+    print("\n".join(step_table(gallery.rows)))
+    print(
+        "peak: highest moment over the land's; the ball rounds the edge, and in contact the tip slides off it"
+    )
+    for path in (*gallery.pictures, *gallery.tables):
+        print(f"wrote {path}")
+    return 0
+
+
+def describe_plan(plan: RasterPlan) -> str:
+    """Describe region, array, passes and time on one line."""
+    x0, y0, x1, y1 = plan.region_mm
+    ways = "/".join(f"{int(d)}°" for d in plan.directions) + (" and back" if plan.two_way else "")
+    return (
+        f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, {_describe_array(plan.array)}, "
+        f"lines {plan.line_pitch_mm:.3f} mm, {ways}, {plan.n_passes} passes, {plan.n_samples:,} samples, "
+        f"{plan.scan_time_s:.0f} s at {plan.speed_mm_s:g} mm/s"
+    )
+
+
+def _describe_array(array: WhiskerArray) -> str:
+    combs = f"{array.kinds} kinds of " if array.kinds > 1 else ""
+    words = f"{combs}{array.n_whiskers} whiskers {array.pitch_mm:.2f} mm apart"
+    if array.rows * array.kinds > 1 and array.stagger_mm > 0.0:
+        words += f", {array.rows * array.kinds} rows {array.stagger_mm:.2f} mm behind each other"
+    return words + (f", {array.mass_g:.2g} g" if array.body is not None else "")
+
+
+def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:
+    """Compare the linear beam (Assumption 1) with the exact bent shape on level surface.
+
+    Solves a boundary value problem, some 10 ms.
+
+    Args:
+        whisker: a whisker that lies in the plane of tracing.
+        lift_mm: how far the surface lifts the tip, mm: preload and height of marks above the land.
+        mu: friction coefficient.
+
+    Returns:
+        A sentence; empty where force and moment are right within `LINEAR_ERROR_LIMIT` and the tip bends by no more
+        than `DEFLECTION_LIMIT` of l1.
+
+    Raises:
+        WhiskerError: friction negative or not finite.
+    """
+    from whisker_array.whisker.elastica import ElasticaError, linear_error
+    from whisker_array.whisker.validity import DEFLECTION_LIMIT, LINEAR_ERROR_LIMIT, deflection_ratio
+
+    try:
+        found = linear_error(whisker, lift_mm=lift_mm, mu=mu)
+    except ElasticaError as error:
+        return f"linear beam theory (Assumption 1) cannot be checked at a lift of {lift_mm:.3g} mm: {error}"
+    ratio = deflection_ratio(whisker, preload_mm=lift_mm, mu=mu)
+    if found.worst <= LINEAR_ERROR_LIMIT and ratio <= DEFLECTION_LIMIT:
+        return ""
+    return (
+        f"at the largest lift, {lift_mm:.3g} mm, the tip bends by {100 * ratio:.1f} % of l1, and linear beam "
+        f"theory (Assumption 1) is wrong by {100 * found.force:+.1f} % in force and "
+        f"{100 * found.moment:+.1f} % in moment: lower the preload, or take a longer whisker or a smaller k"
+    )

@@ -1,0 +1,64 @@
+"""The decision without one of its rules."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import pytest
+
+from pipeline.benchmark.readers.ablation import ablated, rules
+from pipeline.benchmark.readers.modes import expanded, open_mode
+from pipeline.common.settings import SettingsError
+from recognition.decision.decide import CONTRACTS, Decision
+from recognition.decision.evidence import Measure
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decision.score import SOURCES, score_of, with_score
+from recognition.language.box import Box
+from recognition.reader import Reader
+
+SURE = Reading(
+    tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1)) for c in "AB"),
+    0.99,
+    source="tactile",
+    threshold=0.97,
+)
+
+
+def test_every_contract_and_term_has_a_name() -> None:
+    terms = {term for source in SOURCES for term in score_of(source).terms} - {Measure.ODDS}
+    assert set(rules().values()) == {*CONTRACTS, *terms}
+    assert {"unread-marks", "format-not-met", "mark-rules"} <= set(rules())
+
+
+def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
+    for name, rule in rules().items():
+        if isinstance(rule, ReadingFlag):
+            broken = replace(SURE, flags=rule)
+            assert broken.decision is Decision.REVIEW
+            assert ablated(broken, name).decision is Decision.ACCEPT
+            other = ReadingFlag.UNREAD_MARKS if name != "unread-marks" else ReadingFlag.NOT_WHOLE
+            assert ablated(replace(broken, flags=rule | other), name).decision is Decision.REVIEW
+
+
+def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
+    term = next(one for one in score_of("tactile").terms if one is not Measure.ODDS)
+    worst = min(score_of("tactile").terms[term].points, key=lambda point: point[1])[0]
+    measures = {Measure.ODDS: 9.0, term: worst}
+    monkeypatch.setattr("recognition.decision.score.measures_of", lambda _: MappingProxyType(measures))
+    whole = with_score(SURE)
+    less = ablated(whole, term.name.lower().replace("_", "-"))
+    assert less.confidence > whole.confidence
+    assert less.confidence == score_of("tactile").probability({Measure.ODDS: 9.0})
+
+
+def test_each_mode_is_also_read_without_each_rule() -> None:
+    named = expanded(("tactile", "vision", "rapidocr relief"), ablate=("unread-marks", "strokes"))
+    assert named[3:] == (
+        "tactile without unread-marks", "vision without unread-marks",
+        "tactile without strokes", "vision without strokes",
+    )  # fmt: skip
+    assert open_mode(named[3], Reader(format="A9")).uses == ("touch",)
+    with pytest.raises(SettingsError, match="no rule 'luck' to leave out; the rules are format-not-met"):
+        open_mode("tactile without luck", Reader(format="A9"))
