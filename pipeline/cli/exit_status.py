@@ -74,8 +74,8 @@ def failures_reported() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def resumable(kept: str | Path | None) -> Iterator[None]:
-    """Say after an interrupt where finished parts are kept; nothing is kept with None.
+def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
+    """Say after an interrupt where finished parts are kept, or the hint; nothing is kept with None.
 
     Raises:
         CommandError: on an interrupt.
@@ -85,7 +85,7 @@ def resumable(kept: str | Path | None) -> Iterator[None]:
     except KeyboardInterrupt as error:
         if kept is None:
             raise
-        hint = f"finished parts are kept in {kept}, run the same command again to continue"
+        hint = hint or f"finished parts are kept in {kept}, run the same command again to continue"
         raise CommandError("interrupted", hint=hint, status=INTERRUPTED) from error
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _EXECUTORS = ExecutorOptions()
 _MOST_NAMED = 5
+_GO_ON = "start the same command again to go on"
 
 
 def certify(
@@ -69,7 +70,7 @@ def certify(
     from pipeline.runs import certification
 
     check_writable(out)
-    with resumable(out.parent):
+    with resumable(out.parent, hint=_GO_ON):
         found = certification.certify(
             inputs, truth, reading, executors, out=out, risk=risk, confidence=confidence, manifests=manifest
         )
@@ -158,7 +159,7 @@ def study(
     from pipeline.benchmark.report.writing import command_line
     from pipeline.benchmark.study.run import run_study
 
-    with resumable(out):
+    with resumable(out, hint=_GO_ON):
         found, written = run_study(
             reading, inputs, out, repeats=repeats, arrays=arrays, reviewers=reviewers, truth=truth,
             executors=ExecutorOptions(jobs), command=command_line(),
