@@ -95,21 +95,12 @@ class RunStore:
         return True
 
     def _kept(self, pictures: tuple[Picture, ...]) -> tuple[EvidenceRecord, ...]:
-        if self._folder is None:
-            return ()
         from pipeline.common.records import EvidenceRecord
 
-        kept = []
-        for picture in pictures:
-            digest, n_bytes = self._folder.keep_content(picture.content)
-            kept.append(
-                EvidenceRecord(
-                    kind=picture.kind,
-                    sha256=digest,
-                    n_bytes=n_bytes,
-                    name=picture.name,
-                    media_type=picture.media_type,
-                    meta=picture.meta,
-                )
-            )
+        kept: list[EvidenceRecord] = []
+        if self._folder is None:
+            return ()
+        for one in pictures:
+            digest, n_bytes = self._folder.keep_content(one.content)
+            kept.append(EvidenceRecord(one.kind, digest, n_bytes, one.name, one.media_type, meta=one.meta))
         return tuple(kept)

@@ -75,7 +75,6 @@ class _Slot:
     number: int
     worker: Worker | None = None
     warm: bool = False
-    restarts: int = 0
     failed: int = 0
     trouble: str = ""
     thread: threading.Thread = field(default_factory=threading.Thread)
@@ -181,11 +180,6 @@ class WorkPool(Executor):
     def running(self) -> int:
         """Jobs that workers are at."""
         return max(0, self._jobs - self.waiting)
-
-    @property
-    def restarts(self) -> int:
-        """Workers that were replaced."""
-        return sum(slot.restarts for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -306,7 +300,6 @@ class WorkPool(Executor):
 
     def _lose(self, slot: _Slot) -> None:
         slot.warm, worker, slot.worker = False, slot.worker, None
-        slot.restarts += 1
         if worker is not None:
             worker.end()
 

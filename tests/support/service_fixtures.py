@@ -24,7 +24,6 @@ class InlinePool:
     """A pool of threads with the face of `pipeline.workers.pool.WorkPool`."""
 
     full = False
-    restarts = 0
     waiting = 0
     running = 0
 
