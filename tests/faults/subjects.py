@@ -384,7 +384,7 @@ def _journal_work(root: Path, say: Say) -> None:
     for path in _FILES:
         # the service goes on where a line cannot be written
         with contextlib.suppress(FileError):
-            journal[0].add(path, _handled(path))
+            journal[0].keep(path, _handled(path))
             say(path)
         if path == _FILES[3]:
             with contextlib.suppress(FileError):
@@ -400,7 +400,7 @@ def _journal_check(root: Path, said: list[str], power: bool) -> None:
     if not power:
         assert set(kept) - set(_FILES[:2]) <= set(again.done), "a line that was written is lost"
     for path in _FILES:
-        again.add(path, _handled(path))
+        again.keep(path, _handled(path))
     assert set(WatchJournal.open(root / "watched.jsonl", {}).done) == set(_FILES)
 
 
