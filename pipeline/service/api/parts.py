@@ -38,7 +38,8 @@ Photos = Annotated[
         description="PNG, JPEG, BMP, TIFF, WebP or GIF; several of one part under other lights are read as one"
     ),
 ]
-Scan = Annotated[UploadFile, File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")]
+_SCAN = File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
+Scan = Annotated[UploadFile, _SCAN]
 TouchBy = Annotated[
     Touch,
     Form(
@@ -65,7 +66,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
         request: Request,
         response: Response,
         photo: Photos = None,
-        scan: Scan | None = None,
+        scan: Annotated[UploadFile | None, _SCAN] = None,
         name: Name = "",
         expected: Expected = "",
         database: Database = "",

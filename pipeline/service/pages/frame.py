@@ -83,7 +83,7 @@ class Frame:
             undefined=jinja2.StrictUndefined,
         )
         self.environment.globals.update(static=_static(self.assets), shadow=shadow, part_cells=part_cells)
-        self.environment.filters.update(iso=_iso, utc=_utc, here=_here)
+        self.environment.filters.update(iso=_iso, utc=_utc, here=_here, sentence=_sentence)
 
     def reader_view(self, request: Request) -> View:
         """The view of a caller who may look.
@@ -196,6 +196,10 @@ def _static(assets: Assets) -> Callable[..., str]:
 def _here(context: jinja2.runtime.Context, address: str) -> str:
     """An address of the service, such as /parts, as the page made now has to write it."""
     return f"{context['up']}{address.removeprefix('/')}"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "?", "!")) else ".")
 
 
 def _iso(at: datetime) -> str:

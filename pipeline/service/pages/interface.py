@@ -36,11 +36,11 @@ def _fields(operation: Described, made: Described) -> Iterator[tuple[str, str, s
     """Name, place, kind, whether it is needed, and description of everything that an operation takes."""
     for one in operation.get("parameters", ()):
         words = one.get("description") or one["schema"].get("description", "")
-        yield one["name"], one["in"], _kind(one["schema"]), one.get("required", False), words
+        yield one["name"], one["in"], _kind(one["schema"], made), one.get("required", False), words
     for media, content in operation.get("requestBody", {}).get("content", {}).items():
         schema = _resolved(content["schema"], made)
         for name, one in schema.get("properties", {}).items():
-            kind, needed = _kind(_resolved(one, made)), name in schema.get("required", ())
+            kind, needed = _kind(one, made), name in schema.get("required", ())
             yield name, "body (JSON)" if "json" in media else "form", kind, needed, one.get("description", "")
 
 
@@ -53,14 +53,15 @@ def _resolved(schema: Described, made: Described) -> Described:
     return schema
 
 
-def _kind(schema: Described) -> str:
+def _kind(schema: Described, made: Described) -> str:
     """The kind of a value, in words."""
+    schema = _resolved(schema, made)
     if several := [one for one in schema.get("anyOf", ()) if one.get("type") != "null"]:
-        return " or ".join(dict.fromkeys(map(_kind, several)))
+        return " or ".join(dict.fromkeys(_kind(one, made) for one in several))
     if "enum" in schema:
         return " | ".join(map(str, schema["enum"]))
     if schema.get("type") == "array":
-        return f"{_kind(schema.get('items', {}))}, may be repeated"
+        return f"{_kind(schema.get('items', {}), made)}, may be repeated"
     if schema.get("format") == "binary" or schema.get("contentMediaType"):
         return "file"
     return _KINDS.get(schema.get("type", ""), schema.get("title", "") or "any")

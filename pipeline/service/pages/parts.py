@@ -15,6 +15,7 @@ from pipeline.service.pages.frame import Frame, View
 from pipeline.service.pages.passes import felt_passes
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
+from pipeline.service.review_policy import ReviewMode
 
 PARTS_SHOWN = 50
 Wanted = Annotated[str, Field(max_length=200)]
@@ -75,6 +76,10 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         found, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
         pictures = picture_pair(found, readings, evidence, frame.evidence)
         places = [places_of(reading) for reading in readings]
+        opinions = store.opinions(part_id)
+        # a second reader does not see what the first has read
+        mode = frame.policy.mode(found, view.person, opinions=opinions, audit=False)
+        hidden = opinions if mode is ReviewMode.SECOND else ()
         return view.page(
             "part.html.j2",
             part=found,
@@ -82,7 +87,8 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             pictures=pictures,
             felt=felt_passes(readings, pictures[::-1]),
             expected=expected_cells(found),
-            reviews=store.reviews(part_id),
+            reviews=[review for review in store.reviews(part_id) if review not in hidden],
+            hidden=len(hidden),
             events=store.history(part_id),
             evidence=evidence,
         )

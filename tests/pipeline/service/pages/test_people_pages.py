@@ -98,6 +98,10 @@ def test_the_second_reader_sees_nothing_of_what_was_read(strict: Shop) -> None:
     queue = second.get("/review").text
     assert SERIAL not in queue
     assert "read by 1 person" in queue
+    everything = second.get(f"/parts/{part_id}").text
+    assert "Read by 1 person; shown when you have read it" in everything
+    assert "KX407257" not in everything
+    assert "KX407257" in strict.client.get(f"/parts/{part_id}").text
     page = second.get(f"/review/{part_id}").text
     shown_to_nobody_else(page)
     assert "/pictures/photo" in page
