@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.hdf5_checks import n_values, own_datasets
@@ -26,34 +26,20 @@ _GB = MOST_BYTES["height_map"]
 _BYTES_PER_SAMPLE, _SPARE_BYTES = 24, 64_000_000
 
 
-class _Reader(NamedTuple):
-    """Reader of a format: a function of (path, most samples) that returns a RawMap; its module is loaded when needed.
-
-    Attributes:
-        module: in this package.
-        function: in it.
-        kind: of file, for messages; the suffix unless given.
-        most_bytes: longest file.
-    """
-
-    module: str
-    function: str
-    kind: str = ""
-    most_bytes: int = _GB
-
-
-_TEXT = _Reader("text_maps", "read_text_map", "text", _GB // 2)
-_UNKNOWN = _Reader("instruments", "read_instrument", "height map")
-_READERS = {
-    ".npz": _Reader("npz", "read_npz"),
-    ".npy": _Reader("npz", "read_npy"),
-    ".x3p": _Reader("iso25178", "read_x3p", "X3P"),
-    ".sdf": _Reader("iso25178", "read_sdf", "SDF"),
-    ".pcd": _Reader("points", "read_pcd", "PCD", _GB // 2),
-    **{suffix: _Reader("points", "read_mesh", suffix[1:].upper(), _GB // 2) for suffix in MESH_SUFFIXES},
-    **dict.fromkeys(PHOTO_SUFFIXES, _Reader("photos", "read_height_image", "picture", _GB // 2)),
+# of each suffix: reader as module.function of this package, loaded when needed; kind of file for messages; longest file
+_Reader = tuple[str, str, int]
+_TEXT: _Reader = ("text_maps.read_text_map", "text", _GB // 2)
+_INSTRUMENT = "instruments.read_instrument"
+_READERS: dict[str, _Reader] = {
+    ".npz": ("npz.read_npz", ".npz", _GB),
+    ".npy": ("npz.read_npy", ".npy", _GB),
+    ".x3p": ("iso25178.read_x3p", "X3P", _GB),
+    ".sdf": ("iso25178.read_sdf", "SDF", _GB),
+    ".pcd": ("points.read_pcd", "PCD", _GB // 2),
+    **{suffix: ("points.read_mesh", suffix[1:].upper(), _GB // 2) for suffix in MESH_SUFFIXES},
+    **dict.fromkeys(PHOTO_SUFFIXES, ("photos.read_height_image", "picture", _GB // 2)),
     **dict.fromkeys(TEXT_SUFFIXES, _TEXT),
-    **dict.fromkeys(FORMATS_SUFFIXES, _Reader("instruments", "read_instrument")),
+    **{suffix: (_INSTRUMENT, suffix, _GB) for suffix in FORMATS_SUFFIXES},
 }
 
 
@@ -87,12 +73,13 @@ def read_map_and_rows(
     from pipeline.formats.number_table import is_number_table
 
     path, settings = Path(path), settings or MapSettings()
-    suffix = path.suffix.lower()
-    reader = _READERS.get(suffix) or (_TEXT if is_number_table(path) else _UNKNOWN)
-    most_bytes = min(reader.most_bytes, most * _BYTES_PER_SAMPLE + _SPARE_BYTES)
-    with reading(path, kind=reader.kind or suffix, most_bytes=most_bytes):
-        read = getattr(import_module(f"pipeline.formats.{reader.module}"), reader.function)
-        raw: RawMap = read(path, most)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        reader = _TEXT if is_number_table(path) else (_INSTRUMENT, "height map", _GB)
+    name, kind, longest = reader
+    with reading(path, kind=kind, most_bytes=min(longest, most * _BYTES_PER_SAMPLE + _SPARE_BYTES)):
+        module, _, function = name.partition(".")
+        raw: RawMap = getattr(import_module(f"pipeline.formats.{module}"), function)(path, most)
     with naming(path):
         return height_map(raw, settings), raw.rows_stated or settings.rows is not None
 
