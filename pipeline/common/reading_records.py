@@ -179,7 +179,7 @@ class PassRecord:
 class ReadingRecord:
     """One reading of a part, as it is kept and sent: in the store, by the service, and in tables.
 
-    What a reader does not know of older records has its default.
+    Fields that a reader does not fill have their defaults.
 
     Attributes:
         source: vision, tactile or fused; empty with an error.

@@ -47,11 +47,8 @@ class EvidenceKind(StrEnum):
     PHOTO = "photo"
     SCAN = "scan"
     HEIGHT_MAP = "height_map"
-    VISION = "sight"
-    """What the camera's reader believed: of earlier versions, as is `VISION_EDGES_PICTURE`; not written any more."""
     PHOTO_PICTURE = "photo_picture"
     EDGES_PICTURE = "edges_picture"
-    VISION_EDGES_PICTURE = "sight_edges_picture"
 
 
 class ReviewAction(StrEnum):
@@ -140,7 +137,7 @@ class TouchWait:
 
     Attributes:
         by_stage: the stage of its line is to feel it; else whoever sent it brings a scan.
-        until: when a person gets it all the same; None of a part from before this was kept.
+        until: when a person gets it all the same; None where no time is set.
     """
 
     by_stage: bool
