@@ -86,13 +86,14 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
     source = source if is_url(local_name(source)) else str(Path(local_name(source)))
     as_parquet = split_name(source)[1].lower().endswith(".parquet")
     parts: list[PartFiles] = []
-    seen: dict[tuple[str | None, str], int] = {}
+    seen: dict[str, int] = {}
     with _opened(source, kind="Parquet" if as_parquet else "") as path:
         records, line = (_parquet_records(path), "row") if as_parquet else (_csv_records(path), "line")
         for number, cells in records:
             part = _part_of(source, f"{line} {number}", cells)
             folder, last = split_name(part.files[0])
-            key = (None, part.name) if cells.get("part") else (folder, os.path.splitext(last)[0])
+            # no name begins with a NUL
+            key = part.name if cells.get("part") else f"\0{folder}/{os.path.splitext(last)[0]}"
             if (first := seen.setdefault(key, number)) != number:
                 again = f"{line} {number} names {part.name} a second time, after {line} {first}"
                 raise DataError(again, "give every part one line")
