@@ -67,7 +67,7 @@ class FakeReader:
 
 
 def fake_reader() -> PartReader:
-    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, certified=lambda found: found)
+    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, apply_certificate=lambda found: found)
     return PartReader(reader, maps=MapSettings(unit="mm"))
 
 
