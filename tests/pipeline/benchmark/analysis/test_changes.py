@@ -35,7 +35,7 @@ def trials(texts: str, *, decision: str = "review") -> list[Trial]:
 def kept(folder: Path, members: list[Trial], benchmark: Benchmark = BENCHMARK) -> Path:
     with TrialJournal.open(folder, benchmark.description()) as book:
         for part in dict.fromkeys(t.part for t in members):
-            book.add(part, tuple(t for t in members if t.part == part))
+            book.keep(part, tuple(t for t in members if t.part == part))
     return folder
 
 
@@ -138,7 +138,7 @@ def test_pictures_are_left_out_where_parts_cannot_be_made_again(
     for name, texts in (("a", "A" * 12), ("b", "B" * 12)):
         with TrialJournal.open(tmp_path / name, heading) as book:
             for t in trials(texts):
-                book.add(t.part, (*book.done.get(t.part, ()), t))
+                book.keep(t.part, (*book.done.get(t.part, ()), t))
     assert main(["benchmark", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0
     assert "no pictures: its parts are in files" in capsys.readouterr().out
     assert "No pictures" in (tmp_path / "b" / "compare.html").read_text(encoding="utf-8")

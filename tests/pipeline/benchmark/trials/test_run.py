@@ -140,7 +140,7 @@ def test_another_benchmark_in_the_folder_is_refused(tmp_path: Path) -> None:
 
 def test_a_damaged_book_is_told_and_one_benchmark_runs_in_a_folder(tmp_path: Path) -> None:
     with TrialJournal.open(tmp_path, {"a": 1}) as book:
-        book.add("p", ())
+        book.keep("p", ())
         with pytest.raises(FileError, match="is being written by another run"):
             TrialJournal.open(tmp_path, {"a": 1})
     book.path.write_text("no book\n" * 999)

@@ -21,7 +21,7 @@ TRIAL = Trial(
 
 def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
     with TrialJournal.open(tmp_path, DESCRIPTION) as book:
-        book.add("p", (TRIAL,))
+        book.keep("p", (TRIAL,))
     for again in (TrialJournal.read(tmp_path), TrialJournal.open(tmp_path, DESCRIPTION)):
         (found,) = again.done["p"]
         assert asdict(found) == asdict(TRIAL)
@@ -29,7 +29,7 @@ def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
 
 def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with TrialJournal.open(tmp_path, DESCRIPTION) as book:
-        book.add("p", (TRIAL,))
+        book.keep("p", (TRIAL,))
     monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root
     before = book.path.stat().st_mtime_ns
     assert "p" in TrialJournal.read(tmp_path).done
@@ -40,7 +40,7 @@ def test_a_book_of_another_format_is_refused_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with TrialJournal.open(tmp_path, DESCRIPTION) as book:
-        book.add("p", (TRIAL,))
+        book.keep("p", (TRIAL,))
     with monkeypatch.context() as patched:
         patched.setattr(TrialJournal, "version", TrialJournal.version + 1)
         for look in (TrialJournal.read, lambda folder: TrialJournal.open(folder, DESCRIPTION)):

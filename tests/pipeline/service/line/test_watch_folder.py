@@ -273,7 +273,7 @@ def test_a_full_disk_under_the_journal_stops_nothing(bench: Bench, monkeypatch: 
     def full(*_: object) -> None:
         raise FileError(bench.journal, "cannot be written (No space left on device)", "make room")
 
-    monkeypatch.setattr(WatchJournal, "add", full)
+    monkeypatch.setattr(WatchJournal, "keep", full)
     bench.put("a.png")
     assert bench.look(4) == ["a"]
 
