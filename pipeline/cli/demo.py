@@ -106,7 +106,7 @@ def _serve(out: Path, *, stay: bool) -> int:
     made = shown.make_dirty_parts(folder)
     print("starting the service (the first start on a machine takes longer: it compiles) ...", flush=True)
     reading = ("--format", shown.FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright")
-    folders = ("--stage", str(folder), "--camera", str(folder))
+    folders = ("--stage.folder", str(folder), "--camera.folder", str(folder))
     with service_process(out / "service", *folders, *reading) as service, Client(service.url) as client:
         print(f"it answers at {service.url}", flush=True)
         for part in shown.serve_parts(client, made, folder):

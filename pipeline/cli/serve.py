@@ -132,9 +132,9 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     check_tokens(settings)
     with contextlib.ExitStack() as until_served:
         bound = until_served.enter_context(listening(settings.host, settings.port, option="--port"))
-        for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
-            if port:  # tried here, to be reported in a line and not out of a running server
-                listening(settings.line_host, port, option=option).close()
+        for one, option in ((settings.tcp, "--tcp.port"), (settings.opcua, "--opcua.port")):
+            if one.port:  # tried here, to be reported in a line and not out of a running server
+                listening(one.host, one.port, option=option).close()
         service = RunningService(settings, reading, started_s=STARTED_S)
         until_served.pop_all()
     set_up_logs(settings.log)
@@ -142,8 +142,8 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
         uvicorn.Config(
             create_app(service),
             log_config=None,
-            ssl_certfile=settings.tls_cert,
-            ssl_keyfile=settings.tls_key,
+            ssl_certfile=settings.tls.certificate,
+            ssl_keyfile=settings.tls.key,
             http=patient_protocol(an_address=settings.connections, proxies=settings.trusted_proxies),
             access_log=False,
             server_header=False,
@@ -156,7 +156,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
         drain_s=settings.drain_s,
     )
     host, port = bound.getsockname()[:2]
-    scheme = "http" if settings.tls_cert is None else "https"
+    scheme = "http" if settings.tls.certificate is None else "https"
     at = f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
     _say(f"tactile-marks serves at {at} (page: /, interface: /openapi.json); Ctrl-C ends it")
     if settings.shadow:
@@ -196,13 +196,13 @@ def check_tls(settings: ServiceSettings) -> None:
     """
     import ssl
 
-    cert, key = settings.tls_cert, settings.tls_key
-    for path in filter(None, (cert, key, settings.opcua_certificate, settings.opcua_key)):
+    cert, key = settings.tls.certificate, settings.tls.key
+    for path in filter(None, (cert, key, settings.opcua.certificate, settings.opcua.key)):
         if path.exists() and not path.is_file():  # a pipe would be waited for
             raise UsageError(f"serve: {path} is not a file", "name a PEM file")
     if cert is None:
         if key is not None:
-            raise UsageError("serve: tls_key without tls_cert", "give both")
+            raise UsageError("serve: tls.key without tls.certificate", "give both")
         return
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(cert, key, password=_no_password)

@@ -108,8 +108,8 @@ def explained(error: CycloptsError) -> str:
     cause = error.__cause__
     if not isinstance(cause, pydantic.ValidationError):
         return str(error)
-    fields = error.argument.children if error.argument is not None else ()
-    sources = {field.keys[-1]: field.tokens[0].source for field in fields if field.tokens}
+    fields = _leaves(error.argument) if error.argument is not None else {}
+    sources = {name: field.tokens[0].source for name, field in fields.items() if field.tokens}
     elsewhere = {name: source for name, source in sources.items() if source != "cli"}
     return str(bad_value(cause, called=lambda name: elsewhere.get(name, flag_of(name))))
 
@@ -119,11 +119,19 @@ def flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
+def _leaves(argument: Argument) -> dict[str, Argument]:
+    """The arguments of a model's settings by name."""
+    found: dict[str, Argument] = {}
+    for child in argument.children:
+        found |= _leaves(child) if child.children else {".".join(child.keys): child}
+    return found
+
+
 def _give(argument: Argument, name: str, value: Any, source: str) -> None:
-    field = next(child for child in argument.children if child.keys[-1] == name)
+    field = _leaves(argument)[name]
     if field.has_tokens:
         return
-    for check in argument.hint.model_fields[name].metadata:
+    for check in argument.hint.leaves()[name].metadata:
         if isinstance(check, pydantic.BeforeValidator):
             try:
                 value = check.func(value)  # type: ignore[call-arg]
@@ -140,13 +148,14 @@ def _give(argument: Argument, name: str, value: Any, source: str) -> None:
 
 def _variables(model: type[Settings]) -> Iterator[tuple[str, str]]:
     """Settings that the environment gives, and their variables."""
+    names = {model.variable(name): name for name in model.leaves()}
     prefix = model.variable("")
     others = tuple(
         other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
     )
     for variable in os.environ:
         if variable.upper().startswith(prefix) and not variable.upper().startswith(others):
-            yield variable[len(prefix) :].lower(), variable
+            yield names.get(variable.upper(), variable[len(prefix) :].lower()), variable
 
 
 def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dict[str, Any]:
@@ -157,7 +166,22 @@ def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dic
         raise SettingsError(
             f"{model.table} in {file} is {shown(found)}", hint=f"make it a table: [{model.table}]"
         )
-    return found
+    return dict(_flat(found, model, file))
+
+
+def _flat(written: dict[str, Any], model: type[Settings], file: Path) -> Iterator[tuple[str, Any]]:
+    """The settings of a table and its sections, by name."""
+    for key, value in written.items():
+        section = model.model_fields[key].annotation if key in model.model_fields else None
+        if not (isinstance(section, type) and issubclass(section, Settings)):
+            yield key, value
+        elif isinstance(value, dict):
+            yield from ((f"{key}.{name}", below) for name, below in _flat(value, section, file))
+        else:
+            raise SettingsError(
+                f"{key} in {file} is {shown(value)}",
+                hint=f"make it a table: [{model.table or 'service'}.{key}]",
+            )
 
 
 def _path_given(arguments: ArgumentCollection, flag: str) -> Path | None:

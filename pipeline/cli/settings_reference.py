@@ -9,6 +9,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
+from pydantic_core import to_jsonable_python
 
 from pipeline.cli.settings import MODELS, flag_of
 from pipeline.common.settings import Settings
@@ -53,11 +54,16 @@ def settings_file() -> str:
 
 def _table_of_file(model: type[Settings]) -> str:
     written = [f"[{model.table}]\n"] if model.table else []
-    defaults = model().model_dump(mode="json")
-    for name, field in model.model_fields.items():
+    last = ""
+    for path, field in model.leaves().items():
+        section, _, name = path.rpartition(".")
+        if section != last:
+            written.append(f"[{model.table}.{section}]\n")
+            last = section
         lines = textwrap.wrap(str(field.description), 98)
-        unset = defaults[name] is None or (field.default_factory is not None and defaults[name])
-        value = f"   # {_type(field.annotation)}" if unset else json.dumps(defaults[name])
+        default = to_jsonable_python(field.get_default(call_default_factory=True))
+        unset = default is None or (field.default_factory is not None and default)
+        value = f"   # {_type(field.annotation)}" if unset else json.dumps(default)
         written.append("".join(f"# {line}\n" for line in lines) + f"#{name} = {value}\n")
     return "\n".join(written)
 
@@ -66,7 +72,7 @@ def _section(model: type[Settings]) -> str:
     heading = str(model.__doc__).splitlines()[0].rstrip(".")
     where = f"In the table `[{model.table}]` of" if model.table else "At the top of"
     rows = [_HEADINGS, ("---",) * len(_HEADINGS)]
-    for name, field in model.model_fields.items():
+    for name, field in model.leaves().items():
         described = str(field.description).replace("|", r"\|")
         rows.append(
             (f"`{name}`", f"`{flag_of(name)}`", f"`{model.variable(name)}`", _type(field.annotation), _default(field),

@@ -31,9 +31,9 @@ _DIGITS = re.compile(r"[0-9]+")
 class SerialAlarm(StrEnum):
     """A kind of objection to a serial."""
 
-    NOT_IN_ORDER = "not in the order"
-    READ_BEFORE = "read before"
-    OUT_OF_SEQUENCE = "out of sequence"
+    NOT_IN_ORDER = "not_in_order"
+    READ_BEFORE = "read_before"
+    OUT_OF_SEQUENCE = "out_of_sequence"
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from glyphs.errors import MarksError
 from pipeline.common.parsed import json_of, shown
@@ -36,7 +37,18 @@ class Settings(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         for field in cls.model_fields.values():
-            field.description = " ".join(str(field.description).split())
+            field.description = " ".join(str(field.description or "").split())
+
+    @classmethod
+    def leaves(cls) -> dict[str, FieldInfo]:
+        """Every setting by its name, those of a section as section.name."""
+        found: dict[str, FieldInfo] = {}
+        for name, field in cls.model_fields.items():
+            if isinstance(field.annotation, type) and issubclass(field.annotation, Settings):
+                found |= {f"{name}.{leaf}": below for leaf, below in field.annotation.leaves().items()}
+            else:
+                found[name] = field
+        return found
 
     @classmethod
     def of(cls, **given: Any) -> Self:
@@ -46,7 +58,8 @@ class Settings(BaseModel):
             SettingsError: an unknown one, one that cannot be.
         """
         for name in given:
-            cls.check_known(name)
+            if name not in cls.model_fields:
+                cls.check_known(name)
         try:
             return cls(**given)
         except ValidationError as error:
@@ -59,7 +72,7 @@ class Settings(BaseModel):
         Raises:
             SettingsError: there is none; names near it are in the hint.
         """
-        known = list(cls.model_fields)
+        known = list(cls.leaves())
         if name not in known:
             near = difflib.get_close_matches(name.lower(), known, n=2)
             hint = f"did you mean {' or '.join(near)}?" if near else f"the settings are {', '.join(known)}"
@@ -68,7 +81,8 @@ class Settings(BaseModel):
     @classmethod
     def variable(cls, name: str) -> str:
         """The environment variable of a setting."""
-        return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), name)).upper()
+        path = name.split(".")
+        return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), *path)).upper()
 
 
 _MODES = {
@@ -88,11 +102,10 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     """
     first = error.errors()[0]
     message = first["msg"].removeprefix("Value error, ")
-    if not first["loc"]:
+    if not first["loc"]:  # settings that contradict each other
         return SettingsError(message)
-    return SettingsError(
-        f"{called(str(first['loc'][0]))} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}"
-    )
+    name = ".".join(key for key in first["loc"] if isinstance(key, str))
+    return SettingsError(f"{called(name)} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}")
 
 
 def _by_commas(value: Any) -> Any:

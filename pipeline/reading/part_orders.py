@@ -32,6 +32,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.errors import shown_as
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
+from pipeline.reading.triage import state_after
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile
@@ -117,6 +118,11 @@ class Done:
     plan: ScanPlanRecord | None = None
     measures: Mapping[Measure, float] = field(default_factory=dict)
 
+    @property
+    def state(self) -> PartState:
+        """State of the part by its last reading."""
+        return state_after(self.readings[-1])
+
 
 def read_order(
     order: PartOrder, settings: ReadSettings, limits: Limits, *, felt: ActiveReading | None = None
@@ -138,7 +144,7 @@ def read_order(
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
-    from pipeline.reading.triage import state_after, why_touch
+    from pipeline.reading.triage import why_touch
     from recognition.decision.evidence import measures_of
 
     tactile = order.scan is not None or order.height_map is not None
@@ -173,10 +179,11 @@ def read_order(
         made = tuple(pictures_of(readings[-1], order.folder, photo=bool(order.photos)))
         measures = measures_of(readings[-1]) if settings.certificate is not None else {}
         taken = found.trace.photo
-        if tactile or taken is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
-            return Done(records, made, measures=measures)
+        done = Done(records, made, measures=measures)
+        if tactile or taken is None or done.state is not PartState.TOUCH_NEEDED:
+            return done
         plan = plan_of(found, taken, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
-        return Done(records, made, plan, measures)
+        return replace(done, plan=plan)
 
 
 def read_on_stage(
@@ -185,8 +192,6 @@ def read_on_stage(
     limits: Limits,
     stage: SessionStage[Order],
     scan_order: Order,
-    *,
-    budget_s: float,
 ) -> Done:
     """Feel a part pass by pass until its serial is sure, keep a recording of it, and read the part with it.
 
@@ -195,11 +200,10 @@ def read_on_stage(
 
     Args:
         order: the part's other files; `scan` is of no account.
-        settings: as of `read_order`.
+        settings: as of `read_order`; `budget_s` is the most stage time.
         limits: likewise.
         stage: opens a session.
         scan_order: what to open it for.
-        budget_s: most stage seconds.
 
     Raises:
         StageError: nothing could be felt.
@@ -213,7 +217,7 @@ def read_on_stage(
     reader = _reader(order, settings)[1]
     session = stage.open(scan_order)
     try:
-        felt = read_kept(reader.touch, session, budget_s=budget_s)
+        felt = read_kept(reader.touch, session, budget_s=settings.budget_s)
     finally:
         session.close()
     if felt.scan is None:

@@ -15,7 +15,7 @@ from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
 from pipeline.store.store import Store, StoreError
 
 if TYPE_CHECKING:
-    from pipeline.service.settings import ServiceSettings
+    from pipeline.service.settings import AlertSettings
 
 LOOK_S = 5.0
 """Between looks: a window of parts takes longer."""
@@ -28,7 +28,7 @@ class AlertWatch:
     def __init__(
         self,
         store: Store,
-        settings: ServiceSettings,
+        settings: AlertSettings,
         *,
         drifts: Callable[[], Mapping[str, str | None]],
         others: Callable[[], Mapping[str, str | None]],
@@ -47,8 +47,8 @@ class AlertWatch:
         """
         self._store, self._drifts, self._others, self._sent = store, drifts, others, sent
         self._targets = tuple(targets)
-        self._limits = {REJECT_RATE: settings.alert_reject_rate, REVIEW_RATE: settings.alert_review_rate}
-        self._window = settings.alert_window
+        self._limits = {REJECT_RATE: settings.reject_rate, REVIEW_RATE: settings.review_rate}
+        self._window = settings.window
 
     def look(self) -> None:
         """Look once.

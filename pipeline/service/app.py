@@ -1,12 +1,13 @@
-"""The service: everything that answers, put together and taken apart again in the right order."""
+"""Build, start and stop the service."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from datetime import UTC, datetime, timedelta
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,10 +20,8 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
 from pipeline.common.private import private_folder
-from pipeline.common.serial_rules import SerialRules
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
-from pipeline.formats.order_file import read_order
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
@@ -33,19 +32,16 @@ from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
-from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.golden import GoldenPart
+from pipeline.service.intake import Intake
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
-from pipeline.service.part_service import PartService
-from pipeline.service.ports import Ports
-from pipeline.service.reading_orders import ReadingOrders, called_by
+from pipeline.service.ports import Ports, senders_of
+from pipeline.service.recent_files import GlyphDatabases
 from pipeline.service.review_policy import ReviewPolicy
-from pipeline.service.stage.devices import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
-from pipeline.service.stage.stage_driver import load_driver
-from pipeline.service.stage_work import CameraWork, StageWork
+from pipeline.service.stage.drivers import camera_of, stage_of
 from pipeline.service.web.access import Access
 from pipeline.service.web.door import DoorLayer
 from pipeline.service.web.middleware import RequestLayer
@@ -53,6 +49,7 @@ from pipeline.service.web.openapi import described
 from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.service.web.uploads import SMALL_BODY
+from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
 from pipeline.store.sweep_clock import SweepClock
@@ -63,16 +60,16 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 SWEEP_EVERY_S = 3600.0
+# Seconds between checks of jobs and glyph databases that were unusable.
 RECHECK_EVERY_S = 1.0
-"""Between looks at jobs and glyph databases that were of no use."""
+# Seconds that the check of a job may take; most take a tenth of a second.
 CHECK_S = 10.0
-"""A job may take to be checked; most take a tenth of a second."""
+# Seconds between looks at workers that warm up.
 LOOK_S = 0.05
-"""Between looks at workers that warm up."""
+# A file that no record names is left alone for so long: its transaction may be under way.
 ORPHAN_AGE_S = 3600.0
-"""A file that no record names is left alone for so long: its transaction may be on the way."""
+# Days after which a request that is sent again makes a new part.
 KEYS_KEPT_DAYS = 7.0
-"""A request that is sent again later makes a new part."""
 log = structlog.get_logger("tactile-marks")
 
 
@@ -87,13 +84,13 @@ class Service:
         Args:
             settings: of the service.
             reading: how parts are read.
-            started_s: when the program was started, by the monotonic clock; now unless given.
+            started_s: start of the program, by the monotonic clock. Default: now.
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileError: folders that cannot be made, a certificate that is none, a job that cannot be used.
-            SettingsError: a certificate that does not hold for this program and these settings, a watched folder's job
-                that is not there.
+            FileError: a folder that cannot be made, an invalid certificate, an unusable job.
+            SettingsError: a certificate that does not fit this program and these settings, a watched folder's job that
+                is not there.
             ValueError: settings that cannot be.
         """
         self.settings = settings
@@ -109,14 +106,18 @@ class Service:
             settings.job_files,
             own=reading,
             databases=self.databases,
-            needed=settings.watch_job,
-            call=self._call_worker,
+            needed=settings.watch.job,
+            call=lambda function, *arguments: self.intake.calls.call_blocking(
+                function, *arguments, timeout_s=CHECK_S
+            ),
         )
-        if settings.watch_job:
-            self._check_job(settings.watch_job)
+        if settings.watch.job:
+            try:
+                self.jobs.settings(settings.watch.job)
+            except Problem as problem:
+                raise SettingsError(f"watch.job: {problem.detail}") from problem
         limits = Limits(
-            max_photo_pixels=settings.max_photo_pixels,
-            max_map_samples=settings.max_map_samples,
+            max_photo_pixels=settings.limits.photo_pixels, max_map_samples=settings.limits.map_samples
         )
         self.pool = WorkPool(
             settings.jobs,
@@ -125,80 +126,62 @@ class Service:
             memory_mb=settings.worker_memory_mb,
             warm_up=partial(warm_up, reading, limits),
         )
-        self.ports = Ports(settings)
-        self.policy = ReviewPolicy(2 if settings.second_reader else 1, settings.audit_per_thousand / 1000.0)
-        orders = ReadingOrders(
-            evidence=self.evidence,
-            pool=self.pool,
+        calls = WorkerCalls(
+            self.pool,
             databases=self.databases.path,
             settings=self.jobs.settings,
             limits=limits,
             metrics=self.metrics,
         )
-        self.parts = PartService(
+        review = settings.review
+        self.policy = ReviewPolicy(2 if review.second_reader else 1, review.audit_per_thousand / 1000.0)
+        senders = senders_of(settings)
+        self.intake = Intake(
+            settings,
             store=self.store,
             evidence=self.evidence,
-            orders=orders,
-            stage=StageWork(
-                _stage(settings), orders, active=settings.active_stage, timeout_s=settings.stage_timeout_s
-            ),
-            camera=CameraWork(_camera(settings), timeout_s=settings.camera_timeout_s),
+            calls=calls,
+            stage=stage_of(settings.stage),
+            camera=camera_of(settings.camera),
             metrics=self.metrics,
-            line=settings.line,
-            touch_wait_s=settings.touch_wait_s,
-            targets=tuple(self.ports.senders),
-            watch=self.jobs.watch,
-            shadow=settings.shadow,
-            rules=SerialRules(
-                settings.duplicates,
-                settings.sequence_jump,
-                None if settings.order is None else read_order(settings.order),
-            ),
             policy=self.policy,
+            targets=tuple(senders),
+            watch=self.jobs.watch,
         )
-        self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
-        self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
-        self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
-        if self.jobs.watched:
-            self.metrics.gauge(
-                "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.jobs.drift))
-            )
-        self.metrics.gauge(
-            "bench_fault",
-            "1 while felt parts show a fault of whiskers or bench.",
-            lambda: float(bool(self.parts.bench.message())),
-        )
-        self.golden = GoldenPart(
-            self.store, orders, relief=settings.golden, every_h=settings.golden_every_h, line=settings.line
-        )
+        self.ports = Ports(settings, self.intake, senders)
+        self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)
         self.alerts = AlertWatch(
             self.store,
-            settings,
+            settings.alerts,
             drifts=self.jobs.drifts,
-            others=lambda: {**self.golden.faults(), BENCH_ALERT: self.parts.bench.told()},
-            targets=tuple(self.ports.senders),
-            sent=lambda: self.parts.on_result(),
+            others=lambda: {**self.golden.faults(), BENCH_ALERT: self.intake.bench.told()},
+            targets=tuple(senders),
+            sent=lambda: self.intake.on_result(),
         )
-        self.metrics.gauge("alerts", "Alerts that are raised.", lambda: float(len(self.store.alerts())))
-        self.metrics.gauge(
+        self._add_gauges()
+
+    def _add_gauges(self) -> None:
+        gauge, bench = self.metrics.gauge, self.intake.bench
+        gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
+        gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
+        gauge("workers_ready", "1 while parts can be read.", self.pool.ready)
+        if self.jobs.watched:
+            gauge("drift", "1 while parts are unlike the certified ones.", lambda: bool(self.jobs.drift))
+        gauge(
+            "bench_fault",
+            "1 while felt parts show a fault of whiskers or bench.",
+            lambda: bool(bench.message()),
+        )
+        gauge("alerts", "Alerts that are raised.", lambda: len(self.store.alerts()))
+        gauge(
             "targets_troubled",
             "Targets of results that cannot be reached or refuse results.",
-            lambda: float(sum(not one.works for one in self.ports.connections(self.store))),
+            lambda: sum(not one.works for one in self.ports.connections()),
         )
-        self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
-
-    def _call_worker(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What a function returns that a worker calls, for a thread that may wait."""
-        return called_by(self.pool, function, *arguments, timeout_s=CHECK_S)
-
-    def _check_job(self, name: str) -> None:
-        try:
-            self.jobs.settings(name)
-        except Problem as problem:
-            raise SettingsError(f"watch_job: {problem.detail}") from problem
+        gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     def why_not_ready(self) -> str:
-        """What keeps it from reading parts, without paths: it is asked without a token. Empty where nothing does."""
+        """Why parts cannot be read, without paths, for it is asked without a token; empty if they can."""
         why = self._why_not_ready()
         if why not in ("", self._said):
             log.warning("not ready", why=why)
@@ -206,7 +189,8 @@ class Service:
         return without_folders(why)
 
     def _why_not_ready(self) -> str:
-        if self.parts.draining:
+        intake = self.intake
+        if intake.draining:
             return "the service is stopping"
         try:
             self.store.ping()
@@ -217,49 +201,62 @@ class Service:
             self.evidence.check_room()
         except FileError as error:
             return f"a file {error.what}; {error.hint}"
-        orders = self.parts.orders
-        trouble = self.parts.stage.trouble or self.parts.camera.trouble
-        trouble = trouble or orders.trouble("") or orders.trouble(self.settings.watch_job)
+        trouble = intake.stage.trouble or intake.camera.trouble
+        trouble = trouble or intake.calls.trouble("") or intake.calls.trouble(self.settings.watch.job)
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
+
+    def state(self) -> dict[str, str]:
+        """Answer of /readyz: targets, drift, bench, and what is unusable."""
+        targets = [one for one in self.ports.connections() if one.is_target]
+        bench, troubles = self.intake.bench, self.intake.calls.troubles
+        found = {
+            "status": "ready" if all(one.works for one in targets) else "degraded",
+            "mode": "shadow" if self.settings.shadow else "",
+            **{one.key: one.summary for one in targets},
+            "drift": (self.jobs.drift or "none") if self.jobs.watched else "",
+            "bench": (bench.message() or "none") if bench.parts else "",
+            "of_no_use": without_folders("; ".join(troubles.values())),
+            "sweep": self.sweeps.trouble,
+        }
+        return {name: text for name, text in found.items() if text}
 
     def drain(self) -> None:
         """Take no more parts, and say so at /readyz; what is at work goes on."""
-        self.parts.draining = True
+        self.intake.draining = True
 
     def sweep(self) -> None:
-        """Throw away files that no record names, and those whose time is up; nothing where the clock has leapt."""
+        """Remove files that no record names, and those whose time is up; nothing if the clock has leapt."""
         latest = self.store.parts(limit=1)
         if not self.sweeps.may_sweep(latest[0].created_at if latest else None):
             return
-        n = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
-        expired = 0
+        n, expired, now = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S), 0, datetime.now(UTC)
         if self.settings.retention_days:
-            before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)
+            before = now - timedelta(days=self.settings.retention_days)
             expired = self.evidence.expire(self.store, before=before)
-        self.store.forget_keys(datetime.now(UTC) - timedelta(days=KEYS_KEPT_DAYS))
+        self.store.forget_keys(now - timedelta(days=KEYS_KEPT_DAYS))
         if n or expired:
             log.info("evidence swept", orphans=n, expired=expired)
 
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
-        """Everything that runs beside the requests."""
+        """Run everything beside the requests."""
         works = [
-            self._sweep_for_ever(),
+            _for_ever(lambda: asyncio.to_thread(self.sweep), SWEEP_EVERY_S, "sweep failed"),
             self._say_ready(),
-            self._recheck_for_ever(),
-            self.parts.touching.run(),
+            _for_ever(self.intake.calls.recheck, RECHECK_EVERY_S, "check of what was unusable failed"),
+            self.intake.touching.run(),
         ]
         if not self.settings.shadow:  # nothing is decided, so no rate of it says anything
             works.append(self.alerts.run())
         beside = [asyncio.create_task(work) for work in works]
         try:
-            async with self.ports.opened(self.parts):
+            async with self.ports.opened():
                 yield
         finally:
             for task in beside:
                 task.cancel()
             await asyncio.gather(*beside, return_exceptions=True)
-            await self.parts.touching.stop()
+            await self.intake.touching.stop()
             await asyncio.to_thread(self.close)
 
     def close(self) -> None:
@@ -270,28 +267,22 @@ class Service:
     async def _say_ready(self) -> None:
         while not self.pool.all_ready():
             await asyncio.sleep(LOOK_S)
-        log.info("ready", seconds=round(time.monotonic() - self._started_s, 1), workers=self.settings.jobs)
+        seconds = round(time.monotonic() - self._started_s, 1)
+        log.info("ready", seconds=seconds, workers=self.settings.jobs)
 
-    async def _recheck_for_ever(self) -> None:
-        while True:
-            await asyncio.sleep(RECHECK_EVERY_S)
-            try:
-                await self.parts.orders.recheck()
-            except Exception:
-                log.exception("look at what was of no use failed")
 
-    async def _sweep_for_ever(self) -> None:
-        while True:
-            try:
-                await asyncio.to_thread(self.sweep)
-            except Exception:
-                log.exception("sweep failed")
-            await asyncio.sleep(SWEEP_EVERY_S)
+async def _for_ever(work: Callable[[], Awaitable[None]], every_s: float, failed: str) -> None:
+    while True:
+        try:
+            await work()
+        except Exception:
+            log.exception(failed)
+        await asyncio.sleep(every_s)
 
 
 def create_app(service: Service) -> FastAPI:
     """The web application of a service."""
-    settings = service.settings
+    settings, intake, access = service.settings, service.intake, service.access
     app = FastAPI(
         title="tactile-marks",
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
@@ -301,58 +292,58 @@ def create_app(service: Service) -> FastAPI:
         redoc_url=None,
         openapi_url="/openapi.json",
         lifespan=service.running,
-        max_body_size=settings.max_upload_mb * 1_000_000,
+        max_body_size=settings.limits.upload_bytes,
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
     )
-    app.include_router(parts_router(service.parts, service.access, root_path=settings.root_path))
-    app.include_router(golden_router(service.golden, service.parts.orders, service.access))
-    app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
-    app.include_router(
-        lookup_router(service.parts, service.access, root_path=settings.root_path), max_body_size=SMALL_BODY
-    )
-    app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
+    app.include_router(parts_router(intake, access, root_path=settings.root_path))
+    app.include_router(golden_router(service.golden, intake, access))
     frame = Frame(
         service.store,
         service.evidence,
-        service.access,
-        review=service.parts.review,
-        undo=service.parts.undo_review,
+        access,
+        review=intake.review,
+        undo=intake.undo_review,
         policy=service.policy,
         shadow=settings.shadow,
-        outside_format=service.parts.orders.outside_format,
+        outside_format=intake.calls.outside_format,
     )
     app.state.problem_page = frame.refusal
-    pages = pages_router(
-        frame,
-        drift=lambda: service.jobs.drift,
-        golden=service.golden.scans,
-        connections=lambda: service.ports.connections(service.store),
-        jobs=service.jobs,
-        interface=lambda: app.openapi(),
-    )
-    app.include_router(pages, max_body_size=SMALL_BODY)
+    for router in (
+        export_router(service.store, access),
+        lookup_router(intake, access, root_path=settings.root_path),
+        jobs_router(service.jobs, access),
+        pages_router(
+            frame,
+            drift=lambda: service.jobs.drift,
+            golden=service.golden.scans,
+            connections=service.ports.connections,
+            jobs=service.jobs,
+            interface=lambda: app.openapi(),
+        ),
+    ):
+        app.include_router(router, max_body_size=SMALL_BODY)
     _add_service_routes(app, service)
     add_problem_handlers(app)
-    app.openapi = lambda: described(app, asked=service.access.required, root_path=settings.root_path)  # type: ignore[method-assign]
+    app.openapi = lambda: described(app, asked=access.required, root_path=settings.root_path)  # type: ignore[method-assign]
     # the last one lies outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
     app.add_middleware(
         DoorLayer,
-        access=service.access,
+        access=access,
         proxies=settings.trusted_proxies,
-        busy=lambda: service.parts.orders.busy,
+        busy=lambda: intake.calls.busy,
         refused=service.metrics.refused.inc,
-        most_bytes=settings.max_upload_mb * 1_000_000,
+        most_bytes=settings.limits.upload_bytes,
     )
     app.add_middleware(RequestLayer, metrics=service.metrics, root_path=settings.root_path)
     return app
 
 
 def _names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Names that the service answers to; any where tokens are asked for and no list is given."""
+    """Names that the service answers to; any if tokens are asked for and no list is given."""
     if settings.tokens_asked and not settings.hosts:
         return ("*",)
     names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
@@ -360,51 +351,37 @@ def _names(settings: ServiceSettings) -> tuple[str, ...]:
 
 
 def _add_service_routes(app: FastAPI, service: Service) -> None:
-    @app.get(
-        "/healthz", tags=["service"], summary="Whether the service is alive", response_model=dict[str, str]
-    )
+    tags: list[str | Enum] = ["service"]
+    not_yet: dict[int | str, dict[str, Any]] = {
+        503: {**problems(503)[503], "description": "not yet; the detail says why"}
+    }
+    plain: dict[int | str, dict[str, Any]] = {200: {"content": {"text/plain": {}}}}
+
+    @app.get("/healthz", tags=tags, summary="Whether the service is alive", response_model=dict[str, str])
     async def healthz() -> Any:
         return {"status": "alive"}
 
     @app.get(
         "/readyz",
-        tags=["service"],
+        tags=tags,
         summary="Whether parts can be read",
         response_model=dict[str, str],
-        responses={503: {**problems(503)[503], "description": "not yet; the detail says why"}},
+        responses=not_yet,
     )
     def readyz() -> Any:
-        why = service.why_not_ready()
-        if why:
+        if why := service.why_not_ready():
             raise Problem(503, why, headers={"Retry-After": "1"})
-        mode = {"mode": "shadow"} if service.settings.shadow else {}
-        troubles = service.parts.orders.troubles
-        targets = [
-            one for one in service.ports.connections(service.store) if one.key in service.ports.senders
-        ]
-        return {
-            "status": "ready" if all(one.works for one in targets) else "degraded",
-            **mode,
-            **{one.key: one.summary for one in targets},
-            **({"drift": service.jobs.drift or "none"} if service.jobs.watched else {}),
-            **({"bench": service.parts.bench.message() or "none"} if service.parts.bench.parts else {}),
-            **({"of_no_use": without_folders("; ".join(troubles.values()))} if troubles else {}),
-            **({"sweep": service.sweeps.trouble} if service.sweeps.trouble else {}),
-        }
+        return service.state()
 
     @app.get(
-        "/metrics",
-        tags=["service"],
-        summary="Numbers for Prometheus",
-        response_class=Response,
-        responses={200: {"content": {"text/plain": {}}}},
+        "/metrics", tags=tags, summary="Numbers for Prometheus", response_class=Response, responses=plain
     )
     def metrics() -> Any:
         return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
 
     @app.get(
         "/v1/databases",
-        tags=["service"],
+        tags=tags,
         summary="Glyph databases that a part may be read with",
         response_model=list[dict[str, Any]],
         responses=problems(401, 403),
@@ -414,38 +391,6 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
-
-
-def _stage(settings: ServiceSettings) -> Stage:
-    if settings.stage_driver:
-        driver: Stage = load_driver(
-            settings.stage_driver, verbs=("open", "feel") if settings.active_stage else ("feel",)
-        )
-        return driver
-    if settings.bench is not None:
-        from pipeline.bench.settings import read_bench
-        from pipeline.service.stage.bench_stage import BenchStage
-
-        return BenchStage(read_bench(settings.bench))
-    return NoStage() if settings.stage is None else SimulatedStage(_there(settings.stage, "height maps"))
-
-
-def _camera(settings: ServiceSettings) -> Camera:
-    if settings.camera_driver:
-        driver: Camera = load_driver(settings.camera_driver, verbs=("take",))
-        return driver
-    return NoCamera() if settings.camera is None else FolderCamera(_there(settings.camera, "photographs"))
-
-
-def _there(folder: Path, what: str) -> Path:
-    """The folder of a simulated device.
-
-    Raises:
-        FileError: there is none.
-    """
-    if not folder.is_dir():
-        raise FileError(folder, "is no folder", f"name the folder of the parts' {what}, or make it first")
-    return folder
 
 
 def check_folder(settings: ServiceSettings) -> Path:

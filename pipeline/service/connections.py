@@ -1,12 +1,15 @@
-"""The service's connections to others, as the dashboard and /readyz show them."""
+"""Connections to other systems, as the dashboard and /readyz show them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 from pipeline.common.records import WaitingResults
+
+if TYPE_CHECKING:
+    from pipeline.service.line.dispatch import TargetState
 
 TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
@@ -19,10 +22,11 @@ class Connection:
         key: mqtt, webhook, tcp or opcua.
         name: in words.
         state: in words.
-        works: whether nothing has to be done about it.
-        since: when the state began.
-        waiting: results that wait to be sent, and since when; None of a port, to which nothing is sent.
+        works: nothing has to be done about it.
+        since: begin of the state.
+        waiting: results that wait to be sent, and since when; None if none wait.
         why: what is wrong, and what to do about it.
+        is_target: results are sent to it; else it is a port that listens.
     """
 
     key: str
@@ -32,6 +36,7 @@ class Connection:
     since: datetime
     waiting: WaitingResults | None = None
     why: str = ""
+    is_target: bool = False
 
     @property
     def summary(self) -> str:
@@ -42,23 +47,12 @@ class Connection:
         return f"{self.state} since {self.since:%Y-%m-%dT%H:%M:%SZ}{waiting}"
 
 
-def target_connection(
-    target: str, *, since: datetime, error: str, refused: Mapping[int, str], waiting: WaitingResults | None
-) -> Connection:
-    """The connection to a target of results.
-
-    Args:
-        target: mqtt or webhook.
-        since: when it became reachable, or ceased to be.
-        error: why it cannot be reached; empty while it can.
-        refused: why it does not take results, by their numbers.
-        waiting: results for it.
-    """
-    if error:
-        words, why = "cannot be reached", error
-    elif refused:
-        n = len(refused)
-        words, why = f"refuses {n} {'result' if n == 1 else 'results'}", next(iter(refused.values()))
-    else:
-        words, why = "works", ""
-    return Connection(target, TARGETS[target], words, not why, since, waiting, why)
+def target_connection(target: str, state: TargetState, waiting: WaitingResults | None) -> Connection:
+    """The connection to a target of results."""
+    words, why, n = "works", "", len(state.refused)
+    if state.error:
+        words, why = "cannot be reached", state.error
+    elif n:
+        words = f"refuses {n} {'result' if n == 1 else 'results'}"
+        why = next(iter(state.refused.values()))
+    return Connection(target, TARGETS[target], words, not why, state.since, waiting, why, is_target=True)

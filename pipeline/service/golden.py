@@ -6,14 +6,17 @@ recording --worker--> gain, zero, tip radius, friction, preload --store--> again
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.common.golden_record import GoldenRecord, wear
 from pipeline.reading.golden import measure_sent
-from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
+from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.store import Store
+
+if TYPE_CHECKING:
+    from pipeline.service.settings import GoldenSettings
 
 GOLDEN, OVERDUE = "golden", "golden_overdue"
 
@@ -25,20 +28,17 @@ class GoldenPart:
     * The first scan is the reference; so is every one that is sent as such, after whiskers were changed or set anew.
     """
 
-    def __init__(
-        self, store: Store, orders: ReadingOrders, *, relief: Path | None, every_h: float, line: str
-    ) -> None:
+    def __init__(self, settings: GoldenSettings, store: Store, calls: WorkerCalls, *, line: str) -> None:
         """Take what it works with.
 
         Args:
+            settings: relief of the part, and how often it is scanned.
             store: of its scans.
-            orders: have workers.
-            relief: its height map or the TOML of a test piece; None: there is none.
-            every_h: hours after which it is to be scanned again; 0: whenever somebody does.
+            calls: of workers.
             line: whose whiskers.
         """
-        self._store, self._orders, self._relief, self._line = store, orders, relief, line
-        self._every = timedelta(hours=every_h)
+        self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
+        self._every = timedelta(hours=settings.every_h)
 
     async def scanned(self, sent: Upload, *, reference: bool) -> GoldenRecord:
         """Measure a scan, and keep what it shows.
@@ -48,9 +48,9 @@ class GoldenPart:
         """
         if self._relief is None:
             raise Problem(
-                409, 'no golden part is set up; name its relief: golden = "golden.npz" under [service]'
+                409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'
             )
-        measures = await self._orders.in_worker(measure_sent, sent.path, sent.name, self._relief)
+        measures = await self._calls.call(measure_sent, sent.path, sent.name, self._relief)
         return self._store.add_golden(measures, line=self._line, reference=reference)
 
     def scans(self) -> tuple[GoldenRecord, ...]:

@@ -30,8 +30,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import EVERY, DriftWatch
 from pipeline.reading.job_check import check_job, read_settings
-from pipeline.service.glyph_databases import GlyphDatabases
-from pipeline.service.recent_files import RecentFiles
+from pipeline.service.recent_files import GlyphDatabases, RecentFiles
 from pipeline.service.web.problem import OwnProblem, Problem, no_room
 
 log = structlog.get_logger("tactile-marks")
@@ -102,9 +101,8 @@ class JobFolder:
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
         self._own_watch = _watch_of(own)
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _Known] = {}  # each change is one step of the dict, so threads need no lock
         self._recent, self._needed = RecentFiles(folder, SUFFIX), needed
-        self._known_lock = threading.Lock()
         self.lock = threading.RLock()
         self.call = _called_here  # workers start later
         for name in self._recent.files():
@@ -121,50 +119,36 @@ class JobFolder:
         return self.own if not name else self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:
-        """What compares a job's parts with those of its certificate; None where it has none."""
-        if not name:
-            return self._own_watch
-        with self._known_lock:
-            known = self._known.get(name)
-            return None if known is None else known.watch
+        """The drift watch of a job; None for one that is not certified."""
+        return self._watches().get(name)
 
     @property
     def watched(self) -> bool:
         """Whether anything is certified."""
-        with self._known_lock:
-            return self._own_watch is not None or any(known.watch for known in self._known.values())
+        return bool(self._watches())
 
     def drifts(self) -> dict[str, str | None]:
-        """How each job's parts differ from the certified ones; None where too few were read to tell."""
-        watches = {"": self._own_watch}
-        with self._known_lock:
-            watches |= {name: known.watch for name, known in self._known.items()}
-        return {
-            name: watch.message() if watch.parts >= EVERY else None
-            for name, watch in watches.items()
-            if watch is not None
-        }
+        """Difference of each job's parts from the certified ones; None if too few were read to tell."""
+        return {name: one.message() if one.parts >= EVERY else None for name, one in self._watches().items()}
 
     @property
     def drift(self) -> str:
-        """How parts differ from the certified ones; empty where they do not, or nothing is certified."""
-        said = [] if self._own_watch is None else [self._own_watch.message()]
-        with self._known_lock:
-            for name, known in sorted(self._known.items()):
-                message = "" if known.watch is None else known.watch.message()
-                said.append(f"job {name}: {message}" if message else "")
-        return "; ".join(filter(None, said))
+        """Difference of parts from the certified ones; empty without any."""
+        said = {name: one.message() for name, one in sorted(self._watches().items())}
+        return "; ".join(f"job {name}: {why}" if name else why for name, why in said.items() if why)
+
+    def _watches(self) -> dict[str, DriftWatch]:
+        found = {"": self._own_watch, **{name: known.watch for name, known in self._known.copy().items()}}
+        return {name: watch for name, watch in found.items() if watch is not None}
 
     def listed(self) -> list[JobAnswer]:
         """Every job, by name."""
         found = []
         for name in self._recent.files():
-            known = self._look(name)
-            if known is None:
-                continue
-            written = {} if known.job is None else known.job.written
-            shown = {key: Path(value).name if key in FILES else value for key, value in written.items()}
-            found.append(JobAnswer(name, shown, known.problem))
+            if (known := self._look(name)) is not None:
+                written = {} if known.job is None else known.job.written
+                shown = {key: Path(value).name if key in FILES else value for key, value in written.items()}
+                found.append(JobAnswer(name, shown, known.problem))
         return found
 
     def written(self, name: str) -> dict[str, Any] | None:
@@ -226,7 +210,7 @@ class JobFolder:
             except (FileError, OSError) as error:
                 raise no_room(error) from error
             job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
-            self._keep(name, _Known(state, job, watch))
+            self._known[name] = _Known(state, job, watch)
         log.info("job", job=name, sha256=job.sha256)
         return new
 
@@ -241,7 +225,7 @@ class JobFolder:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
         if name == self._needed:
             raise Problem(
-                409, f"the watched folder is read by the job {name}; set watch_job to another first"
+                409, f"the watched folder is read by the job {name}; set watch.job to another first"
             )
         with self.lock:
             try:
@@ -249,8 +233,7 @@ class JobFolder:
             except OSError as error:
                 raise no_room(error) from error
             self._recent.forget(name)
-            with self._known_lock:
-                self._known.pop(name, None)
+            self._known.pop(name, None)
         log.info("job deleted", job=name)
 
     def _job(self, name: str) -> JobFile:
@@ -268,12 +251,11 @@ class JobFolder:
     def _look(self, name: str) -> _Known | None:
         """A job as it now is; None where there is none."""
         path = self.folder / f"{name}{SUFFIX}"
-        before = self._kept(name)
+        before = self._known.get(name)
         try:
             state = _state_of(path)
         except OSError:
-            with self._known_lock:
-                self._known.pop(name, None)
+            self._known.pop(name, None)
             return None
         if before is not None and before.state == state:
             return before
@@ -287,9 +269,12 @@ class JobFolder:
             problem = self._unplaced(error)
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
             kept = (None, None) if before is None else (before.job, before.watch)
-            return self._keep(name, _Known(state, *kept, problem))
-        log.info("job", job=name, sha256=job.sha256)
-        return self._keep(name, _Known(state, job, watch))
+            found = _Known(state, *kept, problem)
+        else:
+            log.info("job", job=name, sha256=job.sha256)
+            found = _Known(state, job, watch)
+        self._known[name] = found
+        return found
 
     def _unplaced(self, error: MarksError) -> str:
         # paths of the server are nobody's business
@@ -297,15 +282,6 @@ class JobFolder:
         for folder in (self.folder, self.databases.folder):
             said = said.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")
         return said
-
-    def _kept(self, name: str) -> _Known | None:
-        with self._known_lock:
-            return self._known.get(name)
-
-    def _keep(self, name: str, known: _Known) -> _Known:
-        with self._known_lock:
-            self._known[name] = known
-        return known
 
 
 def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:

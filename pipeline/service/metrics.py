@@ -1,4 +1,4 @@
-"""What the service counts, for Prometheus."""
+"""Numbers of the service, for Prometheus."""
 
 from __future__ import annotations
 
@@ -22,47 +22,31 @@ class Metrics:
     """Counters of one service; each service has a registry of its own."""
 
     def __init__(self) -> None:
-        registry = self.registry = CollectorRegistry()
-        self.requests = Counter(
-            "tactile_marks_http_requests",
-            "Requests answered.",
-            ("method", "route", "status"),
-            registry=registry,
+        self.registry = CollectorRegistry()
+        self.requests = self._counter("http_requests", "Requests answered.", "method", "route", "status")
+        self.request_seconds = self._histogram(
+            "http_request_seconds", "From the request's head to the end of the answer.", "route"
         )
-        self.request_seconds = Histogram(
-            "tactile_marks_http_request_seconds",
-            "From the request's head to the end of the answer.",
-            ("route",),
-            buckets=_SECONDS,
-            registry=registry,
+        self.parts = self._counter("parts", "Parts read, by how far that took them.", "state")
+        self.readings = self._counter("readings", "Readings made.", "source", "decision")
+        self.reading_seconds = self._histogram(
+            "reading_seconds", "Time that a reading took in its worker.", "source"
         )
-        self.parts = Counter(
-            "tactile_marks_parts", "Parts read, by how far that took them.", ("state",), registry=registry
-        )
-        self.readings = Counter(
-            "tactile_marks_readings", "Readings made.", ("source", "decision"), registry=registry
-        )
-        self.reading_seconds = Histogram(
-            "tactile_marks_reading_seconds",
-            "Time that a reading took in its worker.",
-            ("source",),
-            buckets=_SECONDS,
-            registry=registry,
-        )
-        self.reviews = Counter("tactile_marks_reviews", "Reviews by people.", ("action",), registry=registry)
-        self.refused = Counter("tactile_marks_refused", "Parts refused at a full queue.", registry=registry)
-        self.serial_alarms = Counter(
-            "tactile_marks_serial_alarms", "Serials read surely that others speak against.", registry=registry
-        )
-        self.lost_workers = Counter(
-            "tactile_marks_workers_lost", "Workers that died or took too long over a part.", registry=registry
-        )
-        self._registry = registry
+        self.reviews = self._counter("reviews", "Reviews by people.", "action")
+        self.refused = self._counter("refused", "Parts refused at a full queue.")
+        self.serial_alarms = self._counter("serial_alarms", "Serials read surely that others speak against.")
+        self.lost_workers = self._counter("workers_lost", "Workers that died or took too long over a part.")
 
     def gauge(self, name: str, text: str, value: Callable[[], float]) -> None:
-        """Tell a value that is looked up whenever somebody asks."""
-        Gauge(f"tactile_marks_{name}", text, registry=self._registry).set_function(value)
+        """Publish a value that is looked up whenever somebody asks."""
+        Gauge(f"tactile_marks_{name}", text, registry=self.registry).set_function(value)
 
     def page(self) -> bytes:
         """All of it in Prometheus' text format."""
-        return generate_latest(self._registry)
+        return generate_latest(self.registry)
+
+    def _counter(self, name: str, text: str, *labels: str) -> Counter:
+        return Counter(f"tactile_marks_{name}", text, labels, registry=self.registry)
+
+    def _histogram(self, name: str, text: str, *labels: str) -> Histogram:
+        return Histogram(f"tactile_marks_{name}", text, labels, buckets=_SECONDS, registry=self.registry)

@@ -1,148 +1,132 @@
-"""What the service has beside HTTP: trigger ports, a folder that it watches, targets that it publishes results to."""
+"""Inputs and outputs of the service beside HTTP: trigger ports, a watched folder, targets of results."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from datetime import UTC, datetime
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import structlog
 
-from pipeline.common.version import program_version
 from pipeline.service.connections import Connection, target_connection
 from pipeline.service.line.dispatch import Dispatcher, Sender
-from pipeline.service.line.watch_folder import WatchedFolder, watch_journal
 
 if TYPE_CHECKING:
-    from pipeline.service.part_service import PartService
+    from pipeline.service.intake import Intake
     from pipeline.service.settings import ServiceSettings
-    from pipeline.store.store import Store
 
 log = structlog.get_logger("tactile-marks")
 
 
-class Ports:
-    """The trigger ports and the dispatcher of one service."""
+class Input(Protocol):
+    """Brings parts to the intake.
 
-    def __init__(self, settings: ServiceSettings) -> None:
-        """Make ready what the settings ask for; nothing is opened or sent yet.
+    Attributes:
+        title: of the log.
+        place: of the log: address or folder.
+    """
+
+    title: str
+
+    @property
+    def place(self) -> dict[str, object]:
+        """Address or folder, for the log."""
+
+    async def start(self) -> None:
+        """Begin; raises OSError for an address that cannot be had."""
+
+    async def stop(self, *, grace_s: float) -> None:
+        """End; what is being read gets `grace_s`."""
+
+
+def senders_of(settings: ServiceSettings) -> dict[str, Sender]:
+    """The targets of results that the settings name.
+
+    Raises:
+        MissingExtraError: a library of an extra is not installed.
+        SettingsError: an address that cannot be.
+    """
+    senders: dict[str, Sender] = {}
+    if settings.webhook.url:
+        from pipeline.service.line.webhook import WebhookSender
+
+        senders["webhook"] = WebhookSender(settings.webhook)
+    if settings.mqtt.url:
+        from pipeline.service.line.mqtt import MqttSender
+
+        senders["mqtt"] = MqttSender(settings.mqtt)
+    return senders
+
+
+class Ports:
+    """Inputs and the dispatcher of one service."""
+
+    def __init__(self, settings: ServiceSettings, intake: Intake, senders: Mapping[str, Sender]) -> None:
+        """Make what the settings ask for; nothing is opened or sent yet.
 
         Raises:
-            FileError: a folder to watch that is none, or the journal of its files that cannot be used.
+            FileError: an unusable folder to watch or journal of its files.
             MissingExtraError: a library of an extra is not installed.
-            ValueError: an address that cannot be.
+            ValueError: an address or format that cannot be.
         """
-        self._settings = settings
-        self.senders: dict[str, Sender] = {}
-        self._dispatcher: Dispatcher | None = None
+        self._intake, self._senders, self._grace_s = intake, senders, settings.shutdown_grace_s
+        self._dispatcher = Dispatcher(intake.store, senders) if senders else None
+        self._inputs: dict[str, Input] = {}
         self._open: dict[str, Connection] = {}
-        if settings.webhook:
-            from pipeline.service.line.webhook import WebhookSender
+        if settings.tcp.port is not None:
+            from pipeline.service.line.tcp import TcpPort
 
-            self.senders["webhook"] = WebhookSender(settings.webhook, secret=settings.webhook_secret)
-        if settings.mqtt:
-            from pipeline.service.line.mqtt import MqttSender
+            self._inputs["tcp"] = TcpPort(settings.tcp, intake.trigger)
+        if settings.opcua.port is not None:
+            from pipeline.service.line.opcua import OpcUaPort
 
-            self.senders["mqtt"] = MqttSender(
-                settings.mqtt, prefix=settings.mqtt_prefix, version=settings.mqtt_version
+            self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake.trigger)
+            intake.on_part = opcua.show
+        if settings.watch.folder is not None:
+            from pipeline.service.line.watch_folder import WatchedFolder
+
+            self._inputs["watch"] = WatchedFolder(
+                settings.watch,
+                intake,
+                journal=settings.watch_journal,
+                most_bytes=settings.limits.upload_bytes,
+                at_once=settings.jobs,
             )
-        if settings.tcp_format:
-            from pipeline.service.line.result_string import ResultString
 
-            ResultString(settings.tcp_format)
-        if settings.opcua_port is not None:
-            from pipeline.service.line.opcua import require_asyncua
-
-            require_asyncua()
-        self._watch_journal = watch_journal(settings)
-
-    def connections(self, store: Store) -> tuple[Connection, ...]:
+    def connections(self) -> tuple[Connection, ...]:
         """The connections to others as they are now.
 
         Raises:
             StoreError: the store does not answer.
         """
         states = self._dispatcher.states if self._dispatcher is not None else {}
-        waiting = store.waiting_results() if states else {}
-        targets = (
-            target_connection(
-                target,
-                since=state.since,
-                error=state.error,
-                refused=state.refused,
-                waiting=waiting.get(target),
-            )
-            for target, state in states.items()
-        )
+        waiting = self._intake.store.waiting_results() if states else {}
+        targets = (target_connection(name, state, waiting.get(name)) for name, state in states.items())
         return (*targets, *self._open.values())
 
-    def _note_open(self, key: str, name: str, host: str, port: int) -> None:
-        log.info(name, host=host, port=port)
-        self._open[key] = Connection(key, name, f"listens at {host}:{port}", True, datetime.now(UTC))
-
     @contextlib.asynccontextmanager
-    async def opened(self, parts: PartService) -> AsyncIterator[None]:
-        """Open the ports and send what waits; on leaving, what is at work may end first.
+    async def opened(self) -> AsyncIterator[None]:
+        """Open the inputs and send what waits; on leaving, what is at work may end first.
 
         Raises:
             OSError: an address that cannot be had.
         """
-        settings, grace_s = self._settings, self._settings.shutdown_grace_s
         async with contextlib.AsyncExitStack() as stack:
-            if self.senders:
-                self._dispatcher = dispatcher = Dispatcher(parts.store, self.senders)
+            if (dispatcher := self._dispatcher) is not None:
                 dispatcher.start()
-                loop = asyncio.get_running_loop()
                 # results come from threads as well
-                parts.on_result = partial(loop.call_soon_threadsafe, dispatcher.wake)
-                stack.push_async_callback(dispatcher.stop, grace_s=min(grace_s, 10.0))
-            if settings.tcp_port is not None:
-                from pipeline.service.line.result_string import DEFAULT_FORMAT
-                from pipeline.service.line.tcp import TcpPort
-
-                tcp = TcpPort(
-                    parts.trigger,
-                    host=settings.line_host,
-                    port=settings.tcp_port,
-                    template=settings.tcp_format or DEFAULT_FORMAT,
-                    clients=settings.tcp_clients,
-                )
-                await tcp.start()
-                stack.push_async_callback(tcp.stop, grace_s=grace_s)
-                self._note_open("tcp", "TCP trigger port", tcp.host, tcp.port)
-            if settings.opcua_port is not None:
-                from pipeline.service.line.opcua import OpcUaPort
-
-                opcua = OpcUaPort(
-                    parts.trigger,
-                    host=settings.line_host,
-                    port=settings.opcua_port,
-                    version=program_version(),
-                    users=settings.opcua_users,
-                    certificate=settings.opcua_certificate,
-                    private_key=settings.opcua_key,
-                )
-                await opcua.start()
-                stack.push_async_callback(opcua.stop, grace_s=grace_s)
-                parts.on_part = opcua.show
-                self._note_open("opcua", "OPC UA server", opcua.host, opcua.port)
-            if settings.watch is not None and self._watch_journal is not None:
-                watched = WatchedFolder(
-                    settings.watch,
-                    parts,
-                    journal=self._watch_journal,
-                    job=settings.watch_job,
-                    every_s=settings.watch_every_s,
-                    a_set=settings.watch_photos,
-                    settle_s=settings.watch_settle_s,
-                    most_bytes=settings.max_upload_mb * 1_000_000,
-                    at_once=settings.jobs,
-                )
-                stack.callback(self._watch_journal.close)
-                watched.start()
-                stack.push_async_callback(watched.stop, grace_s=grace_s)
-                log.info("watched folder", folder=str(watched.folder), every_s=settings.watch_every_s)
+                wake = partial(asyncio.get_running_loop().call_soon_threadsafe, dispatcher.wake)
+                self._intake.on_result = wake
+                stack.push_async_callback(dispatcher.stop, grace_s=min(self._grace_s, 10.0))
+            for key, one in self._inputs.items():
+                await one.start()
+                stack.push_async_callback(one.stop, grace_s=self._grace_s)
+                place = one.place
+                log.info(one.title, **place)
+                if "port" in place:
+                    at = f"listens at {place['host']}:{place['port']}"
+                    self._open[key] = Connection(key, one.title, at, True, datetime.now(UTC))
             yield

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,53 +54,31 @@ def service_process(
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "service.log"
-    arguments = [
-        sys.executable,
-        "-m",
-        "pipeline",
-        "serve",
-        "--port",
-        "0",
-        "--folder",
-        str(folder),
-        *options,
-    ]
+    command = [sys.executable, "-m", "pipeline", "serve", "--port", "0", "--folder", str(folder), *options]
     with log.open("ab") as stream:
         begin = stream.tell()
-        process = subprocess.Popen(arguments, stderr=stream, stdout=stream, env=environment)
+        process = subprocess.Popen(command, stderr=stream, stdout=stream, env=environment)
+    until = time.monotonic() + START_PATIENCE_S
     try:
-        url = _address(process, log, begin)
-        if ready:
-            _wait_until_ready(process, url, log)
+        url = ""
+        while not url or (ready and not _is_ready(url)):
+            if process.poll() is not None or time.monotonic() > until:
+                words = " | ".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:])
+                raise NotServingError(f"the service does not come up: {words or 'it logged nothing'}")
+            time.sleep(0.05)
+            found = _SERVES.search(log.read_bytes()[begin:].decode("utf-8", "replace"))
+            url = found[1] if found else ""
         yield ServiceProcess(url, process, log)
     finally:
         _end(process)
 
 
-def _address(process: subprocess.Popen[bytes], log: Path, begin: int) -> str:
-    until = time.monotonic() + START_PATIENCE_S
-    while time.monotonic() < until:
-        with log.open("rb") as stream:
-            stream.seek(begin)
-            found = _SERVES.search(stream.read().decode("utf-8", "replace"))
-        if found:
-            return found[1]
-        if process.poll() is not None:
-            break
-        time.sleep(0.05)
-    raise NotServingError(f"the service did not start: {_last_lines(log)}")
-
-
-def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log: Path) -> None:
+def _is_ready(url: str) -> bool:
     import httpx
 
-    until = time.monotonic() + START_PATIENCE_S
-    while time.monotonic() < until and process.poll() is None:
-        with contextlib.suppress(httpx.TransportError):
-            if httpx.get(f"{url}/readyz", timeout=5.0, verify=False).status_code == 200:
-                return
-        time.sleep(0.1)
-    raise NotServingError(f"the service is not ready: {_last_lines(log)}")
+    with contextlib.suppress(httpx.TransportError):
+        return httpx.get(f"{url}/readyz", timeout=5.0, verify=False).status_code == 200
+    return False
 
 
 def _end(process: subprocess.Popen[bytes], *, patience_s: float = 30.0) -> None:
@@ -111,8 +89,3 @@ def _end(process: subprocess.Popen[bytes], *, patience_s: float = 30.0) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def _last_lines(log: Path, n: int = 5) -> str:
-    lines: Sequence[str] = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    return " | ".join(lines[-n:]) or "it logged nothing"

@@ -1,13 +1,16 @@
-"""The files of a folder by name, and which of them were there a moment ago."""
+"""The files of a folder by name, and which of them were there a moment ago; glyph databases are such files."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import structlog
 
 from glyphs.plain_text import visible
+from pipeline.common.settings import SettingsError
+from pipeline.service.web.problem import OwnProblem, Problem
 
 MOST_AWAY_S = 3600.0
 """Seconds for which a file that is gone may come back: a disk that is mounted anew, a file that is put back. After
@@ -59,3 +62,53 @@ def is_text(name: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+class GlyphDatabases:
+    """Glyph databases by name; looked for whenever they are asked for, so one may be put there while it runs."""
+
+    def __init__(self, folder: Path, *, default: Path | None = None) -> None:
+        """Take the folder.
+
+        Args:
+            folder: of the files; it need not be there.
+            default: database where none is asked for; None for the built-in fonts.
+
+        Raises:
+            SettingsError: there is no such default.
+        """
+        self.folder, self._default = folder, default
+        self._recent = RecentFiles(folder, ".glyphs")
+        if default is not None and not default.is_file():
+            raise SettingsError(
+                f"there is no glyph database {default}", hint="make it with enroll, or name another"
+            )
+
+    def path(self, name: str) -> Path | None:
+        """The file of a database; None where none is named, and the settings of reading say which.
+
+        Raises:
+            OwnProblem: its file was there lately, and is away.
+            Problem: there is none of that name.
+        """
+        if not name:
+            return None
+        files = self._recent.files()
+        if name not in files:
+            if self._recent.is_away(name):
+                raise OwnProblem(f"the glyph database {name} was there and is not; put its file back")
+            there = ", ".join(files) or "none at all"
+            raise Problem(422, f"there is no glyph database {name!r}; there is {there}")
+        return files[name]
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Name, size and time of each, and whether it is the default."""
+        found = []
+        for name, path in self._recent.files().items():
+            try:
+                status = path.stat()
+            except OSError:
+                continue
+            default = self._default is not None and path.absolute() == self._default.absolute()
+            found.append({"name": name, "n_bytes": status.st_size, "default": default})
+        return found

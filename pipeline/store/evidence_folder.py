@@ -78,11 +78,12 @@ class EvidenceFolder:
         sync_names(root.parent)
         self._synced: set[Path] = set()
 
-    def keep(self, path: Path) -> tuple[str, int]:
+    def keep(self, path: Path, *, sha256: str = "") -> tuple[str, int]:
         """Move a file in; the same content twice is one file. When this returns it survives a power cut.
 
         Args:
             path: the file, no link, in `incoming`.
+            sha256: of its content, from whoever has written it; computed unless given.
 
         Returns:
             Its SHA-256 in hexadecimal, and its length in bytes.
@@ -91,7 +92,7 @@ class EvidenceFolder:
             FileError: it cannot be read or kept.
         """
         with _file_errors(path):
-            sha256, n_bytes = _settle(path)
+            sha256, n_bytes = _settle(path, sha256)
             target = self.path(sha256)
             # one that is there may be another thread's of this moment, or of a process that died at this place
             if target.parent not in self._synced:
@@ -255,18 +256,18 @@ class EvidenceFolder:
         return n_removed
 
 
-def _settle(path: Path) -> tuple[str, int]:
+def _settle(path: Path, sha256: str) -> tuple[str, int]:
     # O_NOFOLLOW and O_NONBLOCK: neither a link nor a pipe is what it seems; Windows has none of the three
     flags = [getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC")]
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise FileError(path, "is not a file", "name a file")
-        digest, n_bytes = hashlib.file_digest(stream, "sha256"), stream.tell()
+        sha256 = sha256 or hashlib.file_digest(stream, "sha256").hexdigest()
         if hasattr(os, "fchmod"):
             os.fchmod(handle, 0o600)
         os.fsync(handle)
-    return digest.hexdigest(), n_bytes
+        return sha256, os.fstat(handle).st_size
 
 
 def _kept_before(entry: os.DirEntry[str], latest_s: float) -> bool:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord, to_json
+from pipeline.common.reading_records import ReadingRecord, ReasonRecord, ScanPlanRecord, to_json
 from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord, TouchWait
 from pipeline.common.serial_rules import SerialRules
 from pipeline.store import tables
@@ -176,7 +176,9 @@ def _read(
         last = readings[-1]
         for one in objections(tx, rules, replace(part, text=cleaned(last.text))):
             part = replace(part, state=PartState.REVIEW)
-            readings[-1] = replace(readings[-1], messages=(*readings[-1].messages, one.why))
+            read = readings[-1]
+            reasons = (*read.reasons, ReasonRecord(one.alarm))
+            readings[-1] = replace(read, messages=(*read.messages, one.why), reasons=reasons)
             alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
             if one.of:  # of two that bear one serial either may be the wrong one
                 part_by_id(tx, one.of, lock=True)

@@ -111,7 +111,7 @@ def run_plant(folder: Path) -> Iterator[Plant]:
             (made / f"part-000{suffix}").rename(parts / f"{name}{suffix}")
     port = free_port()
     with receive() as receiver:
-        doors = ("--tcp-port", str(port), "--webhook", receiver.url, "--watch", str(watched))
-        doors += ("--watch-every-s", "0.2", "--stage", str(parts), "--camera", str(parts))
+        doors = ("--tcp.port", str(port), "--webhook.url", receiver.url, "--watch.folder", str(watched))
+        doors += ("--watch.every-s", "0.2", "--stage.folder", str(parts), "--camera.folder", str(parts))
         with run_service(folder / "service", *READING, *doors) as service:
             yield Plant(service, port, parts, watched, receiver, truth)

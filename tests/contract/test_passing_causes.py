@@ -15,7 +15,7 @@ from PIL import Image
 from glyphs import stamp
 from tests.contract.front_doors import RunningService, run_process, run_service, status_of, wait_until
 
-OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch-every-s", "0.1")
+OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch.every-s", "0.1")
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def watching(place: Path) -> Iterator[RunningService]:
     options = (*OPTIONS, "--database", f"{place}/g.glyphs", "--jobs-folder", f"{place}/jobs")
-    with run_service(place / "s", *options, "--watch", f"{place}/watched", "--watch-job", "line") as running:
+    with run_service(
+        place / "s", *options, "--watch.folder", f"{place}/watched", "--watch.job", "line"
+    ) as running:
         yield running
 
 

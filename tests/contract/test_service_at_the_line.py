@@ -38,7 +38,7 @@ def tcp_port() -> int:
 @pytest.fixture(scope="module")
 def line_options(broker: Broker, tcp_port: int) -> tuple[str, ...]:
     """The results go to a broker, and the TCP port is open."""
-    line = ("--mqtt", broker.url, "--tcp-port", str(tcp_port), "--root-path", "/marks")
+    line = ("--mqtt.url", broker.url, "--tcp.port", str(tcp_port), "--root-path", "/marks")
     return (*SERVICE_OPTIONS, *line)
 
 

@@ -79,14 +79,14 @@ def line(tmp_path_factory: pytest.TempPathFactory, height_map: Path) -> Iterator
     shutil.copy(height_map, folder / "stage" / "K7.npz")
     port = free_port()
     options = (
-        "--opcua-port",
+        "--opcua.port",
         str(port),
-        "--stage",
+        "--stage.folder",
         str(folder / "stage"),
-        "--camera",
+        "--camera.folder",
         str(folder / "camera"),
     )
-    keys = ("--opcua-certificate", str(folder / "server.der"), "--opcua-key", str(folder / "server.pem"))
+    keys = ("--opcua.certificate", str(folder / "server.der"), "--opcua.key", str(folder / "server.pem"))
     (folder / "camera").mkdir()
     users = environment(TACTILE_MARKS_SERVICE_OPCUA_USERS='{"line-user": "geheim"}')
     with run_service(folder / "service", *SERVICE_OPTIONS, *options, *keys, env=users) as service:

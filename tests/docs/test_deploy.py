@@ -55,7 +55,7 @@ def unit() -> dict[str, str]:
     ids=lambda path: path.name,
 )
 def test_every_setting_that_is_named_exists(file: Path) -> None:
-    known = {model.variable(name) for model in MODELS for name in model.model_fields}
+    known = {model.variable(name) for model in MODELS for name in model.leaves()}
     assert set(re.findall(r"TACTILE_MARKS_\w+", file.read_text(encoding="utf-8"))) <= known
 
 
@@ -113,12 +113,13 @@ def test_the_compose_file_holds_together(compose: dict[str, Any]) -> None:
         for name, value in marks["environment"].items()
         if name.startswith(prefix)
     }
+    given["mqtt"] = {"url": given.pop("mqtt_url")}
     settings = ServiceSettings(**{**given, "host": "0.0.0.0", "trusted_proxies": (given["trusted_proxies"],)})
     assert settings.tokens_asked
     assert settings.trusted_proxies == (services["proxy"]["networks"]["front"]["ipv4_address"],)
     assert re.search(r"://marks@(\w+)/(\w+)", settings.store).groups() == ("db", "marks")  # type: ignore[union-attr]
     assert services["db"]["environment"].items() >= {"POSTGRES_USER": "marks", "POSTGRES_DB": "marks"}.items()
-    assert settings.mqtt.endswith("@broker:1883")
+    assert settings.mqtt.url.endswith("@broker:1883")
     assert f"proxy_pass http://marks:{settings.port};" in text_of("nginx.conf")
     assert (ROOT / "docs" / "deploy" / marks["build"]["context"]).resolve() == ROOT
     assert (ROOT / marks["build"]["dockerfile"]).is_file()
@@ -128,7 +129,7 @@ def test_the_proxy_lets_uploads_and_slow_parts_through() -> None:
     text, own = text_of("nginx.conf"), ServiceSettings()
     (most_mb,) = re.findall(r"client_max_body_size (\d+)m;", text)
     (wait_s,) = re.findall(r"proxy_read_timeout (\d+)s;", text)
-    assert int(most_mb) > own.max_upload_mb
+    assert int(most_mb) > own.limits.upload_mb
     assert float(wait_s) > own.part_timeout_s
 
 

@@ -38,7 +38,7 @@ from pipeline.service import app as service_module
 from pipeline.service import ports as ports_module
 from pipeline.service.app import Service, create_app
 from pipeline.service.line.dispatch import Dispatcher, Pace
-from pipeline.service.settings import ServiceSettings
+from pipeline.service.settings import ServiceSettings, WebhookSettings
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
@@ -61,7 +61,7 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     ports_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
     settings = ServiceSettings(
-        folder=folder, store=store, webhook=webhook, port=port, tokens="off", log="text"
+        folder=folder, store=store, webhook=WebhookSettings(url=webhook), port=port, tokens="off", log="text"
     )
     log = (folder / f"log-{port}").open("a")
     with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
@@ -144,7 +144,7 @@ class Plant:
         name = f"service-{port}-{self._lives}"
         hook = f"{self._hook}/{name}"
         if self._real:
-            places = ("--folder", self.folder, "--store", self._store, "--webhook", hook, "--port", port)
+            places = ("--folder", self.folder, "--store", self._store, "--webhook.url", hook, "--port", port)
             command = [sys.executable, "-m", "pipeline", "serve", *map(str, places), *REAL]
             with (self.folder / f"log-{port}").open("ab") as log:
                 return name, subprocess.Popen(command, stdout=log, stderr=log)

@@ -16,7 +16,6 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from glyphs.errors import FileError, MarksError
@@ -29,10 +28,11 @@ from pipeline.runs.options import RunOptions
 from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import Picture, ReadPart, RunOrder
+from pipeline.service.intake import NewPart
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import FileState, Handled, WatchJournal
-from pipeline.service.part_service import NewPart
+from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -280,10 +280,12 @@ class _Parts:
 
     def __init__(self, root: Path) -> None:
         self.evidence, self.store = EvidenceFolder(root / "evidence"), Store.open(_url(root))
-        self.orders = SimpleNamespace(work_folder=self._work_folder, busy=None, trouble=lambda _job: "")
+
+    def takes(self, _job: str) -> bool:
+        return True
 
     @contextlib.contextmanager
-    def _work_folder(self) -> Iterator[Path]:
+    def work_folder(self) -> Iterator[Path]:
         folder = self.evidence.new_work_folder()
         try:
             yield folder
@@ -327,13 +329,11 @@ def _photos_wait(root: Path) -> None:
 
 def _watch(root: Path, *, looks: int = 4) -> WatchJournal:
     """As a service does from its start to its end."""
-    journal = WatchJournal.open(root / "watched.jsonl", {})
     parts = _Parts(root)
     watched = WatchedFolder(
-        root / "in",
+        WatchSettings(folder=root / "in", every_s=0.05),
         parts,  # type: ignore[arg-type]
-        journal=journal,
-        every_s=0.01,
+        journal=root / "watched.jsonl",
         most_bytes=10_000,
         at_once=1,
     )
@@ -344,7 +344,7 @@ def _watch(root: Path, *, looks: int = 4) -> WatchJournal:
 
     asyncio.run(look())
     parts.store.close()
-    return journal
+    return watched.journal
 
 
 def _watch_work(root: Path, _: Say) -> None:

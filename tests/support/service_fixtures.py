@@ -73,4 +73,4 @@ def triggered(served: tuple[Service, TestClient], name: str, job: str = "") -> P
     """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop."""
     service, client = served
     assert client.portal is not None
-    return client.portal.call(service.parts.trigger, name, job)
+    return client.portal.call(service.intake.trigger, name, job)

@@ -11,7 +11,7 @@ from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.records import Scope
 from pipeline.service.api.answers import may, problems
 from pipeline.service.golden import GoldenPart
-from pipeline.service.reading_orders import ReadingOrders
+from pipeline.service.intake import Intake
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
@@ -28,7 +28,7 @@ class GoldenAnswer(GoldenRecord):
     worn: tuple[str, ...] = ()
 
 
-def golden_router(golden: GoldenPart, orders: ReadingOrders, access: Access) -> APIRouter:
+def golden_router(golden: GoldenPart, intake: Intake, access: Access) -> APIRouter:
     """The routes of /v1/golden."""
     responses = problems(401, 403)
     router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute, responses=responses)
@@ -44,7 +44,7 @@ def golden_router(golden: GoldenPart, orders: ReadingOrders, access: Access) -> 
 
         It is no part: it is in no list, no figure and no result. The first one is the reference.
         """
-        with orders.work_folder() as folder:
+        with intake.work_folder() as folder:
             await golden.scanned(await receive(scan, "scan", folder), reference=reference)
         return golden_scans()[0]
 

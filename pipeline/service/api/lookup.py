@@ -26,7 +26,7 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, answered
-from pipeline.service.part_service import PartService
+from pipeline.service.intake import Intake
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import Problem
 from pipeline.store.evidence_folder import FileState
@@ -45,7 +45,7 @@ class FiguresAnswer(Statistics):
     audits: AuditFigures
 
 
-def lookup_router(service: PartService, access: Access, *, root_path: str = "") -> APIRouter:
+def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> APIRouter:
     """The routes that look up /v1/parts; `root_path`: prefix of a proxy, for their links."""
     router = APIRouter(prefix="/v1", responses=problems(401, 403, 422))
     Reads, store = may(access, Scope.READ), service.store
@@ -125,7 +125,7 @@ def _last(evidence: Sequence[EvidenceRecord], kind: EvidenceKind, part_id: str) 
     raise Problem(404, f"the part {part_id} has no such picture")
 
 
-def _file(service: PartService, record: EvidenceRecord, *, download: bool = False) -> Response:
+def _file(service: Intake, record: EvidenceRecord, *, download: bool = False) -> Response:
     return FileResponse(
         _whole(service, record),
         media_type="application/octet-stream" if download else record.media_type,
@@ -134,7 +134,7 @@ def _file(service: PartService, record: EvidenceRecord, *, download: bool = Fals
     )
 
 
-def _whole(service: PartService, record: EvidenceRecord) -> FilePath:
+def _whole(service: Intake, record: EvidenceRecord) -> FilePath:
     """Path of a file that holds what was kept; never one that has changed since."""
     what = record.kind.value
     if record.gone:

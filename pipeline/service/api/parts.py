@@ -24,7 +24,7 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, answered
-from pipeline.service.part_service import NewPart, PartService, Touch
+from pipeline.service.intake import NewPart, Intake, Touch
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
@@ -53,7 +53,7 @@ _REPLAYED = {
 }
 
 
-def parts_router(service: PartService, access: Access, *, root_path: str = "") -> APIRouter:
+def parts_router(service: Intake, access: Access, *, root_path: str = "") -> APIRouter:
     """The routes that add to /v1/parts; `root_path`: prefix of a proxy, for their links."""
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
@@ -80,7 +80,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
         The answer is the reading, or that touch is needed, with the scan plan.
         """
         new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
-        with service.orders.work_folder() as folder:
+        with service.work_folder() as folder:
             check_count(len(photo or ()))
             photos = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
             scanned = await receive(scan, "scan", folder) if scan is not None else None
@@ -100,7 +100,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
     ) -> PartAnswer:
         """Add a scan; the answer is the fused reading."""
         checked_id(part_id)
-        with service.orders.work_folder() as folder:
+        with service.work_folder() as folder:
             scanned = await receive(scan, "scan", folder)
             key = _idempotency(request, caller, idempotency_key, (scanned,), (part_id,))
             done = await service.add_scan(part_id, scanned, idempotency=key)
@@ -129,7 +129,7 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
             raise Problem(422, "the name is missing; give yours as who")
         standing = service.store.part(checked_id(part_id))
         checked = body.action is not ReviewAction.UNREADABLE and not body.outside_format
-        if checked and (against := service.orders.outside_format(text, standing.job)):
+        if checked and (against := service.calls.outside_format(text, standing.job)):
             raise Problem(
                 422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
             )

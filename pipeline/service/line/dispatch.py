@@ -26,12 +26,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
-from typing import Protocol
-
-import numpy as np
+from random import Random
+from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import MarksError
-from pipeline.common.records import Delivery, WaitingResults
+from pipeline.common.records import Delivery
+
+if TYPE_CHECKING:
+    from pipeline.store.store import Store
 
 _MOST_REFUSED = 100
 """Refused results that are kept in mind for each target; all of them wait in the outbox."""
@@ -81,33 +83,12 @@ class Sender(Protocol):
         """Take leave of the target."""
 
 
-class Outbox(Protocol):
-    """Where deliveries wait: `pipeline.store.store.Store` is one. All of it may block."""
-
-    def lease(
-        self, owner: str, targets: Collection[str], *, lease_s: float, limit: int = 100
-    ) -> tuple[Delivery, ...]:
-        """Deliveries whose time has come, longest due first, for one owner until the lease ends."""
-
-    def release(self, owner: str, delivery_ids: Collection[int]) -> None:
-        """Leave deliveries to whoever comes first."""
-
-    def delivered(self, delivery_id: int) -> None:
-        """Forget a delivery."""
-
-    def postpone(self, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
-        """Count an attempt in vain; the delivery is not due before that wait is over."""
-
-    def waiting_results(self) -> Mapping[str, WaitingResults]:
-        """Deliveries that wait to be sent, by target."""
-
-
 @dataclass(frozen=True)
 class TargetState:
     """Whether a target can be reached, and what it refuses.
 
     Attributes:
-        since: when it became so.
+        since: begin of the state.
         error: why it cannot be reached; empty while it can, as far as is known.
         refused: why it does not take results, by their numbers.
     """
@@ -153,168 +134,162 @@ class Pace:
 
 
 class Dispatcher:
-    """Sends what waits in the outbox.
+    """Sends what waits in the outbox, a task for each target.
 
     Attributes:
-        sent, failed: deliveries and attempts in vain by target, since the start.
+        sent, failed: deliveries and failed attempts by target, since the start.
         states: of the targets.
     """
 
     def __init__(
         self,
-        outbox: Outbox,
+        outbox: Store,
         senders: Mapping[str, Sender],
         *,
-        rng: np.random.Generator | None = None,
+        rng: Random | None = None,
         pace: Pace | None = None,
     ) -> None:
         self.sent: Counter[str] = Counter()
         self.failed: Counter[str] = Counter()
         self.states = {target: TargetState(datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
-        self._rng = rng if rng is not None else np.random.default_rng()
-        self._pace = pace or Pace()
-        self._resting: dict[str, tuple[float, int]] = {}  # target: until (loop's time), failures in a row
-        self._busy: dict[str, asyncio.Task[None]] = {}
+        self._rng, self._pace = rng or Random(), pace or Pace()
         self._owner = secrets.token_hex(8)  # not from the rng: services seeded alike are two all the same
         self._leased: set[int] = set()
-        self._woken = asyncio.Event()
-        self._stopping = False
-        self._task: asyncio.Task[None] | None = None
+        self._woken = {target: asyncio.Event() for target in senders}
+        self._stopping = asyncio.Event()
+        self._warned = False
+        self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Begin, in a task of the running loop."""
+        """Begin, in tasks of the running loop."""
         for target, sender in self._senders.items():
             sender.start(partial(self._report, target))
-        self._task = asyncio.create_task(self._run(), name="dispatcher")
+            self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
 
     def wake(self) -> None:
         """Look at the outbox now; call it after something was put there, from the loop's own thread."""
-        self._woken.set()
+        for woken in self._woken.values():
+            woken.set()
 
     async def stop(self, *, grace_s: float = 10.0) -> None:
         """End: what is being sent gets `grace_s`; what has not arrived waits in the outbox for the next start."""
-        self._stopping = True
-        self._woken.set()
-        tasks = {*self._busy.values(), *((self._task,) if self._task is not None else ())}
-        if tasks:
-            await asyncio.wait(tasks, timeout=grace_s)
-        for task in tasks:
+        self._stopping.set()
+        self.wake()
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=grace_s)
+        for task in self._tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
         with contextlib.suppress(Exception):  # else they are the others' when the lease is over
             await self._release(tuple(self._leased))
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
-    async def _run(self) -> None:
-        troubles, said = 0, False
-        while not self._stopping:
-            self._woken.clear()
-            pause_s = self._pace.look_s
+    async def _run(self, target: str, sender: Sender) -> None:
+        """Serve a target until the end.
+
+        A target that is away rests, then it is tried with one delivery.
+        """
+        pace, woken, loop = self._pace, self._woken[target], asyncio.get_running_loop()
+        troubles = rests = 0
+        while not self._stopping.is_set():
+            woken.clear()
+            pause_s, wakes = pace.look_s, woken
             try:
-                if not said:
-                    await self._say_what_nobody_sends()
-                    said = True
-                await self._look()
+                await self._warn_of_unknown_targets()
+                until_s = loop.time() + pace.lease_s
+                limit = 1 if rests else pace.batch
+                leased = await asyncio.to_thread(
+                    self._outbox.lease, self._owner, [target], lease_s=pace.lease_s, limit=limit
+                )
+                self._leased.update(delivery.id for delivery in leased)
+                rest_s = await self._serve(sender, leased, until_s, rests + 1)
                 troubles = 0
-            except Exception:  # the store is away, say; a dispatcher that ends would be noticed by nobody
+                if rest_s:
+                    rests, pause_s, wakes = rests + 1, rest_s, self._stopping
+                elif leased:
+                    rests, pause_s = 0, 0.0  # there may be more
+            except Exception:  # the store is away, say: what was sent is sent again
                 troubles += 1
                 if troubles == 1:
-                    _log.exception("the outbox cannot be used; trying again")
-                pause_s = min(self._pace.wait_s(troubles), self._pace.longest_rest_s)
-            if not self._stopping:
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._woken.wait(), pause_s)
+                    _log.exception("the outbox cannot be used; %s waits", target)
+                pause_s = min(pace.wait_s(troubles), pace.longest_rest_s)
+                wakes = self._stopping
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(wakes.wait(), pause_s)
 
-    async def _look(self) -> None:
-        """Have every target served that has something due, does not rest and is not being served."""
-        free = [target for target in self._senders if target not in self._busy and not self._rests(target)]
-        if not free or self._stopping:
-            return
-        until_s = asyncio.get_running_loop().time() + self._pace.lease_s
-        leased = await asyncio.to_thread(
-            self._outbox.lease, self._owner, free, lease_s=self._pace.lease_s, limit=self._pace.batch
-        )
-        self._leased.update(delivery.id for delivery in leased)
-        by_target: dict[str, list[Delivery]] = {}
-        for delivery in leased:
-            by_target.setdefault(delivery.target, []).append(delivery)
-        for target, deliveries in by_target.items():
-            self._busy[target] = asyncio.create_task(self._serve(target, deliveries, until_s))
+    async def _warn_of_unknown_targets(self) -> None:
+        if not self._warned:
+            waiting = await asyncio.to_thread(self._outbox.waiting_results)
+            for target in sorted(set(waiting) - set(self._senders)) if not self._warned else ():
+                _log.warning("results wait to be sent to %s, which is not set up here", target)
+            self._warned = True
 
-    async def _say_what_nobody_sends(self) -> None:
-        for target in sorted(set(await asyncio.to_thread(self._outbox.waiting_results)) - set(self._senders)):
-            _log.warning("results wait to be sent to %s, which is not set up here", target)
-
-    def _rests(self, target: str) -> bool:
-        until, _ = self._resting.get(target, (0.0, 0))
-        return until > asyncio.get_running_loop().time()
-
-    async def _serve(self, target: str, deliveries: Sequence[Delivery], until_s: float) -> None:
-        """Send what is leased for a target, while the lease lasts."""
-        sender = self._senders[target]
+    async def _serve(
+        self, sender: Sender, deliveries: Sequence[Delivery], until_s: float, failures: int
+    ) -> float:
+        """Send what is leased, while the lease lasts; seconds to rest if the target is away."""
         waiting = list(reversed(deliveries))
+        rests: list[float] = []
         loop = asyncio.get_running_loop()
 
         async def work() -> None:
-            while waiting and not self._stopping and not self._rests(target):
+            while waiting and not rests and not self._stopping.is_set():
                 if loop.time() + self._pace.send_s > until_s:
                     return
-                await self._send(sender, waiting.pop())
+                if rest_s := await self._send(sender, waiting.pop(), failures):
+                    rests.append(rest_s)
 
-        try:
-            if target in self._resting:  # its rest is over: try with one
-                await self._send(sender, waiting.pop())
-            await asyncio.gather(*(work() for _ in range(self._pace.together)))
-            await self._release(tuple(delivery.id for delivery in waiting))
-        except Exception:  # the store: what was sent is sent again
-            _log.exception("the outbox cannot be used; %s rests", target)
-            self._rest(target, DeliveryError("the outbox cannot be used"))
-        finally:
-            del self._busy[target]
-            if not self._rests(target):
-                self._woken.set()  # there may be more
+        done = await asyncio.gather(*(work() for _ in range(self._pace.together)), return_exceptions=True)
+        for error in filter(None, done):
+            raise error
+        await self._release(tuple(delivery.id for delivery in waiting))
+        return max(rests, default=0.0)
 
-    async def _send(self, sender: Sender, delivery: Delivery) -> None:
+    async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
+        """Send one delivery; seconds to rest if the target is away."""
         target = delivery.target
         try:
             async with asyncio.timeout(self._pace.send_s):
                 await sender.send(delivery)
         except TimeoutError:
-            await self._failed(delivery, DeliveryError("no answer in time", away=True))
-            return
-        except DeliveryError as error:
-            await self._failed(delivery, error)
-            return
-        except Exception as error:
+            error = DeliveryError("no answer in time", away=True)
+        except DeliveryError as failed:
+            error = failed
+        except Exception as fault:
             _log.exception("the %s sender failed on a delivery of part %s", target, delivery.part_id)
-            await self._failed(delivery, DeliveryError(f"{type(error).__name__}: {error}"))
-            return
-        self._report(target, "")
-        self._note_refusal(delivery, "")
-        self._resting.pop(target, None)
-        self.sent[target] += 1
-        await asyncio.to_thread(self._outbox.delivered, delivery.id)
-        self._leased.discard(delivery.id)
-
-    async def _failed(self, delivery: Delivery, error: DeliveryError) -> None:
-        target, pace = delivery.target, self._pace
+            error = DeliveryError(f"{type(fault).__name__}: {fault}")
+        else:
+            self._report(target, "")
+            self._note_refusal(delivery, "")
+            self.sent[target] += 1
+            await asyncio.to_thread(self._outbox.delivered, delivery.id)
+            self._leased.discard(delivery.id)
+            return 0.0
         self.failed[target] += 1
         self._report(target, str(error) if error.away else "")
         if not error.away:
             if not delivery.attempts:  # once, not with every attempt
                 _log.warning("%s does not take the result of part %s: %s", target, delivery.part_id, error)
             self._note_refusal(delivery, str(error))
-        if error.away:
-            self._rest(target, error)
-            wait_s = self._resting[target][0] - asyncio.get_running_loop().time()
-        else:
-            wait_s = pace.longest_wait_s if error.lasting else pace.wait_s(delivery.attempts + 1)
-            wait_s = min(max(self._jittered(wait_s), error.retry_after_s), pace.longest_wait_s)
-        await self._postpone(delivery, str(error), wait_s)
+        wait_s = self._wait_s(error, failures if error.away else delivery.attempts + 1)
+        await asyncio.to_thread(
+            self._outbox.postpone, delivery.id, self._owner, error=str(error), wait_s=wait_s
+        )
+        self._leased.discard(delivery.id)
+        return wait_s if error.away else 0.0
+
+    def _wait_s(self, error: DeliveryError, failures: int) -> float:
+        """Seconds before the next attempt."""
+        pace = self._pace
+        short = error.away and not error.lasting and not error.retry_after_s
+        longest_s = pace.longest_rest_s if short else pace.longest_wait_s
+        wait_s = longest_s if error.lasting else min(pace.wait_s(failures), longest_s)
+        # many that failed together come back apart
+        return min(max(wait_s * self._rng.uniform(0.5, 1.0), error.retry_after_s), longest_s)
 
     def _report(self, target: str, error: str) -> None:
-        """Note whether a target can be reached, and log it where that has changed."""
+        """Note whether a target can be reached, and log a change."""
         before = self.states[target]
         if error and not before.error:
             _log.warning("%s is away, its results wait: %s", target, error)
@@ -328,33 +303,15 @@ class Dispatcher:
         refused = {number: why for number, why in state.refused.items() if number != delivery.id}
         if error and len(refused) < _MOST_REFUSED:
             refused[delivery.id] = error
-        if refused != state.refused:
-            self.states[delivery.target] = replace(state, refused=refused)
-
-    def _rest(self, target: str, error: DeliveryError) -> None:
-        if self._rests(target):
-            return  # of several that fail together, one counts
-        pace = self._pace
-        _, failures = self._resting.get(target, (0.0, 0))
-        longest_s = pace.longest_wait_s if error.lasting or error.retry_after_s else pace.longest_rest_s
-        rest_s = longest_s if error.lasting else min(pace.wait_s(failures + 1), longest_s)
-        rest_s = min(max(self._jittered(rest_s), error.retry_after_s), longest_s)
-        self._resting[target] = (asyncio.get_running_loop().time() + rest_s, failures + 1)
-
-    async def _postpone(self, delivery: Delivery, error: str, wait_s: float) -> None:
-        await asyncio.to_thread(self._outbox.postpone, delivery.id, self._owner, error=error, wait_s=wait_s)
-        self._leased.discard(delivery.id)
+        self.states[delivery.target] = replace(state, refused=refused)
 
     async def _release(self, delivery_ids: Collection[int]) -> None:
         if delivery_ids:
             await asyncio.to_thread(self._outbox.release, self._owner, delivery_ids)
         self._leased.difference_update(delivery_ids)
 
-    def _jittered(self, wait_s: float) -> float:
-        return wait_s * float(self._rng.uniform(0.5, 1.0))
-
 
 def body_of(delivery: Delivery) -> bytes:
-    """What is sent: the payload and the delivery's number, as compact JSON in UTF-8."""
+    """The payload and the delivery's number, as compact JSON in UTF-8."""
     content = {**delivery.payload, "delivery_id": delivery.id}
     return json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")

@@ -18,21 +18,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import secrets
-import ssl
 from collections.abc import Callable
-from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
-from pipeline.service.line.mqtt_connection import LEAVE_S, Broker, MqttConnection, MqttVersion
+from pipeline.service.line.mqtt_connection import LEAVE_S, PORTS, MqttConnection
+
+if TYPE_CHECKING:
+    from pipeline.service.settings import MqttSettings
 
 ONLINE, OFFLINE = b"online", b"offline"
 _LOOK_S = 2.0
-_PORTS = {"mqtt": 1883, "mqtts": 8883}
 _NO_TOPIC = frozenset("+#\0")
 _log = logging.getLogger(__name__)
 
@@ -45,61 +45,30 @@ def topic_level(name: str) -> str:
 class MqttSender:
     """Publishes deliveries to a broker; connects again after a loss."""
 
-    def __init__(
-        self,
-        url: str,
-        *,
-        prefix: str = "tactile-marks",
-        version: MqttVersion = "5",
-        ca_file: Path | None = None,
-        certificate: Path | None = None,
-        private_key: Path | None = None,
-        timeout_s: float = 10.0,
-        keepalive_s: int = 30,
-    ) -> None:
-        """Make ready; nothing is connected yet.
+    def __init__(self, settings: MqttSettings, *, timeout_s: float = 10.0) -> None:
+        """Make the sender; nothing is connected yet.
 
         Args:
-            url: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked).
-            prefix: of the topics.
-            version: of the protocol; with 3.1.1 a refused result is lost, for the broker cannot say so.
-            ca_file: certificates of authorities to trust, instead of the system's.
-            certificate: of this client, PEM, where the broker asks for one.
-            private_key: of the certificate.
+            settings: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked by
+                the system's authorities, or those of the file SSL_CERT_FILE), and the prefix of the topics.
             timeout_s: for connecting, and for one acknowledgement.
-            keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
 
         Raises:
             MissingExtraError: paho-mqtt is not installed.
-            SettingsError: no such address, topic or certificate.
+            SettingsError: no such address or topic.
         """
         try:
             import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:
             raise MissingExtraError("MQTT", "paho-mqtt", "mqtt") from error
-        parts = urlsplit(url)
-        if parts.scheme not in _PORTS or not parts.hostname:
+        parts, prefix = urlsplit(settings.url), settings.prefix
+        if parts.scheme not in PORTS or not parts.hostname:
             raise SettingsError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
-        if (
-            not prefix
-            or not _NO_TOPIC.isdisjoint(prefix)
-            or prefix.startswith(("/", "$"))
-            or prefix.endswith("/")
-        ):
+        if not prefix or not _NO_TOPIC.isdisjoint(prefix) or prefix[0] in "/$" or prefix.endswith("/"):
             raise SettingsError(
                 f"the MQTT prefix {prefix!r} is not a beginning of a topic", hint="use a word such as line-4"
             )
-        self._broker = Broker(
-            parts.hostname,
-            parts.port or _PORTS[parts.scheme],
-            f"tactile-marks-{secrets.token_hex(6)}",
-            version=version,
-            user=unquote(parts.username) if parts.username else None,
-            password=unquote(parts.password) if parts.password else None,
-            tls=_tls(ca_file, certificate, private_key) if parts.scheme == "mqtts" else None,
-            timeout_s=timeout_s,
-            keepalive_s=keepalive_s,
-        )
+        self._settings, self._timeout_s = settings, timeout_s
         self._prefix, self._status = prefix, f"{prefix}/status"
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
@@ -109,10 +78,10 @@ class MqttSender:
 
     def start(self, report: Callable[[str], object]) -> None:
         """Connect and stay so, that the status says online though there is nothing to publish."""
-        if self._broker.version != "5":
+        if self._settings.version != "5":
             _log.warning(
                 "MQTT %s: the broker cannot say that it refuses a result, and one that it refuses is lost",
-                self._broker.version,
+                self._settings.version,
             )
         self._keeping = asyncio.create_task(self._keep_connected(report), name="mqtt")
 
@@ -181,7 +150,9 @@ class MqttSender:
             if self._connection is not None:
                 await self._connection.end()
                 self._connection = None
-            connection = MqttConnection(self._broker, will=(self._status, OFFLINE), heard=self._hear)
+            connection = MqttConnection(
+                self._settings, will=(self._status, OFFLINE), heard=self._hear, timeout_s=self._timeout_s
+            )
             await connection.open()
             try:
                 await self._say_online(connection)
@@ -216,10 +187,3 @@ class MqttSender:
     async def _correct(self, connection: MqttConnection) -> None:
         with contextlib.suppress(DeliveryError):  # the connection is lost, and made anew
             await self._say_online(connection)
-
-
-def _tls(ca_file: Path | None, certificate: Path | None, private_key: Path | None) -> ssl.SSLContext:
-    context = ssl.create_default_context(cafile=str(ca_file) if ca_file is not None else None)
-    if certificate is not None:
-        context.load_cert_chain(str(certificate), str(private_key) if private_key is not None else None)
-    return context

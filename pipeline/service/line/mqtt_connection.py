@@ -9,14 +9,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import secrets
 import socket
 import ssl
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlsplit
 
 from pipeline.service.line.dispatch import DeliveryError
 
+if TYPE_CHECKING:
+    from pipeline.service.settings import MqttSettings
+
+PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
 LEAVE_S = 2.0
 """Seconds for an orderly end of a connection."""
@@ -28,33 +33,6 @@ _TOGETHER = 20
 _HEAD_BYTES = 16
 """Of a message, beside topic and payload, at most."""
 
-MqttVersion = Literal["5", "3.1.1"]
-
-
-@dataclass(frozen=True)
-class Broker:
-    """A broker and how it is called.
-
-    Attributes:
-        host, port: where it listens.
-        client_id: of this program.
-        version: of the protocol.
-        user, password: None where it asks for none.
-        tls: settings of TLS; None without it.
-        timeout_s: for connecting, and for one acknowledgement.
-        keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
-    """
-
-    host: str
-    port: int
-    client_id: str
-    version: MqttVersion = "5"
-    user: str | None = None
-    password: str | None = field(default=None, repr=False)
-    tls: ssl.SSLContext | None = None
-    timeout_s: float = 10.0
-    keepalive_s: int = 30
-
 
 class MqttConnection:
     """One connection, for as long as it lasts.
@@ -63,31 +41,44 @@ class MqttConnection:
         lost: done once the broker is gone, with the reason in words.
     """
 
-    def __init__(self, broker: Broker, *, will: tuple[str, bytes], heard: Callable[[bytes], object]) -> None:
-        """Make ready; nothing is connected yet.
+    def __init__(
+        self,
+        settings: MqttSettings,
+        *,
+        will: tuple[str, bytes],
+        heard: Callable[[bytes], object],
+        timeout_s: float,
+        keepalive_s: int = 30,
+    ) -> None:
+        """Make the connection; nothing is connected yet.
 
         Args:
-            broker: to connect to.
+            settings: of the broker; mqtts checks its certificate.
             will: topic and payload that the broker publishes, retained, if this connection breaks.
             heard: called with the payloads of a topic that is listened to.
+            timeout_s: for connecting, and for one acknowledgement.
+            keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
         """
         from paho.mqtt import client as paho
         from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-        new = broker.version == "5"
-        self._broker, self._loop = broker, asyncio.get_running_loop()
+        parts, self._new = urlsplit(settings.url), settings.version == "5"
+        self._host, self._port = parts.hostname or "", parts.port or PORTS[parts.scheme]
+        self._user = unquote(parts.username) if parts.username else None
+        self._timeout_s, self._keepalive_s = timeout_s, keepalive_s
+        self._loop = asyncio.get_running_loop()
         self._client = client = paho.Client(
             CallbackAPIVersion.VERSION2,
-            client_id=broker.client_id,
-            clean_session=None if new else True,
-            protocol=MQTTProtocolVersion.MQTTv5 if new else MQTTProtocolVersion.MQTTv311,
+            client_id=f"tactile-marks-{secrets.token_hex(6)}",
+            clean_session=None if self._new else True,
+            protocol=MQTTProtocolVersion.MQTTv5 if self._new else MQTTProtocolVersion.MQTTv311,
             reconnect_on_failure=False,
         )
-        client.connect_timeout = broker.timeout_s
-        if broker.user is not None:
-            client.username_pw_set(broker.user, broker.password)
-        if broker.tls is not None:
-            client.tls_set_context(broker.tls)
+        client.connect_timeout = timeout_s
+        if self._user is not None:
+            client.username_pw_set(self._user, unquote(parts.password) if parts.password else None)
+        if parts.scheme == "mqtts":
+            client.tls_set_context(ssl.create_default_context())
         client.will_set(will[0], will[1], QOS, retain=True)
         client.on_connect = self._on_connect
         client.on_disconnect = lambda _c, _d, _f, code, _p: self._in_loop(self._end_with, code)
@@ -106,16 +97,14 @@ class MqttConnection:
         Raises:
             DeliveryError: no broker there, or it refuses the connection.
         """
-        broker, where = self._broker, f"{self._broker.host}:{self._broker.port}"
+        where = f"{self._host}:{self._port}"
         try:
-            await asyncio.to_thread(self._client.connect, broker.host, broker.port, broker.keepalive_s)
+            await asyncio.to_thread(self._client.connect, self._host, self._port, self._keepalive_s)
         except (OSError, ValueError) as error:
             raise DeliveryError(f"the broker {where} cannot be reached: {error}", away=True) from error
         self._client.loop_start()
         try:
-            await asyncio.wait(
-                {self._accepted, self.lost}, timeout=broker.timeout_s, return_when=asyncio.FIRST_COMPLETED
-            )
+            await self._first(self._accepted)
         except asyncio.CancelledError:
             self._drop()  # which ends its thread
             raise
@@ -127,8 +116,8 @@ class MqttConnection:
             why = self.lost.result() if self.lost.done() else "it does not answer"
             raise DeliveryError(f"the broker {where} cannot be reached: {why}", away=True)
         hint = ""
-        if code.value == _UNSUPPORTED_VERSION and broker.version == "5":
-            hint = 'it does not speak MQTT 5; set mqtt_version = "3.1.1"'
+        if code.value == _UNSUPPORTED_VERSION and self._new:
+            hint = 'it does not speak MQTT 5; set mqtt.version = "3.1.1"'
         raise DeliveryError(f"the broker refuses the connection: {code}", hint=hint, away=True)
 
     async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
@@ -154,11 +143,7 @@ class MqttConnection:
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
         self._pending[sent.mid] = (acknowledged, n_bytes)
         try:
-            await asyncio.wait(
-                {acknowledged, self.lost},
-                timeout=self._broker.timeout_s,
-                return_when=asyncio.FIRST_COMPLETED,
-            )
+            await self._first(acknowledged)
         finally:
             del self._pending[sent.mid]
         if acknowledged.done():
@@ -192,9 +177,13 @@ class MqttConnection:
         """Whether the broker has ended it because of a message, and not because it is going away."""
         return self._blamed >= 0
 
+    async def _first(self, answer: asyncio.Future[Any]) -> None:
+        """Wait for an answer, the loss of the connection, or the end of patience."""
+        await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)
+
     def _hint(self, code: Any, topic: str) -> str:
         if code.value == _NOT_AUTHORISED:
-            return f"let the user {self._broker.user or 'without a name'} write to {topic}"
+            return f"let the user {self._user or 'without a name'} write to {topic}"
         return "raise the broker's limit for messages" if code.value == _TOO_LARGE else ""
 
     def _drop(self) -> None:

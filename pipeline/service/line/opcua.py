@@ -22,18 +22,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Mapping
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
-from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
 from pipeline.service.line.opcua_guard import GuardLimits, guarded_server
-from pipeline.service.line.opcua_library import require_asyncua, ua_types
-from pipeline.service.line.opcua_model import build_model
+from pipeline.service.line.opcua_model import load_model, require_asyncua, ua_types
 from pipeline.service.line.opcua_result import (
     DEVICE_FAULT,
     DEVICE_NOT_READY,
@@ -43,7 +39,8 @@ from pipeline.service.line.opcua_result import (
 )
 from pipeline.service.line.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words
 
-__all__ = ["OpcUaPort", "require_asyncua"]
+if TYPE_CHECKING:
+    from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
 _LEAVE_S = 0.1
@@ -58,50 +55,32 @@ class OpcUaPort:
         port: it listens on; the real one once it is started.
     """
 
+    title = "OPC UA server"
+
     def __init__(
         self,
+        settings: OpcUaSettings,
         trigger: Trigger,
         *,
-        host: str = "127.0.0.1",
-        port: int = 0,
         name: str = "tactile-marks",
-        version: str = "",
-        users: Mapping[str, str] | None = None,
-        certificate: Path | None = None,
-        private_key: Path | None = None,
         connections: int = 16,
         answer_s: float = 120.0,
     ) -> None:
-        """Check the settings; nothing is opened yet.
+        """Make the server; nothing is opened yet.
 
         Args:
+            settings: of the server; port 0 takes any that is free, without users everybody may call.
             trigger: reads a part.
-            host: address to listen on.
-            port: 0 takes any that is free.
             name: of the device.
-            version: of the software, for clients.
-            users: passwords by name; without any everybody may call.
-            certificate: of the server, PEM or DER.
-            private_key: of the certificate.
             connections: that have signed in, at once.
             answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
 
         Raises:
             MissingExtraError: asyncua is not installed.
-            SettingsError: users without a certificate: passwords would go over the wire as they are.
         """
         require_asyncua()  # said at the start
-        if (certificate is None) != (private_key is None):
-            raise SettingsError(
-                "a certificate needs its private key, and the key its certificate", hint="give both"
-            )
-        if users and certificate is None:
-            raise SettingsError(
-                "users need a certificate, else their passwords can be read on the way", hint="give one"
-            )
-        self.host, self.port = host, port
-        self._trigger, self._name, self._version = trigger, name, version
-        self._users, self._certificate, self._private_key = dict(users or {}), certificate, private_key
+        self.host, self.port = settings.host, settings.port or 0
+        self._settings, self._trigger, self._name = settings, trigger, name
         self._connections, self._answer_s = connections, answer_s
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
@@ -112,6 +91,11 @@ class OpcUaPort:
         self._shown: deque[tuple[str, datetime]] = deque(maxlen=256)
         self._showing = asyncio.Lock()
 
+    @property
+    def place(self) -> dict[str, object]:
+        """Where it listens."""
+        return {"host": self.host, "port": self.port}
+
     async def start(self) -> None:
         """Build the nodes and listen.
 
@@ -119,7 +103,7 @@ class OpcUaPort:
             OSError: the address cannot be had, a certificate cannot be read.
         """
         ua = ua_types()
-        server = guarded_server(Users(self._users), GuardLimits(sessions=self._connections))
+        server = guarded_server(Users(self._settings.users), GuardLimits(sessions=self._connections))
         server.iserver.allow_remote_admin = False
         await server.init()
         server.set_server_name(self._name)
@@ -127,15 +111,17 @@ class OpcUaPort:
         server.application_type = ua.ApplicationType.Server
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}/tactile-marks")
         policy = ua.SecurityPolicyType
-        if self._certificate is not None and self._private_key is not None:
-            await server.load_certificate(self._certificate)
-            await server.load_private_key(self._private_key)
+        certificate, key = self._settings.certificate, self._settings.key
+        if certificate is not None and key is not None:
+            await server.load_certificate(certificate)
+            await server.load_private_key(key)
             server.set_security_policy(
                 [policy.Basic256Sha256_SignAndEncrypt, policy.Aes256Sha256RsaPss_SignAndEncrypt]
             )
         else:
             server.set_security_policy([policy.NoSecurity])
-        server.set_identity_tokens([ua.UserNameIdentityToken if self._users else ua.AnonymousIdentityToken])
+        users = self._settings.users
+        server.set_identity_tokens([ua.UserNameIdentityToken if users else ua.AnonymousIdentityToken])
         methods = {
             "Scan": self._scan,
             "ScanStart": self._scan_start,
@@ -143,10 +129,8 @@ class OpcUaPort:
             "TriggerPart": self._trigger_part,
             "TriggerJob": self._trigger_part,
         }
-        model = await build_model(server)
-        self._nodes, self._events = await build_device(
-            server, model, name=self._name, version=self._version, methods=methods
-        )
+        model = await load_model(server)
+        self._nodes, self._events = await build_device(server, model, name=self._name, methods=methods)
         await server.start()
         if server.bserver is not None:
             self.port = server.bserver.port

@@ -7,28 +7,19 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pipeline.service.line.opcua_library import ua_types
-from pipeline.service.line.opcua_model import Model
-from pipeline.service.line.opcua_types import (
-    node_id,
-    plain_argument,
-    qualified,
-    scan_outputs,
-    scan_settings_argument,
-    status_output,
-)
+from pipeline.common.version import program_version
+from pipeline.service.line.opcua_model import Model, ua_types
 
 
 async def build_device(
-    server: Any, model: Model, *, name: str, version: str, methods: Mapping[str, Callable[..., Any]]
+    server: Any, model: Model, *, name: str, methods: Mapping[str, Callable[..., Any]]
 ) -> tuple[dict[str, Any], Any]:
     """Put the device into DeviceSet.
 
     Args:
-        server: with the model built into it.
+        server: with the model loaded.
         model: of the specification.
         name: of the device.
-        version: of the software.
         methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
 
     Returns:
@@ -36,44 +27,54 @@ async def build_device(
     """
     ua = ua_types()
     kinds, own = ua.VariantType, model.reader
-    device = await model.device_set.add_object(
-        node_id(own, "reader"), qualified(own, name), objecttype=model.ocr_reader.nodeid
-    )
+
+    def named(namespace: int, one: str) -> tuple[Any, Any]:
+        return ua.NodeId(f"reader.{one}", own), ua.QualifiedName(one, namespace)
+
+    def argument(one: str, kind: Any, rank: Any = ua.ValueRank.Scalar) -> Any:
+        return ua.Argument(Name=one, DataType=kind, ValueRank=rank)
+
+    device = await model.device_set.add_object(*named(own, name), objecttype=model.ocr_reader.nodeid)
     nodes: dict[str, Any] = {}
-    for namespace, names in (
-        (model.autoid, ("DeviceName", "DeviceInfo", "DeviceStatus", "LastScanData", "LastScanTimestamp")),
-        (model.di, ("Manufacturer", "Model", "SoftwareRevision")),
+    for namespace, one, value in (
+        (model.autoid, "DeviceName", name),
+        (model.autoid, "DeviceInfo", ""),
+        (model.autoid, "AutoIdModelVersion", "1.01"),
+        (model.autoid, "DeviceStatus", ua.Variant(0, kinds.Int32)),
+        (model.autoid, "LastScanData", ""),
+        (model.autoid, "LastScanTimestamp", ua.Variant(None, kinds.DateTime)),
+        (model.di, "Manufacturer", ua.LocalizedText("tactile-marks")),
+        (model.di, "Model", ua.LocalizedText("camera and whisker array")),
+        (model.di, "SoftwareRevision", program_version()),
+        (model.di, "RevisionCounter", ua.Variant(-1, kinds.Int32)),
+        *(
+            (model.di, one, "")
+            for one in ("SerialNumber", "DeviceManual", "DeviceRevision", "HardwareRevision")
+        ),
     ):
-        for one in names:
-            nodes[one] = await device.get_child(qualified(namespace, one))
-    for one, value, kind in (
-        ("LastPartId", "", kinds.String),
-        ("LastDecision", "", kinds.String),
-        ("LastConfidence", 0.0, kinds.Double),
-    ):
-        nodes[one] = await device.add_variable(
-            node_id(own, f"reader.{one}"), qualified(own, one), value, varianttype=kind
-        )
-    await nodes["DeviceName"].write_value(name)
-    await nodes["Manufacturer"].write_value(ua.LocalizedText("tactile-marks"))
-    await nodes["Model"].write_value(ua.LocalizedText("camera and whisker array"))
-    await nodes["SoftwareRevision"].write_value(version)
-    settings, status = scan_settings_argument(model.autoid), status_output(model.autoid)
-    plain = [plain_argument(one, kinds.String) for one in ("PartId", "Text", "Decision")]
-    plain += [plain_argument("Confidence", kinds.Double), plain_argument("Source", kinds.String)]
-    called = [plain_argument(one, kinds.String) for one in ("PartName", "JobName")]
+        nodes[one] = await device.get_child(ua.QualifiedName(one, namespace))
+        await nodes[one].write_value(value)
+    for one, first in (("LastPartId", ""), ("LastDecision", ""), ("LastConfidence", 0.0)):
+        nodes[one] = await device.add_variable(*named(own, one), first)
+    text, number = ua.NodeId(kinds.String.value), ua.NodeId(kinds.Double.value)
+    settings = argument("Settings", ua.NodeId(3010, model.autoid))
+    status = argument("Status", ua.NodeId(3013, model.autoid))
+    results = argument("Results", ua.NodeId(3002, model.autoid), ua.ValueRank.OneDimension)
+    plain = [argument(one, text) for one in ("PartId", "Text", "Decision")]
+    plain += [argument("Confidence", number), argument("Source", text)]
+    called = [argument(one, text) for one in ("PartName", "JobName")]
     for namespace, one, inputs, outputs in (
-        (model.autoid, "Scan", [settings], scan_outputs(model.autoid)),
+        (model.autoid, "Scan", [settings], [results, status]),
         (model.autoid, "ScanStart", [settings], [status]),
         (model.autoid, "ScanStop", [], []),
         (own, "TriggerPart", called[:1], plain),
         (own, "TriggerJob", called, plain),
     ):
-        await device.add_method(
-            node_id(own, f"reader.{one}"), qualified(namespace, one), methods[one], inputs, outputs
-        )
+        await device.add_method(*named(namespace, one), methods[one], inputs, outputs)
     events = await server.get_event_generator(model.ocr_event, device)
     events.event.DeviceName = name
+    # the node set has no values to take them from
+    events.event.data_types |= {"DeviceName": kinds.String, "ScanResult": kinds.ExtensionObject}
     return nodes, events
 
 
@@ -106,11 +107,8 @@ class Users:
 def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
     """Whether ScanSettings ask for what there is: one cycle, ended by it, by time, or not at all where allowed."""
     settings = arguments[0].Value if len(arguments) == 1 else None
-    duration = getattr(settings, "Duration", None)
-    cycles = getattr(settings, "Cycles", None)
-    if not isinstance(duration, float | int) or not isinstance(cycles, int):
-        return False
-    if not 0.0 <= duration < math.inf or cycles not in (0, 1):
+    duration, cycles = getattr(settings, "Duration", None), getattr(settings, "Cycles", None)
+    if not isinstance(duration, float | int) or not 0.0 <= duration < math.inf or cycles not in (0, 1):
         return False
     return endless or duration > 0.0 or cycles == 1 or bool(getattr(settings, "DataAvailable", False))
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.line.opcua_library import ua_types
+from pipeline.service.line.opcua_model import ua_types
 from pipeline.service.line.trigger import LineDecision, decision_of
 
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12

@@ -10,32 +10,35 @@ knows its serials have none of that need not care; one that decodes %XX gets bac
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from string import Formatter
 
 from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
 from pipeline.service.line.trigger import decision_of
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
-TEXT_FIELDS = (
-    "name",
-    "decision",
-    "text",
-    "source",
-    "id",
-    "state",
-    "verdict",
-    "expected",
-    "font",
-    "database",
-    "job",
-    "lines",
-    "codes",
-    "fields",
-)
+TEXT_FIELDS: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
+    "name": lambda part, _: part.name,
+    "decision": lambda part, _: decision_of(part).value,
+    "text": lambda part, _: part.text,
+    "source": lambda _, reading: reading.source,
+    "id": lambda part, _: part.id,
+    "state": lambda part, _: part.state.value,
+    "verdict": lambda _, reading: reading.verdict,
+    "expected": lambda part, _: part.expected,
+    "font": lambda _, reading: reading.font,
+    "database": lambda part, _: part.database,
+    "job": lambda part, _: part.job,
+    "lines": lambda _, reading: lines_text(reading.lines),
+    "codes": lambda _, reading: codes_text(reading.codes),
+    "fields": lambda _, reading: fields_text(reading.fields),
+}
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
+_NO_READING = ReadingRecord("", "", "", 0.0)
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
 
@@ -78,13 +81,14 @@ class ResultString:
 
     def of(self, part: PartRecord) -> str:
         """The result string of a part, without the line's end."""
-        values = _values(part)
+        reading = part.reading or _NO_READING
         made = []
         for literal, field, spec in self._pieces:
             made.append(literal)
-            if field is not None:
-                value = values[field]
-                made.append(self._quoted(value) if isinstance(value, str) else format(value, spec))
+            if field in TEXT_FIELDS:
+                made.append(self._quoted(TEXT_FIELDS[field](part, reading)))
+            elif field is not None:
+                made.append(format(getattr(reading, field) or 0.0, spec))
         return "".join(made)
 
     def _quoted(self, text: str) -> str:
@@ -105,27 +109,3 @@ def _check_field(field: str, spec: str, conversion: str | None) -> None:
         raise ResultStringError(
             f"the field {field} cannot be written as {spec or conversion!r}", hint="numbers as .3f"
         )
-
-
-def _values(part: PartRecord) -> dict[str, str | float]:
-    reading = part.reading
-    return {
-        "name": part.name,
-        "decision": decision_of(part).value,
-        "text": part.text,
-        "source": reading.source if reading else "",
-        "id": part.id,
-        "state": part.state.value,
-        "verdict": reading.verdict if reading else "",
-        "expected": part.expected,
-        "font": reading.font if reading else "",
-        "database": part.database,
-        "job": part.job,
-        "lines": lines_text(reading.lines) if reading else "",
-        "codes": codes_text(reading.codes) if reading else "",
-        "fields": fields_text(reading.fields) if reading else "",
-        "confidence": reading.confidence if reading else 0.0,
-        "height_mm": (reading.height_mm or 0.0) if reading else 0.0,
-        "rotation_deg": reading.rotation_deg if reading else 0.0,
-        "seconds": reading.seconds if reading else 0.0,
-    }

@@ -22,12 +22,16 @@ import logging
 import re
 import socket
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
 from pipeline.service.line.trigger import EXPECTED, Trigger, in_words
+
+if TYPE_CHECKING:
+    from pipeline.service.settings import TcpSettings
 
 LINE_END = b"\r\n"
 _LET_GO_S = 0.5
@@ -74,40 +78,33 @@ class TcpPort:
         port: it listens on; the real one once it is started.
     """
 
-    def __init__(
-        self,
-        trigger: Trigger,
-        *,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        template: str = DEFAULT_FORMAT,
-        clients: Sequence[str] = (),
-        limits: TcpLimits | None = None,
-    ) -> None:
-        """Check the settings; nothing is opened yet.
+    title = "TCP trigger port"
+
+    def __init__(self, settings: TcpSettings, trigger: Trigger, *, limits: TcpLimits | None = None) -> None:
+        """Make the port; nothing is opened yet.
 
         Args:
+            settings: of the port; port 0 takes any that is free.
             trigger: reads a part.
-            host: address to listen on.
-            port: 0 takes any that is free.
-            template: of the result string.
-            clients: addresses or networks that may call (192.168.1.20, 10.0.0.0/24); empty: whoever can.
             limits: what one caller may take.
 
         Raises:
-            ValueError: no such format, address or network.
+            ResultStringError: no such format.
         """
-        self.host, self.port = host, port
+        self.host, self.port = settings.host, settings.port or 0
         self._trigger = trigger
-        self._result = ResultString(template or DEFAULT_FORMAT)
-        self._clients = tuple(ipaddress.ip_network(client) for client in clients)
+        self._result = ResultString(settings.format or DEFAULT_FORMAT)
+        self._clients = tuple(ipaddress.ip_network(client) for client in settings.clients)
         self._limits = limits or TcpLimits()
         self._server: asyncio.Server | None = None
-        self._callers: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
-        self._idle: set[asyncio.Task[None]] = set()
-        self._spoken: set[asyncio.Task[None]] = set()  # callers who have said a line
+        self._callers: dict[asyncio.Task[None], _Caller] = {}
         self._reading: set[asyncio.Task[bytes]] = set()
         self._stopping = False
+
+    @property
+    def place(self) -> dict[str, object]:
+        """Where it listens."""
+        return {"host": self.host, "port": self.port}
 
     async def start(self) -> None:
         """Listen.
@@ -115,9 +112,8 @@ class TcpPort:
         Raises:
             OSError: the address cannot be had.
         """
-        self._server = await asyncio.start_server(
-            self._serve, self.host, self.port, limit=2 * self._limits.line_bytes
-        )
+        limit = 2 * self._limits.line_bytes
+        self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
@@ -125,16 +121,15 @@ class TcpPort:
         self._stopping = True
         if self._server is not None:
             self._server.close()
-        for caller in self._idle & self._callers.keys():
-            caller.cancel()
-        if self._callers:
-            await asyncio.wait(self._callers, timeout=grace_s)
-        for caller in self._callers:
-            caller.cancel()
-        if self._reading:  # parts whose callers did not wait for them
-            await asyncio.wait(self._reading, timeout=grace_s)
-        for reading in self._reading:
-            reading.cancel()
+        for talk, caller in self._callers.items():
+            if caller.idle:
+                talk.cancel()
+        groups: tuple[Collection[asyncio.Task[Any]], ...] = (self._callers, self._reading)
+        for tasks in groups:  # also parts whose callers did not wait for them
+            if tasks:
+                await asyncio.wait(tasks, timeout=grace_s)
+            for task in tasks:
+                task.cancel()
         await asyncio.gather(*self._callers, *self._reading, return_exceptions=True)
         if self._server is not None:
             await self._server.wait_closed()
@@ -142,55 +137,66 @@ class TcpPort:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
         assert task is not None
+        caller = _Caller(writer)
+        # a task of the stream server that ends as cancelled is logged as a failure
         try:
-            if not self._welcome(writer):
+            if not self._may_call(caller.address):
                 return
             if self._stopping or not self._has_room():
                 await self._write(writer, _error("too many connections"))
                 return
-            self._callers[task] = writer
-            _watch(writer)
-            await self._converse(task, _Lines(reader, self._limits), writer)
+            self._callers[task] = caller
+            raw = writer.get_extra_info("socket")  # the system notices a controller that was switched off
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            await self._converse(caller, _Lines(reader, self._limits))
         except _LineError as error:
             with contextlib.suppress(OSError, TimeoutError):
                 await self._write(writer, _error(str(error)))
                 await _let_go(reader, writer)
-        except (OSError, TimeoutError):
-            pass  # the caller has gone, or does not take its answers
-        except asyncio.CancelledError:
-            pass  # stopped; a task of the stream server that ends as cancelled is logged as a failure
+        except (OSError, TimeoutError, asyncio.CancelledError):
+            pass  # stopped, or the caller has gone or does not take its answers
         finally:
             self._callers.pop(task, None)
-            self._idle.discard(task)
-            self._spoken.discard(task)
-            await _close(writer)
+            writer.close()
+            try:
+                await asyncio.wait_for(writer.wait_closed(), 1.0)
+            except (OSError, TimeoutError):
+                writer.transport.abort()
+
+    def _may_call(self, text: str) -> bool:
+        if not self._clients:
+            return True
+        address = ipaddress.ip_address(text.partition("%")[0])
+        mapped = getattr(address, "ipv4_mapped", None)
+        return any((mapped or address) in network for network in self._clients)
 
     def _has_room(self) -> bool:
         """Whether one more may call; who has not said a line yet gives way, of the busiest address first."""
         if len(self._callers) < self._limits.connections:
             return True
-        silent = [task for task in self._callers if task not in self._spoken]
+        silent = [task for task, caller in self._callers.items() if not caller.spoken]
         if not silent:
             return False
-        by_address = Counter(_address(writer) for writer in self._callers.values())
-        let_go = max(silent, key=lambda task: by_address[_address(self._callers[task])])
+        by_address = Counter(caller.address for caller in self._callers.values())
+        let_go = max(silent, key=lambda task: by_address[self._callers[task].address])
         del self._callers[let_go]
         let_go.cancel()
         return True
 
-    async def _converse(self, task: asyncio.Task[None], lines: _Lines, writer: asyncio.StreamWriter) -> None:
+    async def _converse(self, caller: _Caller, lines: _Lines) -> None:
         while not self._stopping:
-            self._idle.add(task)
+            caller.idle = True
             line = await lines.next()
-            self._idle.discard(task)
+            caller.idle = False
             if line is None:
                 return
-            if task not in self._spoken and _WEB.match(line):
+            if not caller.spoken and _WEB.match(line):
                 # a page in somebody's browser can have that send here, and the lines after it might be a trigger
                 _log.warning("a web browser or the like has called the TCP port; it was let go")
                 return
-            self._spoken.add(task)
-            await self._write(writer, await self._answer(line))
+            caller.spoken = True
+            await self._write(caller.writer, await self._answer(line))
 
     async def _answer(self, line: bytes) -> bytes:
         try:
@@ -205,16 +211,13 @@ class TcpPort:
             case "PING" if not rest and not colon:
                 return b"PONG"
             case "TRIGGER" if job or not colon:
-                return await self._triggered(rest.strip(), job)
+                # the part is read to its end though the caller may go: it may already be counted on elsewhere
+                reading = asyncio.create_task(self._read(rest.strip(), job))
+                self._reading.add(reading)
+                reading.add_done_callback(self._reading.discard)
+                done, _ = await asyncio.wait({reading}, timeout=self._limits.answer_s)
+                return reading.result() if done else _error("no result in time; the part is still being read")
         return _error("unknown command; send TRIGGER name, TRIGGER:job name, or PING")
-
-    async def _triggered(self, name: str, job: str) -> bytes:
-        # the part is read to its end though the caller may go: it may already be counted on elsewhere
-        reading = asyncio.create_task(self._read(name, job))
-        self._reading.add(reading)
-        reading.add_done_callback(self._reading.discard)
-        done, _ = await asyncio.wait({reading}, timeout=self._limits.answer_s)
-        return reading.result() if done else _error("no result in time; the part is still being read")
 
     async def _read(self, name: str, job: str) -> bytes:
         try:
@@ -232,12 +235,25 @@ class TcpPort:
             writer.transport.abort()
             raise
 
-    def _welcome(self, writer: asyncio.StreamWriter) -> bool:
-        if not self._clients:
-            return True
-        address = ipaddress.ip_address(writer.get_extra_info("peername")[0].partition("%")[0])
-        mapped = getattr(address, "ipv4_mapped", None)
-        return any((mapped or address) in network for network in self._clients)
+
+@dataclass(eq=False)
+class _Caller:
+    """One connection.
+
+    Attributes:
+        writer: to it.
+        spoken: it has said a line.
+        idle: its next line is waited for.
+    """
+
+    writer: asyncio.StreamWriter
+    spoken: bool = False
+    idle: bool = True
+
+    @property
+    def address(self) -> str:
+        """Address of the caller."""
+        return str((self.writer.get_extra_info("peername") or ("",))[0])
 
 
 class _Lines:
@@ -286,10 +302,6 @@ class _Lines:
                 return line
 
 
-def _address(writer: asyncio.StreamWriter) -> str:
-    return str((writer.get_extra_info("peername") or ("",))[0])
-
-
 def _error(message: str) -> bytes:
     return f"ERROR;{message.replace(';', ',')}".encode()
 
@@ -300,19 +312,3 @@ async def _let_go(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
     async with asyncio.timeout(_LET_GO_S):
         while await reader.read(4096):
             pass
-
-
-async def _close(writer: asyncio.StreamWriter) -> None:
-    writer.close()
-    try:
-        await asyncio.wait_for(writer.wait_closed(), 1.0)
-    except (OSError, TimeoutError):
-        writer.transport.abort()
-
-
-def _watch(writer: asyncio.StreamWriter) -> None:
-    """Have the system notice a controller that was switched off."""
-    raw = writer.get_extra_info("socket")
-    if raw is not None:
-        raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

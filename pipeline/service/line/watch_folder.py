@@ -32,15 +32,15 @@ from glyphs.errors import FileError, describe_fault
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
 from pipeline.formats.kinds import HEAD_BYTES
+from pipeline.service.intake import Intake, NewPart, Touch
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
-from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.store import IdempotencyKey, StoreError, UnfitError
 
 if TYPE_CHECKING:
-    from pipeline.service.settings import ServiceSettings
+    from pipeline.service.settings import WatchSettings
 
 log = structlog.get_logger("tactile-marks")
 REST = 5.0
@@ -64,58 +64,49 @@ class _Failure:
     until_s: float
 
 
-def watch_journal(settings: ServiceSettings) -> WatchJournal | None:
-    """The journal of the folder that the settings ask to watch; None where they ask for none.
-
-    Raises:
-        FileError: the folder is none, or the journal cannot be used.
-    """
-    if settings.watch is None:
-        return None
-    if not settings.watch.is_dir():
-        raise FileError(settings.watch, "is no folder that can be watched", "name another with --watch")
-    return WatchJournal.open(settings.watch_journal, {})
-
-
 class WatchedFolder:
     """Watches a folder and submits its photographs, named by their stems."""
 
+    title = "watched folder"
+
     def __init__(
-        self,
-        folder: Path,
-        parts: PartService,
-        *,
-        journal: WatchJournal,
-        job: str = "",
-        every_s: float,
-        a_set: int = 0,
-        settle_s: float = 0.0,
-        most_bytes: int,
-        at_once: int,
+        self, settings: WatchSettings, intake: Intake, *, journal: Path, most_bytes: int, at_once: int
     ) -> None:
-        """Take what it works with; nothing is looked at yet.
+        """Open the journal; nothing is looked at yet.
 
         Args:
-            folder: to watch; folders in it are not looked into.
-            parts: reads them.
-            journal: what became of them so far.
-            job: that the photographs are read by.
-            every_s: between two looks.
-            a_set: photographs of a part, where its files are numbered; 0 where nobody knows.
-            settle_s: without a new or changed file, after which such a set is whole.
+            settings: folder to watch; folders in it are not looked into.
+            intake: reads the parts.
+            journal: file that says what became of the photographs so far.
             most_bytes: of a photograph.
             at_once: photographs that are read at a time.
+
+        Raises:
+            FileError: no such folder, or an unusable journal.
         """
-        self.folder = folder.absolute()
-        self._parts, self._job, self._every_s, self._most_bytes = parts, job, every_s, most_bytes
+        if settings.folder is None or not settings.folder.is_dir():
+            raise FileError(
+                settings.folder or "watch.folder",
+                "is no folder that can be watched",
+                "name another with --watch.folder",
+            )
+        self.folder = settings.folder.absolute()
+        self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
         self._at_once = asyncio.Semaphore(at_once)
-        self._journal = journal
-        self._looks = FolderLooks(self.folder, journal, a_set=a_set, settle_s=settle_s)
+        self.journal = WatchJournal.open(journal, {})
+        self._looks = FolderLooks(
+            self.folder, self.journal, a_set=settings.photos, settle_s=settings.settle_s
+        )
         self._stopping = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._failures: dict[str, _Failure] = {}
 
-    def start(self) -> None:
+    @property
+    def place(self) -> dict[str, object]:
+        """What it watches."""
+        return {"folder": str(self.folder), "every_s": self._settings.every_s}
+
+    async def start(self) -> None:
         """Begin to look."""
         self._task = asyncio.create_task(self._watch())
 
@@ -128,6 +119,7 @@ class WatchedFolder:
                 self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await self._task
+        self.journal.close()
 
     async def look(self) -> None:
         """Look once, and submit what is complete."""
@@ -144,7 +136,7 @@ class WatchedFolder:
                 await self.look()
             except Exception:
                 log.exception("look at the watched folder failed")
-            rest_s = max(self._every_s, REST * self._looks.took_s) - (time.monotonic() - began)
+            rest_s = max(self._settings.every_s, REST * self._looks.took_s) - (time.monotonic() - began)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
 
@@ -154,8 +146,7 @@ class WatchedFolder:
             failure = self._failures.get(part.key)
             if self._stopping.is_set() or (failure is not None and time.monotonic() < failure.until_s):
                 return
-            orders = self._parts.orders
-            if orders.busy is not None or orders.trouble(self._job):
+            if not self._intake.takes(self._settings.job):
                 return  # the next look finds it again
             began_s = time.monotonic()
             problems: dict[Path, str] = {}
@@ -193,10 +184,10 @@ class WatchedFolder:
 
     async def _write_down(self, path: Path, handled: Handled) -> None:
         try:
-            await asyncio.to_thread(self._journal.keep, str(path), handled)
+            await asyncio.to_thread(self.journal.keep, str(path), handled)
         except FileError as error:
             log.error("watched file not written down", file=visible(path.name), why=str(error))
-            self._journal.done[str(path)] = handled
+            self.journal.done[str(path)] = handled
 
     async def _submitted(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
         """The part of its files; None where one was written to meanwhile, or none can be used.
@@ -211,7 +202,7 @@ class WatchedFolder:
         """
         check_count(len(part.files))
         photos = []
-        with self._parts.orders.work_folder() as folder:
+        with self._intake.work_folder() as folder:
             for number, (path, state) in enumerate(part.files.items(), start=1):
                 try:
                     copy = await asyncio.to_thread(self._copied, path, state, folder, number)
@@ -226,8 +217,8 @@ class WatchedFolder:
             if not photos:
                 return None
             digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
-            received = await self._parts.receive(
-                NewPart(name=sent_name(part.name), job=self._job, touch=Touch.STAGE),
+            received = await self._intake.receive(
+                NewPart(name=sent_name(part.name), job=self._settings.job, touch=Touch.STAGE),
                 photos=photos,
                 idempotency=IdempotencyKey(f"watch:{digest}", digest),
             )
@@ -246,7 +237,7 @@ class WatchedFolder:
         name = sent_name(path.name)
         if state.n_bytes > self._most_bytes:
             raise Problem(
-                413, f"{name} has {state.n_bytes:,} bytes; {self._most_bytes:,} may be (max_upload_mb)"
+                413, f"{name} has {state.n_bytes:,} bytes; {self._most_bytes:,} may be (limits.upload_mb)"
             )
         # a pipe or device would be waited for, and a link may show what is none of the folder's
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):

@@ -1,12 +1,12 @@
 """The files of a watched folder: how they stand at every look, which belong together, and what became of each.
 
-    look --> new or changed --> next look --> unchanged: complete --> a part's files, the eldest part first
+    look --> new or changed --> next look --> unchanged: complete --> a part's files, the oldest part first
                                          \\-> changed: looked at again
 
 * A file is known by its name, length and time: one that is written over is another photograph.
 * It is complete when two looks find the same length and time: one that is moved in, at its second.
 * Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
-  all its files are, and there are as many as were told, or none was added or changed for a while. One that is added
+  all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
   later makes it another set, which is read anew.
 """
 
@@ -27,8 +27,8 @@ from pipeline.formats.part_files import set_of
 from pipeline.runs.journal import Journal
 
 log = structlog.get_logger("tactile-marks")
+# Entries of files that have left the folder, beyond as many as lie there, at which the journal is written anew.
 _SPARE = 1000
-"""Entries of files that have left the folder, beyond as many as lie there, at which the journal is written anew."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class FileState:
 
     @classmethod
     def of(cls, status: os.stat_result) -> FileState:
-        """Out of what the system says."""
+        """Take it from the system's answer."""
         return cls(status.st_size, status.st_mtime_ns)
 
 
@@ -50,7 +50,7 @@ class Handled:
 
     Attributes:
         state: as it stood.
-        part_id: of the part that it is; empty where it cannot be used.
+        part_id: of its part; empty if it cannot be used.
         problem: why it cannot.
     """
 
@@ -82,9 +82,9 @@ class WatchedPart:
 
     @property
     def key(self) -> str:
-        """By which the same files, as they stood, are known again."""
-        told = (f"{path}:{state.n_bytes}:{state.mtime_ns}" for path, state in self.files.items())
-        return "watch:" + "|".join(told)
+        """Identity of the same files, as they stood."""
+        states = (f"{path}:{state.n_bytes}:{state.mtime_ns}" for path, state in self.files.items())
+        return "watch:" + "|".join(states)
 
 
 class FolderLooks:
@@ -95,13 +95,13 @@ class FolderLooks:
     """
 
     def __init__(self, folder: Path, journal: WatchJournal, *, a_set: int, settle_s: float) -> None:
-        """Take what it works with.
+        """Take the folder.
 
         Args:
             folder: to look at; folders in it are not looked into.
             journal: what became of its files so far.
-            a_set: photographs of a set that is whole; 0 where nobody knows.
-            settle_s: without a new or changed file, after which a set is whole, however many it has.
+            a_set: photographs of a set; 0 if unknown.
+            settle_s: without a new or changed file, after which a set is complete, however many it has.
         """
         self.folder, self.took_s = folder, 0.0
         self._journal, self._a_set, self._settle_s = journal, a_set, settle_s
@@ -110,7 +110,7 @@ class FolderLooks:
         self._gone = False
 
     def complete(self) -> list[WatchedPart]:
-        """Parts whose files are new and stand as at the last look, the eldest first."""
+        """Parts whose files are new and stand as at the last look, the oldest first."""
         began = time.monotonic()
         now = self._files()
         self.took_s = time.monotonic() - began
@@ -119,32 +119,25 @@ class FolderLooks:
         groups: dict[str, dict[str, FileState]] = {}
         for path, state in sorted(now.items()):
             groups.setdefault(set_of(path) or path, {})[path] = state
-        complete = [
-            WatchedPart(
-                name if several else Path(name).stem, {Path(path): state for path, state in files.items()}
-            )
-            for name, files in groups.items()
-            if self._stands(files) and self._is_new(files)
-            if not (several := name not in now) or self._is_whole(name, files, began)
-        ]
-        self._seen = now
         self._sets = {name: kept for name, kept in self._sets.items() if name in groups}
+        found = []
+        for name, files in groups.items():
+            still = all(self._seen.get(path) == state and state.n_bytes for path, state in files.items())
+            if still and self._is_new(files) and (name in now or self._is_whole(name, files, began)):
+                stem = Path(name).stem if name in now else name
+                found.append(WatchedPart(stem, {Path(path): state for path, state in files.items()}))
+        self._seen = now
         # an empty folder may be a drive that is away
         if now and len(self._journal.done) > 2 * len(now) + _SPARE:
             try:
                 self._journal.keep_only(now)
             except FileError as error:
                 log.error("journal of the watched folder not shortened", why=str(error))
-        return sorted(complete, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
-
-    def _stands(self, files: Mapping[str, FileState]) -> bool:
-        return all(self._seen.get(path) == state and state.n_bytes for path, state in files.items())
+        return sorted(found, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
 
     def _is_new(self, files: Mapping[str, FileState]) -> bool:
-        known = (self._journal.done.get(path) for path in files)
-        return any(
-            one is None or one.state != state for one, state in zip(known, files.values(), strict=True)
-        )
+        known = self._journal.done
+        return any(path not in known or known[path].state != state for path, state in files.items())
 
     def _is_whole(self, name: str, files: dict[str, FileState], now_s: float) -> bool:
         before, since_s = self._sets.get(name, ({}, now_s))
@@ -154,7 +147,7 @@ class FolderLooks:
         return len(files) == self._a_set or now_s - since_s >= self._settle_s
 
     def _files(self) -> dict[str, FileState] | None:
-        """The files that lie there; None where the folder is away.
+        """The files that lie there; None if the folder is away.
 
         Hidden ones, which programs write before they rename them, do not count.
         """
@@ -164,9 +157,8 @@ class FolderLooks:
                 for entry in entries:
                     # taken away meanwhile, or of a share that cannot tell now: it is looked at again
                     with contextlib.suppress(OSError):
-                        if entry.name.startswith(".") or entry.is_dir(follow_symlinks=False):
-                            continue
-                        found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
+                        if not entry.name.startswith(".") and not entry.is_dir(follow_symlinks=False):
+                            found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
         except OSError as error:
             if not self._gone:
                 log.warning("watched folder cannot be looked at", folder=str(self.folder), why=error.strerror)

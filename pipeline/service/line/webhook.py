@@ -7,6 +7,8 @@ webhook-signature: v1,<base64 of HMAC-SHA256 over "id.timestamp.body">
 
 {"id": "01JD...", "name": "P17", "state": "accepted", "text": "KX407251", ..., "delivery_id": 17}
 
+Receivers check the signature with a library of Standard Webhooks.
+
 Any answer 2xx says that it has arrived. Redirects are not followed: a result goes to the address that was given,
 and nowhere else.
 """
@@ -18,14 +20,11 @@ import base64
 import binascii
 import hashlib
 import hmac
-import ssl
 import time
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
@@ -34,15 +33,13 @@ from pipeline.service.retry_after import retry_after_s
 if TYPE_CHECKING:
     import httpx
 
+    from pipeline.service.settings import WebhookSettings
+
 _ENCODED = "whsec_"
 _AGENT = "tactile-marks"
 _MOST_ANSWER = 65536
 _LATER = frozenset({408, 425, 429, 502, 503, 504})
 _ADDRESS_WRONG = frozenset({401, 403, 404, 405, 407, 410})
-
-
-class SignatureError(MarksError):
-    """A webhook that was not sent by whoever holds the secret, or not now."""
 
 
 def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> str:
@@ -62,76 +59,33 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
     return f"v1,{base64.b64encode(digest).decode()}"
 
 
-def check_signature(
-    secret: str, headers: Mapping[str, str], body: bytes, *, now_s: float, tolerance_s: float = 300.0
-) -> str:
-    """For receivers: check what has come.
-
-    Args:
-        secret: as the service has it.
-        headers: of the request; looked up in lower case.
-        body: exactly as it came.
-        now_s: time, s since 1970.
-        tolerance_s: by which the sender's clock may be off; older ones may be repeats by somebody else.
-
-    Returns:
-        The webhook's id: one that is known already is to be answered 200 and left.
-
-    Raises:
-        SignatureError: headers missing, too old, or a signature that does not fit.
-    """
-    webhook_id, stamp = headers.get("webhook-id", ""), headers.get("webhook-timestamp", "")
-    if not webhook_id or not (stamp.isascii() and stamp.isdigit()):
-        raise SignatureError("no webhook-id or webhook-timestamp")
-    if abs(now_s - int(stamp)) > tolerance_s:
-        raise SignatureError("the webhook-timestamp is too far from now")
-    wanted = signature(secret, webhook_id=webhook_id, timestamp=int(stamp), body=body)
-    given = headers.get("webhook-signature", "").split()
-    if not any(hmac.compare_digest(wanted.encode(), one.encode()) for one in given):
-        raise SignatureError("the webhook-signature does not fit")
-    return webhook_id
-
-
 class WebhookSender:
     """Posts deliveries to a web address."""
 
     def __init__(
-        self,
-        url: str,
-        *,
-        secret: str = "",
-        timeout_s: float = 10.0,
-        ca_file: Path | None = None,
-        clock: Callable[[], float] = time.time,
+        self, settings: WebhookSettings, *, timeout_s: float = 10.0, clock: Callable[[], float] = time.time
     ) -> None:
         """Make ready; nothing is sent yet.
 
         Args:
-            url: http:// or https://; a user and password in it are sent as basic authentication.
-            secret: of the signature; empty: not signed.
+            settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
             timeout_s: for one delivery, from connecting to the answer's end.
-            ca_file: certificates of authorities to trust, instead of the usual ones.
             clock: seconds since 1970.
 
         Raises:
-            MissingExtraError: httpx is not installed.
             SettingsError: no such address or secret.
         """
-        try:
-            import httpx
-        except ImportError as error:
-            raise MissingExtraError("the webhook", "httpx", "service") from error
-        parts = urlsplit(url)
+        import httpx
+
+        parts = urlsplit(settings.url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise SettingsError("a webhook's address begins with http:// or https:// and names a host")
-        self._url, self._secret, self._timeout_s, self._clock = url, secret, timeout_s, clock
-        if secret:
-            _key(secret)
-        trusted = ssl.create_default_context(cafile=str(ca_file)) if ca_file is not None else True
-        # proxies and the like of the environment are left alone: what is set here is all that counts
-        self._http: httpx.AsyncClient = httpx.AsyncClient(
-            follow_redirects=False, timeout=timeout_s, verify=trusted, trust_env=False
-        )
+        self._url, self._timeout_s, self._clock = settings.url, timeout_s, clock
+        self._secret = settings.secret
+        if self._secret:
+            _key(self._secret)
+        # proxies and the like of the environment are ignored: only the settings count
+        self._http = httpx.AsyncClient(follow_redirects=False, timeout=timeout_s, trust_env=False)
 
     def start(self, report: Callable[[str], object]) -> None:
         """Nothing to begin: a connection is made when there is something to post."""

@@ -88,7 +88,8 @@ def test_flags_go_over_environment_over_file(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text(
-        "height_mm = 4.0\n[service]\nport = 1\nqueue = 1\njobs = 1\nopcua_users = {line = 'x'}\n",
+        "height_mm = 4.0\n[service]\nport = 1\nqueue = 1\njobs = 1\nopcua.users = {line = 'x'}\n"
+        "[service.tcp]\nformat = '{text}'\n",
         encoding="utf-8",
     )
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_QUEUE", "2")
@@ -97,12 +98,14 @@ def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.Mo
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_TCP_CLIENTS", "192.168.7.0/24, 10.0.0.1")
     service, read = serving("--jobs", "3", "--format", "AA99")
     assert (service.port, service.queue, service.jobs) == (1, 2, 3)
-    assert service.tcp_clients == ("192.168.7.0/24", "10.0.0.1")
-    assert service.opcua_users == {"line": "x"}
+    assert service.tcp.format == "{text}"
+    assert serving("--tcp.format", "{id}")[0].tcp.format == "{id}"
+    assert service.tcp.clients == ("192.168.7.0/24", "10.0.0.1")
+    assert service.opcua.users == {"line": "x"}
     assert (read.height_mm, read.min_depth_mm, read.format) == (4.0, 0.2, ("AA99",))
     assert reading().height_mm == 4.0  # the same file and environment trouble no reader
     monkeypatch.setenv("TACTILE_MARKS_SERVICE_OPCUA_USERS", '{"line": "y"}')
-    assert serving()[0].opcua_users == {"line": "y"}
+    assert serving()[0].opcua.users == {"line": "y"}
 
 
 def test_a_command_whose_flags_mean_something_else_has_settings_of_the_file() -> None:
@@ -251,11 +254,14 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("service = 3\n", "make it a table"),
         ('[service]\nport = "many"\n', "port in"),
         ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
-        ('[service]\nwebhook = "ftp://x"\n', "begin it with https://"),
-        ('[service]\nmqtt = "broker:1883"\n', "mqtt://host:1883"),
-        ('[service]\nline_host = "0.0.0.0"\ntcp_port = 8418\n', "tcp_clients"),
-        ('[service]\nline_host = "0.0.0.0"\nopcua_port = 4840\n', "opcua_certificate"),
-        ('[service]\ntcp_clients = ["the line"]\n', "tcp_clients in"),
+        ('[service]\nwebhook.url = "ftp://x"\n', "begin it with https://"),
+        ('[service.mqtt]\nurl = "broker:1883"\n', "mqtt://host:1883"),
+        ('[service.tcp]\nhost = "0.0.0.0"\nport = 8418\n', "tcp.clients"),
+        ('[service.opcua]\nhost = "0.0.0.0"\nport = 4840\n', "opcua.certificate"),
+        ('[service]\ntcp.clients = ["the line"]\n', "tcp.clients in"),
+        ("[service.tcp]\nprot = 1\n", "unknown setting tcp.prot in .* did you mean tcp.port"),
+        ("[service]\ntcp = 1\n", r"tcp in .* is 1; make it a table: \[service.tcp\]"),
+        ("[service]\nopcua = {port = 0, users = {line = 'x'}}\n", "opcua.users need opcua.certificate"),
         ("[service]\nretention_days = -1\n", "retention_days in"),
     ],
 )
@@ -306,7 +312,7 @@ def test_every_setting_has_a_description_and_stands_in_help_and_reference(
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
     reference = settings_reference()
     for model in (ReadSettings, ServiceSettings):
-        for name, field in model.model_fields.items():
+        for name, field in model.leaves().items():
             assert field.description
             assert field.description[:40] in shown
             assert f"| `{name}` | `--{name.replace('_', '-')}` | `{model.variable(name)}` |" in reference
@@ -324,8 +330,8 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
     text = FILE.read_text(encoding="utf-8")
     assert serving() == (ServiceSettings(), ReadSettings())
     for model in (ReadSettings, ServiceSettings):
-        for name, field in model.model_fields.items():
-            assert f"\n#{name} = " in text
+        for name, field in model.leaves().items():
+            assert f"\n#{name.rpartition('.')[2]} = " in text
             assert str(field.description)[:60] in text
     in_force = re.sub(r"^#(?=[a-z])", "", text, flags=re.MULTILINE)  # every setting that has a value
     FILE.write_text(re.sub(r"^\w+ = +# .*$", "", in_force, flags=re.MULTILINE), encoding="utf-8")

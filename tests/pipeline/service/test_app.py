@@ -17,11 +17,12 @@ from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.stage.stage_driver import load_driver
+from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
 
 CLEAN, FILTHY = "clean", "filthy"
+WEBHOOK = {"url": "http://127.0.0.1:9/none"}
 
 
 Served = tuple[Service, TestClient]
@@ -45,7 +46,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("service")
-    with inline_service(folder, stage=parts, camera=parts, webhook="http://127.0.0.1:9/none") as both:
+    with inline_service(folder, stage={"folder": parts}, camera={"folder": parts}, webhook=WEBHOOK) as both:
         yield both
 
 
@@ -197,7 +198,7 @@ def test_the_stage_feels_only_parts_of_its_folder(
 
 
 def test_an_upload_over_the_limit_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    with inline_service(tmp_path, max_upload_mb=1) as (service, client):
+    with inline_service(tmp_path, limits={"upload_mb": 1}) as (service, client):
         told = client.post("/v1/parts", files={"photo": ("x.png", bytes(2_000_000))})
         assert told.status_code == 413
 
@@ -218,14 +219,14 @@ def test_settings_over_the_limit_are_no_fault_of_the_program(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], declared: bool
 ) -> None:
     body = b'{"format": "' + bytes(6_000_000) + b'"}'
-    with inline_service(tmp_path, max_upload_mb=1) as (_, client):
+    with inline_service(tmp_path, limits={"upload_mb": 1}) as (_, client):
         answer = client.put("/v1/jobs/left", content=body if declared else iter([body]))
         assert answer.status_code == 413
     assert "Traceback" not in caplog.text + capsys.readouterr().out
 
 
 def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts: Path) -> None:
-    with inline_service(tmp_path, max_photo_pixels=1000) as (_, client):
+    with inline_service(tmp_path, limits={"photo_pixels": 1000}) as (_, client):
         answer = client.post("/v1/parts", files=photo(parts, CLEAN))
         assert answer.status_code == 422
         assert "1,000" in answer.json()["detail"]
@@ -278,7 +279,7 @@ def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
 def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
     tmp_path: Path, parts: Path, touch: str | None, state: str
 ) -> None:
-    with inline_service(tmp_path, webhook="http://127.0.0.1:9/none") as (service, client):
+    with inline_service(tmp_path, webhook=WEBHOOK) as (service, client):
         asked = {} if touch is None else {"touch": touch}
         part = client.post("/v1/parts", files=photo(parts, FILTHY), data=asked).json()
         assert part["state"] == state
@@ -307,7 +308,7 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
 ) -> None:
     Iron.recording = SimulatedStage(parts).feel(ScanOrder(CLEAN, _whole_plate()), tmp_path)
     monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
-    with inline_service(tmp_path / "s", stage_driver="pipeline.formats.synth:iron_stage") as (
+    with inline_service(tmp_path / "s", stage={"driver": "pipeline.formats.synth:iron_stage"}) as (
         service,
         client,
     ):
@@ -315,11 +316,7 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
         service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=_whole_plate())
         part = client.post(f"/v1/parts/{part_id}/touch").json()
         assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
-    for wrong, says in (
-        ("nowhere", "module:name"),
-        ("no.such:thing", "found"),
-        ("json:no_such", "found"),
-    ):
+    for wrong, says in (("nowhere", "module:name"), ("no.such:thing", "found"), ("json:no_such", "found")):
         with pytest.raises(SettingsError, match=says):
             load_driver(wrong, verbs=("feel",))
     with pytest.raises(SettingsError, match="no method 'open' or 'feel'"):

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import pytest
 import uvicorn
-from fastapi import FastAPI, File, Form, Header, Request, UploadFile
-from fastapi.responses import JSONResponse, Response
+from starlette.applications import Starlette
+from starlette.datastructures import UploadFile
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
 from pipeline.common.reading_records import to_json
 from pipeline.common.records import (
@@ -32,6 +36,14 @@ PART = part()
 LINKS = {"links": {"self": f"/v1/parts/{ID}"}, "something": "that later versions say"}
 
 
+HISTORY = {
+    "events": [to_json(EventRecord(NOW, "received", {"bytes": 7}))],
+    "readings": [to_json(reading())],
+    "reviews": [to_json(ReviewRecord(ReviewAction.CORRECT, "A", "B", "Anna", at=NOW))],
+    "evidence": [to_json(EvidenceRecord(EvidenceKind.PHOTO, "ab" * 32, 7, at=NOW))],
+}
+
+
 class Service:
     """The service's interface, without a service; `refuse` answers instead, once each."""
 
@@ -39,89 +51,45 @@ class Service:
         self.requests: list[dict[str, Any]] = []
         self.refuse: list[Response] = []
         self.made: dict[str, str] = {}
-        self.app = FastAPI()
-        self._routes()
+        self.app = Starlette(routes=[Route("/{path:path}", self._take, methods=["GET", "POST"])])
 
-    def _note(self, request: Request, **more: Any) -> None:
-        self.requests.append(
-            {"method": request.method, "path": request.url.path, "headers": dict(request.headers), **more}
-        )
+    async def _take(self, request: Request) -> Response:
+        note: dict[str, Any] = {"headers": dict(request.headers), "query": dict(request.query_params)}
+        self.requests.append(note)
+        kind, body = request.headers.get("content-type", ""), await request.body()
+        if self.refuse:
+            return self.refuse.pop(0)
+        if kind.startswith("multipart"):
+            form = await request.form()
+            sent = [(key, one) for key, one in form.multi_items() if isinstance(one, UploadFile)]
+            keys = [key if not n else f"{key}-{n}" for n, (key, _) in enumerate(sent) if key == "photo"]
+            keys += [key for key, _ in sent if key != "photo"]
+            pairs = zip(keys, sent, strict=True)
+            note["files"] = {key: (one.filename, await one.read()) for key, (_, one) in pairs}
+            note["fields"] = {key: one for key, one in form.items() if isinstance(one, str)}
+        elif kind == "application/json":
+            note["json"] = json.loads(body)
+        return self._answer(request.method, request.url.path.removeprefix("/v1/parts"), note)
 
-    def _routes(self) -> None:
-        app = self.app
-
-        @app.middleware("http")
-        async def maybe(request: Request, call_next: Any) -> Any:
-            if self.refuse:
-                self._note(request, refused=True)
-                return self.refuse.pop(0)
-            return await call_next(request)
-
-        @app.post("/v1/parts")
-        async def read(
-            request: Request,
-            photo: Annotated[list[UploadFile] | None, File()] = None,
-            scan: Annotated[UploadFile | None, File()] = None,
-            name: Annotated[str, Form()] = "",
-            expected: Annotated[str, Form()] = "",
-            database: Annotated[str, Form()] = "",
-            job: Annotated[str, Form()] = "",
-            touch: Annotated[str, Form()] = "plan",
-            idempotency_key: Annotated[str, Header()] = "",
-        ) -> Any:
-            sent = [
-                *((f"photo-{n}", one) for n, one in enumerate(photo or ())),
-                *([("scan", scan)] if scan else []),
-            ]
-            files = {key.replace("-0", ""): (file.filename, await file.read()) for key, file in sent}
-            fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
-            self._note(request, files=files, fields=fields, key=idempotency_key)
-            again = idempotency_key in self.made
-            self.made.setdefault(idempotency_key, ID)
-            answer = to_json(part(name, expected=expected)) | LINKS
-            return JSONResponse(answer, status_code=200 if again else 201)
-
-        @app.post("/v1/parts/{part_id}/scan")
-        async def scan(request: Request, part_id: str, scan: UploadFile) -> Any:
-            self._note(request, files={"scan": (scan.filename, await scan.read())})
-            return to_json(PART) | LINKS
-
-        @app.post("/v1/parts/{part_id}/touch")
-        async def touch(request: Request, part_id: str) -> Any:
-            self._note(request)
-            return to_json(PART) | LINKS
-
-        @app.post("/v1/parts/{part_id}/review")
-        async def review(request: Request, part_id: str) -> Any:
-            self._note(request, json=await request.json())
-            return to_json(part(text="KX407252", state=PartState.REVIEWED)) | LINKS
-
-        @app.get("/v1/parts")
-        async def parts(request: Request) -> Any:
-            self._note(request, query=dict(request.query_params))
-            return [to_json(PART) | LINKS]
-
-        @app.get("/v1/parts/{part_id}")
-        async def one(request: Request, part_id: str) -> Any:
-            self._note(request)
-            if part_id != ID:
-                return problem(404, f"there is no part {part_id!r}")
-            return to_json(PART) | LINKS
-
-        @app.get("/v1/parts/{part_id}/history")
-        async def history(request: Request, part_id: str) -> Any:
-            self._note(request)
-            return {
-                "events": [to_json(EventRecord(NOW, "received", {"bytes": 7}))],
-                "readings": [to_json(reading())],
-                "reviews": [to_json(ReviewRecord(ReviewAction.CORRECT, "A", "B", "Anna", at=NOW))],
-                "evidence": [to_json(EvidenceRecord(EvidenceKind.PHOTO, "ab" * 32, 7, at=NOW))],
-            }
-
-        @app.get("/v1/parts/{part_id}/pictures/{which}")
-        async def picture(request: Request, part_id: str, which: str) -> Any:
-            self._note(request)
-            return Response(b"\x89PNG " + which.encode(), media_type="image/png")
+    def _answer(self, method: str, path: str, note: dict[str, Any]) -> Response:
+        if (method, path) == ("POST", ""):
+            key = note["headers"]["idempotency-key"]
+            status = 200 if key in self.made else 201
+            self.made[key] = ID
+            fields = note["fields"]
+            return JSONResponse(
+                to_json(part(fields.get("name", ""), expected=fields.get("expected", ""))) | LINKS, status
+            )
+        if path.startswith(f"/{ID}/pictures/"):
+            return Response(b"\x89PNG " + path.rpartition("/")[2].encode(), media_type="image/png")
+        reviewed = part(text="KX407252", state=PartState.REVIEWED)
+        answers: dict[str, Any] = {
+            "": [to_json(PART) | LINKS],
+            **{f"/{ID}{way}": to_json(PART) | LINKS for way in ("", "/scan", "/touch")},
+            f"/{ID}/review": to_json(reviewed) | LINKS,
+            f"/{ID}/history": HISTORY,
+        }
+        return JSONResponse(answers[path]) if path in answers else problem(404, f"there is no part {path!r}")
 
 
 def problem(status: int, detail: str, **headers: str) -> Response:
@@ -161,10 +129,10 @@ def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_
     assert made == part("P17", expected="KX407251")
     (request,) = service.requests
     assert request["files"] == {"photo": ("part-ä.png", b"a photograph"), "scan": ("part.h5", b"a scan")}
-    fields = {"name": "P17", "expected": "KX407251", "database": "", "job": "housing-left", "touch": "stage"}
+    fields = {"name": "P17", "expected": "KX407251", "job": "housing-left", "touch": "stage"}
     assert request["fields"] == fields
     assert request["headers"]["authorization"] == "Bearer tm_secret"
-    assert len(request["key"]) >= 32
+    assert len(request["headers"]["idempotency-key"]) >= 32
 
 
 def test_several_photographs_are_sent_as_one_part(fresh: tuple[Service, str], photo: Path) -> None:
@@ -185,7 +153,7 @@ def test_a_part_is_read_from_bytes_and_without_a_token(fresh: tuple[Service, str
     (request,) = service.requests
     assert request["files"] == {"photo": ("photo", b"a photograph")}
     assert request["fields"]["database"] == "plant"
-    assert request["key"] == "mine-1"
+    assert request["headers"]["idempotency-key"] == "mine-1"
     assert "authorization" not in request["headers"]
 
 
@@ -410,13 +378,12 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     from glyphs.errors import MissingExtraError
     from pipeline.service.line.mqtt import MqttSender
     from pipeline.service.line.opcua import OpcUaPort
-    from pipeline.service.line.webhook import WebhookSender
+    from pipeline.service.settings import MqttSettings, OpcUaSettings
 
     for module, extra, make in (
         ("httpx", "service", lambda: Client("http://127.0.0.1")),
-        ("httpx", "service", lambda: WebhookSender("http://127.0.0.1")),
-        ("paho.mqtt.client", "mqtt", lambda: MqttSender("mqtt://127.0.0.1")),
-        ("asyncua", "opcua", lambda: OpcUaPort(None)),  # type: ignore[arg-type]
+        ("paho.mqtt.client", "mqtt", lambda: MqttSender(MqttSettings(url="mqtt://127.0.0.1"))),
+        ("asyncua", "opcua", lambda: OpcUaPort(OpcUaSettings(), None)),  # type: ignore[arg-type]
     ):
         with monkeypatch.context() as without:
             without.setitem(sys.modules, module, None)

@@ -22,7 +22,7 @@ from pipeline.cli.exit_status import CommandError
 from pipeline.cli.serve import check_tls, listening
 from pipeline.common.records import PartState, Scope
 from pipeline.service.app import Service
-from pipeline.service.settings import ServiceSettings
+from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import middleware
 from pipeline.service.web import web_server as web_server_module
 from pipeline.service.web.access import Access
@@ -450,12 +450,12 @@ def test_a_certificate_that_cannot_be_used_is_told_before_anything_begins(tmp_pa
         (certificate, None, "cannot be used"),
         (tmp_path / "rubbish.crt", key, "cannot be used"),
         (tmp_path / "none.crt", key, "No such file"),
-        (None, key, "without tls_cert"),
+        (None, key, "without tls.certificate"),
     ):
-        settings = ServiceSettings(folder=tmp_path / "s", tls_cert=cert, tls_key=private)
+        settings = ServiceSettings(folder=tmp_path / "s", tls=TlsSettings(certificate=cert, key=private))
         with pytest.raises(CommandError, match=says):
             check_tls(settings)
-    check_tls(ServiceSettings(tls_cert=certificate, tls_key=key))
+    check_tls(ServiceSettings(tls=TlsSettings(certificate=certificate, key=key)))
     check_tls(ServiceSettings())
 
 

@@ -30,7 +30,7 @@ def radius(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_wear_raises_an_alert_until_the_whiskers_are_new(tmp_path: Path, radius: list[float]) -> None:
-    settings = {"golden": tmp_path / "golden.npz", "golden_every_h": 8.0}
+    settings = {"golden": {"relief": tmp_path / "golden.npz", "every_h": 8.0}}
     with inline_service(tmp_path / "service", **settings) as (service, client):
         received(service.store)  # alerts go with the line's latest part
 

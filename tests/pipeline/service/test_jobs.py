@@ -53,7 +53,7 @@ def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> Done:
 def served(tmp_path: Path) -> Iterator[Served]:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
     (tmp_path / "camera").mkdir()
-    with inline_service(tmp_path, camera=tmp_path / "camera") as (service, client):
+    with inline_service(tmp_path, camera={"folder": tmp_path / "camera"}) as (service, client):
         service.pool.instead = by_format  # type: ignore[attr-defined]
         yield service, client
 
@@ -129,14 +129,14 @@ def test_a_job_that_cannot_be_used_costs_its_own_parts_alone(tmp_path: Path, tex
 def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path: Path) -> None:
     watch = tmp_path / "camera"
     with (
-        pytest.raises(SettingsError, match="watch_job: there is no job 'left'; there is none"),
-        inline_service(tmp_path, watch=watch, watch_job="left"),
+        pytest.raises(SettingsError, match=r"watch\.job: there is no job 'left'; there is none"),
+        inline_service(tmp_path, watch={"folder": watch, "job": "left"}),
     ):
         pass
     put(tmp_path / "jobs", "left", 'format = "re:["\n')
     with (
-        pytest.raises(SettingsError, match=r"watch_job: the job left cannot be used: left\.toml: format is"),
-        inline_service(tmp_path, watch=watch, watch_job="left"),
+        pytest.raises(SettingsError, match=r"watch\.job: the job left cannot be used: left\.toml: format is"),
+        inline_service(tmp_path, watch={"folder": watch, "job": "left"}),
     ):
         pass
 

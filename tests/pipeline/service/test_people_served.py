@@ -48,7 +48,7 @@ def test_without_tokens_a_review_asks_for_a_name(tmp_path: Path) -> None:
 
 
 def test_two_must_agree_over_http_too(tmp_path: Path) -> None:
-    with inline_service(tmp_path, second_reader=True) as (service, client):
+    with inline_service(tmp_path, review={"second_reader": True}) as (service, client):
         address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}/review"
         states = [
             client.post(address, json={"action": "correct", "text": text, "who": who}).json()["state"]
@@ -60,7 +60,7 @@ def test_two_must_agree_over_http_too(tmp_path: Path) -> None:
 def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_path: Path) -> None:
     write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
     photo = {"photo": ("clean.png", (tmp_path / "clean.png").read_bytes())}
-    with inline_service(tmp_path / "service", audit_per_thousand=1000.0) as (service, client):
+    with inline_service(tmp_path / "service", review={"audit_per_thousand": 1000.0}) as (service, client):
         part = client.post("/v1/parts", files=photo).json()
         assert part["state"] == "accepted"
         assert [p.id for p in service.store.queue(audits=True)] == [part["id"]]
@@ -73,7 +73,7 @@ def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_pat
 
 
 def test_an_alert_is_shown_counted_and_put_into_the_outbox(tmp_path: Path) -> None:
-    options = {"alert_reject_rate": 0.3, "alert_window": 10, "mqtt": "mqtt://127.0.0.1:9"}
+    options = {"alerts": {"reject_rate": 0.3, "window": 10}, "mqtt": {"url": "mqtt://127.0.0.1:9"}}
     with inline_service(tmp_path, **options) as (service, client):
         for _ in range(10):
             received(service.store, PartState.REVIEW, readings=(reading("KX4", "fused", "reject"),))

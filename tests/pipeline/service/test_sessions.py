@@ -92,7 +92,7 @@ def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[t
     synth.iron_stage = Iron  # type: ignore[attr-defined]
     try:
         with inline_service(
-            tmp_path_factory.mktemp("s"), stage_driver="pipeline.formats.synth:iron_stage"
+            tmp_path_factory.mktemp("s"), stage={"driver": "pipeline.formats.synth:iron_stage"}
         ) as both:
             yield both
     finally:
@@ -209,7 +209,7 @@ def test_a_link_that_no_worker_comes_to_ends() -> None:
 
 
 def test_the_setting_scans_the_whole_plan(plates: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
-    with inline_service(tmp_path, stage=plates, active_stage=False) as served:
+    with inline_service(tmp_path, stage={"folder": plates, "active": False}) as served:
         x0, y0, *_ = plan.region_mm
         little = replace(plan, region_mm=(x0 + 5.0, y0 + 4.0, x0 + 12.0, y0 + 9.5))
         _, part, part_id = touched(served, little)

@@ -17,7 +17,7 @@ from pipeline.service.line.trigger import LineDecision, decision_of
 from tests.support.service_fixtures import InlinePool, inline_service, triggered
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
-HOOK = {"webhook": "http://127.0.0.1:9/none"}
+HOOK = {"webhook": {"url": "http://127.0.0.1:9/none"}}
 
 
 class Bench:
@@ -43,7 +43,10 @@ def served(bench: Bench, tmp_path: Path) -> Iterator[tuple[Service, TestClient]]
     camera = tmp_path / "camera"
     camera.mkdir()
     (camera / "KX40.png").write_bytes(PNG)
-    with inline_service(tmp_path / "service", shadow=True, camera=camera, **HOOK) as (service, client):
+    with inline_service(tmp_path / "service", shadow=True, camera={"folder": camera}, **HOOK) as (
+        service,
+        client,
+    ):
         assert isinstance(service.pool, InlinePool)
         service.pool.instead = bench.read
         yield service, client

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Awaitable, Callable, Collection, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
 
 from pipeline.common.records import Delivery, PartState
-from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Outbox, Pace, body_of
+from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace, body_of
 from tests.support.line_fakes import LONG_S, MemoryOutbox, part, reading, until
 
 pytestmark = pytest.mark.anyio
@@ -60,28 +61,8 @@ async def emptied(outbox: MemoryOutbox, dispatcher: Dispatcher) -> None:
     await dispatcher.stop()
 
 
-def dispatcher_of(outbox: Outbox, pace: Pace = FAST, **senders: Recorder) -> Dispatcher:
-    return Dispatcher(outbox, senders, rng=np.random.default_rng(5), pace=pace)
-
-
-async def test_a_target_that_is_being_served_is_not_looked_up() -> None:
-    """What is being sent to it would still be in the answer, and be sent again."""
-
-    class Noted(MemoryOutbox):
-        def lease(self, owner: str, targets: Collection[str], **options: Any) -> tuple[Delivery, ...]:
-            asked.append(frozenset(targets))
-            return super().lease(owner, targets, **options)
-
-    async def until_looked_again(_: Delivery) -> None:
-        begun = len(asked)
-        await until(lambda: len(asked) >= begun + 2, why="for looks meanwhile")
-        assert not any("mqtt" in targets for targets in asked[begun:])
-
-    asked: list[frozenset[str]] = []
-    outbox, mqtt = Noted(), Recorder(until_looked_again)
-    outbox.put(part(id="PART0"), ("mqtt",))
-    await emptied(outbox, dispatcher_of(outbox, mqtt=mqtt, webhook=Recorder()))
-    assert mqtt.attempts == {1: 1}
+def dispatcher_of(outbox: Any, pace: Pace = FAST, **senders: Recorder) -> Dispatcher:
+    return Dispatcher(outbox, senders, rng=Random(5), pace=pace)
 
 
 async def test_everything_arrives_once_and_in_order_for_each_part() -> None:
@@ -346,14 +327,13 @@ def test_two_services_on_one_store_send_everything_once_and_in_order(store_url: 
         )
         senders = (Recorder(dies if breaks else slowly), Recorder(slowly))
         services = [
-            Dispatcher(store, {"webhook": sender}, rng=np.random.default_rng(5), pace=pace)
+            Dispatcher(store, {"webhook": sender}, rng=Random(5), pace=pace)
             for store, sender in zip(stores, senders, strict=True)
         ]
         services[0].start()
         if breaks:
             await until(lambda: len(held) == 2)
-            services[0]._task.cancel()  # as a kill would: nothing is released
-            for task in services[0]._busy.values():
+            for task in services[0]._tasks:  # as a kill would: nothing is released
                 task.cancel()
         services[1].start()
         await until(lambda: stores[0].undelivered() == 0)

@@ -9,14 +9,15 @@ import signal
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from random import Random
 
-import numpy as np
 import pytest
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.mqtt import MqttSender
+from pipeline.service.settings import MqttSettings
 from tests.support.line_broker import Broker, Listener
 from tests.support.line_fakes import LONG_S, MemoryOutbox, free_port, part, until, until_now
 from tests.support.self_signed import certificates
@@ -54,6 +55,10 @@ def listen() -> Iterator[Callable[..., Listener]]:
         listener.close()
 
 
+def sender_to(url: str, timeout_s: float = 10.0, **settings: str) -> MqttSender:
+    return MqttSender(MqttSettings.model_construct(url=url, **settings), timeout_s=timeout_s)  # type: ignore[arg-type]
+
+
 def one_delivery(part_id: str = "PART1", number: int = 1) -> Delivery:
     return Delivery(number, "mqtt", part_id, {"id": part_id, "text": f"TEXT{number}"})
 
@@ -63,7 +68,7 @@ async def test_a_result_is_published_and_the_status_follows(
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
     await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
     await sender.close()
     until_now(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
@@ -81,7 +86,7 @@ async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant")
     await sender.send(Delivery(1, "mqtt", "PART1", {"alert": "drift:left/+#", "state": "raised"}))
     await sender.close()
     late = listen(broker.port)
@@ -91,7 +96,7 @@ async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
 
 async def test_results_are_published_with_qos_1(make_broker: Callable[..., Broker]) -> None:
     broker = make_broker()
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
     await sender.send(one_delivery())
     await sender.close()
     until_now(lambda: "PART1/result" in broker.log)
@@ -105,11 +110,11 @@ async def test_another_sender_by_mqtt_3_1_1_says_that_it_may_lose_results_and_le
 ) -> None:
     broker = make_broker()
     listener, url = listen(broker.port), f"mqtt://127.0.0.1:{broker.port}"
-    stays = MqttSender(url)
+    stays = sender_to(url)
     stays.start(lambda _: None)
     await until(lambda: listener.statuses()[-1:] == ["online"])
     with caplog.at_level(logging.WARNING):
-        old = MqttSender(url, version="3.1.1")
+        old = sender_to(url, version="3.1.1")
         old.start(lambda _: None)
         await old.send(one_delivery())
     assert caplog.text.count("MQTT 3.1.1: the broker cannot say that it refuses") == 1
@@ -125,7 +130,7 @@ async def test_the_last_will_tells_of_a_service_that_died(
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
     await sender.send(one_delivery())
     assert sender._connection is not None
     raw = sender._connection._client.socket()
@@ -145,7 +150,7 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
     )  # a busy machine's goodbye takes longer
     broker = make_broker()
     listener = listen(broker.port)
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
     sender.start(lambda _: None)
     await until(lambda: listener.statuses()[-1:] == ["online"])
     broker.kill()
@@ -180,8 +185,8 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
         async def close(self) -> None:
             await self._sender.close()
 
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=5.0)
-    dispatcher = Dispatcher(outbox, {"mqtt": WhileSeen(sender)}, rng=np.random.default_rng(4), pace=FAST)
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", timeout_s=5.0)
+    dispatcher = Dispatcher(outbox, {"mqtt": WhileSeen(sender)}, rng=Random(4), pace=FAST)
     dispatcher.start()
     for step in range(each):
         for index in range(parts - 1):
@@ -221,7 +226,7 @@ async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
+    sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
     await sender.send(one_delivery(number=1))
     broker.kill(signal.SIGSTOP)
     try:
@@ -242,7 +247,7 @@ async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
 
 
 async def test_nobody_there_is_told_at_once() -> None:
-    sender = MqttSender(f"mqtt://127.0.0.1:{free_port()}")
+    sender = sender_to(f"mqtt://127.0.0.1:{free_port()}")
     with pytest.raises(DeliveryError, match="cannot be reached") as caught:
         await sender.send(one_delivery())
     assert caught.value.away
@@ -266,11 +271,11 @@ def test_user_and_password_are_checked_and_never_told(
     broker = make_broker(f"allow_anonymous false\npassword_file {passwords}\n")
 
     async def run() -> None:
-        sender = MqttSender(f"mqtt://reader:s3cr%3Aet%2F@127.0.0.1:{broker.port}")
+        sender = sender_to(f"mqtt://reader:s3cr%3Aet%2F@127.0.0.1:{broker.port}")
         await sender.send(one_delivery())
         await sender.close()
         for wrong in ("reader:wr0ng@", ""):
-            other = MqttSender(f"mqtt://{wrong}127.0.0.1:{broker.port}")
+            other = sender_to(f"mqtt://{wrong}127.0.0.1:{broker.port}")
             with pytest.raises(DeliveryError, match="refuses") as caught:
                 await other.send(one_delivery())
             assert "wr0ng" not in str(caught.value)
@@ -282,20 +287,23 @@ def test_user_and_password_are_checked_and_never_told(
 
 
 async def test_over_tls_the_brokers_certificate_is_checked(
-    make_broker: Callable[..., Broker], tmp_path: Path
+    make_broker: Callable[..., Broker], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     certificate, key = certificates(tmp_path, "broker")
     stranger, _ = certificates(tmp_path, "stranger")
     broker = make_broker(f"allow_anonymous true\ncertfile {certificate}\nkeyfile {key}\n")
     url = f"mqtts://127.0.0.1:{broker.port}"
-    sender = MqttSender(url, ca_file=certificate)
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+    sender = sender_to(url)
     await sender.send(one_delivery())
     await sender.close()
-    for wrong in (MqttSender(url), MqttSender(url, ca_file=stranger)):
+    for trusted in (tmp_path / "none.pem", stranger):
+        monkeypatch.setenv("SSL_CERT_FILE", str(trusted))
+        wrong = sender_to(url)
         with pytest.raises(DeliveryError, match="certificate"):
             await wrong.send(one_delivery())
         await wrong.close()
-    plain = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=2.0)
+    plain = sender_to(f"mqtt://127.0.0.1:{broker.port}", timeout_s=2.0)
     with pytest.raises(DeliveryError):
         await plain.send(one_delivery())
     await plain.close()
@@ -304,17 +312,17 @@ async def test_over_tls_the_brokers_certificate_is_checked(
 @pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://127.0.0.1", "mqtt://"])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
     with pytest.raises(SettingsError, match="mqtt://host:1883"):
-        MqttSender(url)
+        sender_to(url)
 
 
 @pytest.mark.parametrize("prefix", ["", "a/#", "+/a", "/a", "a/", "$SYS", "a\0"])
 def test_a_prefix_that_is_no_topic_is_refused(prefix: str) -> None:
     with pytest.raises(SettingsError, match="prefix"):
-        MqttSender("mqtt://127.0.0.1", prefix=prefix)
+        sender_to("mqtt://127.0.0.1", prefix=prefix)
 
 
 async def test_a_part_cannot_choose_another_topic() -> None:
-    sender = MqttSender("mqtt://127.0.0.1:1")
+    sender = sender_to("mqtt://127.0.0.1:1")
     for name in ("a/b", "#", "a+"):
         with pytest.raises(DeliveryError, match="topic"):
             await sender.send(one_delivery(name))

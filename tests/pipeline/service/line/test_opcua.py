@@ -21,10 +21,11 @@ import pytest
 from asyncua import Client, ua
 
 from pipeline.common.records import PartRecord, PartState
-from pipeline.common.settings import SettingsError
+from pipeline.common.version import program_version
 from pipeline.service.line.opcua import OpcUaPort
 from pipeline.service.line.opcua_device import settings_fit
 from pipeline.service.line.opcua_result import ocr_scan_result, status_of
+from pipeline.service.settings import OpcUaSettings, ServiceSettings
 from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 
@@ -92,7 +93,8 @@ def numbered() -> Any:
 
 @contextlib.asynccontextmanager
 async def serving_opcua(trigger: Any = read_at_once, **options: Any) -> AsyncIterator[tuple[OpcUaPort, str]]:
-    port = OpcUaPort(trigger, **options)
+    made = {name: options.pop(name) for name in ("name", "connections", "answer_s") if name in options}
+    port = OpcUaPort(OpcUaSettings(port=0, **options), trigger, **made)
     await port.start()
     try:
         yield port, f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
@@ -108,7 +110,7 @@ class Shared:
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
         self._trigger: Any = read_at_once
         self.jobs: list[str] = []
-        self.port = OpcUaPort(self._triggered, version="0.1.0")
+        self.port = OpcUaPort(OpcUaSettings(), self._triggered)
         self.run(self.port.start())
 
     async def _triggered(self, name: str, job: str = "") -> PartRecord:
@@ -195,7 +197,7 @@ def test_a_client_that_knows_nothing_of_the_types_finds_scans_and_hears(shared: 
 def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
     async def run() -> None:
         async with shared.serving(numbered()) as (port, url), asking(url) as (_, device):
-            assert await value_of(device, "2:SoftwareRevision") == "0.1.0"
+            assert await value_of(device, "2:SoftwareRevision") == program_version()
             assert await value_of(device, "3:DeviceStatus") == 0
             results, status = await device.call_method("3:Scan", settings())
             assert (results[0].ScanData.String, status) == ("KX407251", 0)
@@ -321,7 +323,7 @@ async def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_
         read.append(name)
         return part(name)
 
-    port = OpcUaPort(trigger)
+    port = OpcUaPort(OpcUaSettings(), trigger)
     await port.start()
     client = Client(f"opc.tcp://127.0.0.1:{port.port}/tactile-marks", timeout=LONG_S)
     await client.connect()
@@ -386,7 +388,7 @@ async def test_users_and_a_certificate(tmp_path: Path) -> None:
             told: str = (await device.call_method("4:TriggerPart", "P1"))[1]
             return told
 
-    options = {"users": {"line-4": "pa55"}, "certificate": certificate, "private_key": key}
+    options = {"users": {"line-4": "pa55"}, "certificate": certificate, "key": key}
     async with serving_opcua(**options) as (_, url):
         assert await call("line-4", "pa55") == "KX407251"
         for user, password in (("line-4", ""), ("admin", "")):  # contract/test_service_opcua.py: a wrong one
@@ -394,10 +396,10 @@ async def test_users_and_a_certificate(tmp_path: Path) -> None:
                 await call(user, password)
         with pytest.raises(ua.UaError):
             await call("line-4", "pa55", secure=False)
-    with pytest.raises(SettingsError, match="certificate"):
-        OpcUaPort(read_at_once, users={"a": "b"})
-    with pytest.raises(SettingsError, match="both"):
-        OpcUaPort(read_at_once, certificate=tmp_path / "server.der")
+    with pytest.raises(ValueError, match="certificate"):
+        ServiceSettings(opcua=OpcUaSettings(port=0, users={"a": "b"}))
+    with pytest.raises(ValueError, match="both"):
+        ServiceSettings(opcua=OpcUaSettings(port=0, certificate=tmp_path / "server.der"))
 
 
 async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
@@ -405,7 +407,7 @@ async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait
         await asyncio.Event().wait()
         raise AssertionError
 
-    port = OpcUaPort(never, connections=1)
+    port = OpcUaPort(OpcUaSettings(), never, connections=1)
     await port.start()
     url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
     async with asking(url) as (_, device):

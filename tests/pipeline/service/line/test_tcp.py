@@ -21,6 +21,7 @@ from pipeline.common.records import PartRecord, PartState
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words
+from pipeline.service.settings import TcpSettings
 from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, part, reading, until
 
@@ -35,7 +36,8 @@ async def read_at_once(name: str, job: str = "") -> PartRecord:
 
 @contextlib.asynccontextmanager
 async def listening(trigger: Any = read_at_once, **options: Any) -> AsyncIterator[TcpPort]:
-    port = TcpPort(trigger, **options)
+    limits = options.pop("limits", None)
+    port = TcpPort(TcpSettings(**options), trigger, limits=limits)
     await port.start()
     try:
         yield port
@@ -78,8 +80,8 @@ def test_a_trigger_may_name_a_job() -> None:
         return replace(part(name), job=job)
 
     template = "{name};{job}"
-    assert answer_to(b"TRIGGER:housing-left P 17\r\n", by_job, template=template) == b"P 17;housing-left\r\n"
-    assert answer_to(b"trigger:L\r\nTRIGGER P18\r\n", by_job, template=template) == b";L\r\nP18;\r\n"
+    assert answer_to(b"TRIGGER:housing-left P 17\r\n", by_job, format=template) == b"P 17;housing-left\r\n"
+    assert answer_to(b"trigger:L\r\nTRIGGER P18\r\n", by_job, format=template) == b";L\r\nP18;\r\n"
 
 
 async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
@@ -209,7 +211,7 @@ def test_only_the_clients_named_may_call() -> None:
         assert answer_to(b"PING\r\n", clients=("10.0.0.0/8",)) == b""
     assert answer_to(b"PING\r\n", clients=("10.0.0.0/8", "127.0.0.1")) == b"PONG\r\n"
     with pytest.raises(ValueError, match="10"):
-        TcpPort(read_at_once, clients=("10.0.0.300",))
+        TcpSettings(clients=("10.0.0.300",))
 
 
 async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
@@ -260,7 +262,7 @@ async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
         await go.wait()
         return part(name)
 
-    port = TcpPort(trigger)
+    port = TcpPort(TcpSettings(), trigger)
     await port.start()
     idle_reader, _ = await asyncio.open_connection(port.host, port.port)
     reader, writer = await asyncio.open_connection(port.host, port.port)
@@ -280,7 +282,7 @@ async def test_a_stop_does_not_wait_for_ever() -> None:
         await asyncio.Event().wait()
         raise AssertionError
 
-    port = TcpPort(never)
+    port = TcpPort(TcpSettings(), never)
     await port.start()
     reader, writer = await asyncio.open_connection(port.host, port.port)
     writer.write(b"TRIGGER P17\r\n")

@@ -9,7 +9,6 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,9 +18,10 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.service.intake import NewPart, Touch
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import WatchJournal
-from pipeline.service.part_service import NewPart, Touch
+from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
@@ -36,15 +36,18 @@ class Parts:
     """What the folder submits to: keeps what it was given, and knows a key again."""
 
     def __init__(self, folder: Path) -> None:
-        self.orders = SimpleNamespace(work_folder=self._work_folder, busy=None, trouble=lambda _: "")
+        self.open = True
         self._folder = folder
         self.received: list[tuple[NewPart, str, bytes]] = []
         self.by_key: dict[str, PartRecord] = {}
         self.problem: Exception | None = None
         self.meanwhile: Callable[[], object] = lambda: None
 
+    def takes(self, _: str) -> bool:
+        return self.open
+
     @contextlib.contextmanager
-    def _work_folder(self) -> Iterator[Path]:
+    def work_folder(self) -> Iterator[Path]:
         made = self._folder / f"work-{len(self.received)}"
         made.mkdir(parents=True)
         try:
@@ -78,16 +81,16 @@ class Bench:
         self.folder, self.journal = folder / "in", folder / "watched.jsonl"
         self.folder.mkdir()
         self.parts, self.a_set, self.settle_s = Parts(folder / "work"), a_set, settle_s
-        self.kept = WatchJournal.open(self.journal, {})
+        self.watched: WatchedFolder | None = None
         self.anew()
 
     def anew(self) -> None:
-        self.kept.close()
-        journal = self.kept = WatchJournal.open(self.journal, {})
-        self.watched = WatchedFolder(
-            self.folder, self.parts, journal=journal, job="housing-left", every_s=0.05, most_bytes=1000, at_once=1,  # type: ignore[arg-type]
-            a_set=self.a_set, settle_s=self.settle_s,
-        )  # fmt: skip
+        if self.watched is not None:
+            self.watched.journal.close()
+        settings = WatchSettings(
+            folder=self.folder, job="housing-left", every_s=0.05, photos=self.a_set, settle_s=self.settle_s
+        )
+        self.watched = WatchedFolder(settings, self.parts, journal=self.journal, most_bytes=1000, at_once=1)  # type: ignore[arg-type]
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
         path = self.folder / name
@@ -167,10 +170,10 @@ def test_a_restart_submits_nothing_twice(bench: Bench) -> None:
 def test_a_restart_between_part_and_journal_makes_no_second_part(bench: Bench) -> None:
     bench.put("a.png")
     bench.look()
-    bench.kept.keep_only([])  # it was not written any more
+    bench.watched.journal.keep_only([])  # it was not written any more
     bench.anew()
     assert bench.look(3) == ["a"]
-    assert [one.part_id for one in bench.kept.done.values()] == [part().id]
+    assert [one.part_id for one in bench.watched.journal.done.values()] == [part().id]
 
 
 def test_a_name_used_again_is_another_part(bench: Bench) -> None:
@@ -203,7 +206,7 @@ def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
     left = {one["file"]: one["why"] for one in logs if one["event"] == "watched file left"}
     assert sorted(left) == ["large.png", "link.png", "notes.txt", "part.png"]
     assert len([one for one in logs if one["event"] == "watched file left"]) == 4
-    assert "max_upload_mb" in left["large.png"]
+    assert "limits.upload_mb" in left["large.png"]
     assert left["link.png"] == "link.png is no regular file"
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     assert bench.parts.names == ["good"]
@@ -288,7 +291,7 @@ def test_a_service_watches(tmp_path: Path) -> None:
         return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
     def served(done: Callable[[Any], None]) -> None:
-        with inline_service(tmp_path / "service", watch=folder, watch_every_s=0.05) as (service, _):
+        with inline_service(tmp_path / "service", watch={"folder": folder, "every_s": 0.05}) as (service, _):
             assert isinstance(service.pool, InlinePool)
             service.pool.instead = read
             done(service)
@@ -310,7 +313,7 @@ def test_a_service_watches(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with (
         pytest.raises(FileError, match=r"is no folder that can be watched.*--watch"),
-        inline_service(tmp_path / "service", watch=tmp_path / "none"),
+        inline_service(tmp_path / "service", watch={"folder": tmp_path / "none"}),
     ):
         pass
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-import ssl
 import time
 from collections.abc import Awaitable, Callable
-from pathlib import Path
+from random import Random
 
-import numpy as np
 import pytest
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -19,7 +17,8 @@ from starlette.routing import Route
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
-from pipeline.service.line.webhook import SignatureError, WebhookSender, check_signature, signature
+from pipeline.service.line.webhook import WebhookSender, signature
+from pipeline.service.settings import WebhookSettings
 from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
 
 FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.1, longest_rest_s=0.1)
@@ -51,9 +50,13 @@ def answers(*statuses: int, headers: dict[str, str] | None = None) -> Answering:
     return answer
 
 
-def error_of(url: str, **options: object) -> DeliveryError:
+def sender_to(url: str, secret: str = "", **options: float) -> WebhookSender:
+    return WebhookSender(WebhookSettings.model_construct(url=url, secret=secret), **options)  # type: ignore[arg-type]
+
+
+def error_of(url: str, **options: float) -> DeliveryError:
     async def run() -> DeliveryError:
-        sender = WebhookSender(url, **options)  # type: ignore[arg-type]
+        sender = sender_to(url, **options)
         try:
             with pytest.raises(DeliveryError) as caught:
                 await sender.send(DELIVERY)
@@ -64,9 +67,9 @@ def error_of(url: str, **options: object) -> DeliveryError:
     return asyncio.run(run())
 
 
-def posted(url: str, **options: object) -> None:
+def posted(url: str, secret: str = "") -> None:
     async def run() -> None:
-        sender = WebhookSender(url, **options)  # type: ignore[arg-type]
+        sender = sender_to(url, secret)
         await sender.send(DELIVERY)
         await sender.send(DELIVERY)
         await sender.close()
@@ -84,7 +87,7 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
     )
     assert made == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
     with pytest.raises(SettingsError, match="base64"):
-        WebhookSender("http://127.0.0.1", secret="whsec_no base64!")
+        sender_to("http://127.0.0.1", "whsec_no base64!")
 
 
 def test_a_delivery_is_posted_signed_and_can_be_told_from_others() -> None:
@@ -95,32 +98,10 @@ def test_a_delivery_is_posted_signed_and_can_be_told_from_others() -> None:
     for headers, body in receiver.came:
         assert json.loads(body) == {"text": "KX407251", "name": "Träger", "delivery_id": 17}
         assert headers["content-type"] == "application/json"
-        assert check_signature(SECRET, headers, body, now_s=time.time()) == f"{DELIVERY.part_id}-17"
-
-
-def test_whoever_changes_or_repeats_a_delivery_is_found_out() -> None:
-    receiver = Receiver()
-    with serving(receiver.app) as url:
-        posted(url, secret=SECRET)
-    headers, body = receiver.came[0]
-    now_s = float(headers["webhook-timestamp"])  # when it was signed: ending the receiver may take seconds
-    for wrong, changed, when in (
-        ({}, body.replace(b"KX", b"KY"), now_s),
-        ({"webhook-id": "another"}, body, now_s),
-        ({"webhook-timestamp": str(int(now_s) + 1)}, body, now_s),
-        ({"webhook-timestamp": "²"}, body, now_s),
-        ({"webhook-signature": ""}, body, now_s),
-        ({"webhook-signature": "v1,ä"}, body, now_s),
-        ({}, body, now_s + 301.0),
-        ({}, body, now_s - 301.0),
-    ):
-        with pytest.raises(SignatureError):
-            check_signature(SECRET, {**headers, **wrong}, changed, now_s=when)
-    with pytest.raises(SignatureError):
-        check_signature("another", headers, body, now_s=now_s)
-    # several signatures while the secret is changed
-    both = {**headers, "webhook-signature": f"v1,AAAA {headers['webhook-signature']}"}
-    check_signature(SECRET, both, body, now_s=now_s)
+        sent_id, stamp = headers["webhook-id"], int(headers["webhook-timestamp"])
+        assert (sent_id, abs(stamp - time.time()) < 600.0) == (f"{DELIVERY.part_id}-17", True)
+        signed = signature(SECRET, webhook_id=sent_id, timestamp=stamp, body=body)
+        assert headers["webhook-signature"] == signed
 
 
 def test_without_a_secret_nothing_is_signed() -> None:
@@ -194,7 +175,7 @@ def raw_server_error(talk: Callable[[asyncio.StreamWriter], Awaitable[None]]) ->
 
         server = await asyncio.start_server(serve, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
-        sender = WebhookSender(f"http://127.0.0.1:{port}", timeout_s=0.5)
+        sender = sender_to(f"http://127.0.0.1:{port}", timeout_s=0.5)
         try:
             await sender.send(DELIVERY)
         except DeliveryError as error:
@@ -266,14 +247,7 @@ def test_proxies_of_the_environment_are_left_alone(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("url", ["", "example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1"])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
     with pytest.raises(SettingsError, match="http"):
-        WebhookSender(url)
-
-
-def test_a_file_of_authorities_that_is_none_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "ca.pem"
-    path.write_text("no certificate")
-    with pytest.raises(ssl.SSLError):
-        WebhookSender("https://127.0.0.1", ca_file=path)
+        sender_to(url)
 
 
 def test_a_receiver_that_fails_at_first_gets_everything_in_order() -> None:
@@ -284,8 +258,8 @@ def test_a_receiver_that_fails_at_first_gets_everything_in_order() -> None:
             outbox.put(part(id=f"PART{index}", text=f"N{number}"), ("webhook",))
 
     async def run(url: str) -> None:
-        sender = WebhookSender(url, secret=SECRET)
-        dispatcher = Dispatcher(outbox, {"webhook": sender}, rng=np.random.default_rng(1), pace=FAST)
+        sender = sender_to(url, SECRET)
+        dispatcher = Dispatcher(outbox, {"webhook": sender}, rng=Random(1), pace=FAST)
         dispatcher.start()
         await until(lambda: outbox.undelivered() == 0)
         await dispatcher.stop()

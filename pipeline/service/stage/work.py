@@ -1,0 +1,133 @@
+"""The stage and the camera of the service, each driven in a thread of its own.
+
+* A real stage feels one part at a time; a simulated one works in the workers, as many at once as there are.
+* A driver that hangs is refused from then on, until it answers again; `trouble` says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.service.stage.devices import Camera, NoStage, ScanOrder, SimulatedStage, Stage, has_sessions
+from pipeline.service.stage.driver_thread import DriverThread, StageDownError
+from pipeline.service.stage.stage_link import StageLink
+from pipeline.service.web.uploads import Upload
+from whisker_array.scan.stage_error import StageError
+
+if TYPE_CHECKING:
+    from whisker_array.scan.session import SessionStage
+
+_PLANS = 2.0
+"""Times a plan's own duration after which its stage is taken to hang."""
+
+
+class StageWork:
+    """The stage at work.
+
+    Attributes:
+        by_pass: feel parts pass by pass; else the whole plan is scanned.
+    """
+
+    def __init__(self, stage: Stage, *, active: bool = False, timeout_s: float = 60.0) -> None:
+        """Take the driver.
+
+        Args:
+            stage: the driver.
+            active: feel pass by pass if the stage has sessions.
+            timeout_s: for one call of a real stage; a whole plan may take its own time beside.
+        """
+        self._stage, self.by_pass = stage, active and has_sessions(stage)
+        self._thread = DriverThread("stage", timeout_s=timeout_s)
+        self._one_at_a_time = asyncio.Lock()
+
+    @property
+    def there(self) -> bool:
+        """Whether there is a stage."""
+        return not isinstance(self._stage, NoStage)
+
+    @property
+    def trouble(self) -> str:
+        """Fault of the stage now; empty without one."""
+        return self._thread.trouble
+
+    @contextlib.asynccontextmanager
+    async def for_worker(self) -> AsyncIterator[SessionStage[ScanOrder]]:
+        """Lend the stage to a worker.
+
+        Raises:
+            StageDownError: it does not answer.
+        """
+        if not has_sessions(self._stage):
+            raise TypeError("the stage has no sessions")
+        if isinstance(self._stage, SimulatedStage):
+            yield self._stage
+            return
+        async with self._one_at_a_time:
+            if self.trouble:  # known before a worker is asked
+                raise StageDownError(self.trouble, "see that the stage and its driver work")
+            link = StageLink(self._stage, self._thread)
+            try:
+                yield link.stage
+            except StageError:
+                if link.down is not None:
+                    raise link.down from None
+                raise
+            finally:
+                await link.close()
+
+    async def scan(self, order: ScanOrder, folder: Path, in_worker: Callable[..., Awaitable[Path]]) -> Path:
+        """Record the whole plan into a folder.
+
+        Raises:
+            StageDownError: the stage does not answer, or its driver has a fault.
+            StageError: it cannot be recorded.
+        """
+        if isinstance(self._stage, SimulatedStage):
+            return await in_worker(self._stage.feel, order, folder)
+
+        def scanned() -> Path:
+            path = self._stage.feel(order, folder)
+            # a driver may have a recording elsewhere, which stays there
+            return path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))
+
+        async with self._one_at_a_time:
+            timeout_s = self._thread.timeout_s + _PLANS * order.plan.seconds
+            return await self._thread.called(scanned, timeout_s=timeout_s)
+
+
+class CameraWork:
+    """The camera at work."""
+
+    def __init__(self, camera: Camera, *, timeout_s: float = 30.0) -> None:
+        """Take the driver; `timeout_s`: for one call."""
+        self._camera = camera
+        self._thread = DriverThread("camera", timeout_s=timeout_s)
+
+    @property
+    def trouble(self) -> str:
+        """Fault of the camera now; empty without one."""
+        return self._thread.trouble
+
+    async def take(self, name: str, folder: Path) -> list[Upload]:
+        """Photograph the part of that name, and copy the photographs into the folder.
+
+        Raises:
+            StageDownError: the camera does not answer, or its driver has a fault.
+            StageError: there is no photograph.
+            OSError: one cannot be read.
+        """
+
+        def taken() -> list[Upload]:
+            made = self._camera.take(name)
+            photos = []
+            for n, file in enumerate((made,) if isinstance(made, Path) else made, start=1):
+                copy = shutil.copyfile(file, folder / f"taken-{n}{file.suffix.lower()}")
+                photos.append(Upload(copy, file.name))
+            return photos
+
+        return await self._thread.called(taken)

@@ -1,0 +1,221 @@
+"""Calls of worker processes: refused while the queue is full, repeated where a worker is lost.
+
+A job or glyph database that turns out to be unusable is remembered until `recheck` finds it usable again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from glyphs.errors import FaultError, FileError, OwnFileError
+from pipeline.common.job_file import files_of
+from pipeline.common.serial_format import outside_format
+from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
+from pipeline.reading.warm_up import warm_up
+from pipeline.service.web.problem import OwnProblem, Problem
+from pipeline.workers.executors import WorkerLostError
+from pipeline.workers.pool import BusyError
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.formats.touch_file import Limits
+    from pipeline.service.metrics import Metrics
+    from pipeline.service.stage.devices import ScanOrder
+    from pipeline.workers.pool import WorkPool
+    from whisker_array.scan.session import SessionStage
+
+T = TypeVar("T")
+log = structlog.get_logger("tactile-marks")
+MOST_LOST = 2
+"""Workers lost in a row after which the service is not ready, until a worker has read a clean part."""
+
+
+class WorkerCalls:
+    """Functions called in the pool's workers."""
+
+    def __init__(
+        self,
+        pool: WorkPool,
+        *,
+        databases: Callable[[str], Path | None],
+        settings: Callable[[str], ReadSettings],
+        limits: Limits,
+        metrics: Metrics,
+    ) -> None:
+        """Take the pool.
+
+        Args:
+            pool: of workers.
+            databases: file of the glyph database with a name; raises Problem for an unknown one.
+            settings: settings of reading of the job with a name; raises Problem for an unknown one.
+            limits: of files.
+            metrics: counters.
+        """
+        self._pool, self._databases, self._settings = pool, databases, settings
+        self._limits, self._metrics = limits, metrics
+        self._troubles: dict[tuple[str, str], str] = {}
+        self._lost: list[str] = []
+
+    @property
+    def busy(self) -> float | None:
+        """Seconds after which to ask again while the queue is full; None while it has room."""
+        return self._pool.retry_after_s()
+
+    @property
+    def troubles(self) -> dict[str, str]:
+        """Faults of jobs and databases that callers have named, by name."""
+        return {job or database: why for (job, database), why in self._troubles.items() if job or database}
+
+    def trouble(self, job: str) -> str:
+        """Why parts of a job cannot be read now, without paths; empty if nothing is known."""
+        if known := self._troubles.get((job, "")):
+            return known
+        if len(self._lost) >= MOST_LOST:
+            return f"the last {len(self._lost)} workers were lost, the latest so: {self._lost[-1]}"
+        try:
+            missing = [path.name for path in files_of(self._settings(job)) if not path.is_file()]
+        except Problem as problem:
+            return problem.detail
+        return f"{missing[0]} is not there; put it back" if missing else ""
+
+    async def recheck(self) -> None:
+        """Check again what was unusable; after lost workers, read a clean part that the program makes."""
+        if len(self._lost) >= MOST_LOST:
+            with contextlib.suppress(Problem, WorkerLostError):
+                await self._call_once(warm_up, self._settings(""), self._limits)
+                log.info("a clean part is read again: the parts that have lost the workers are to blame")
+        for job, database in tuple(self._troubles):
+            with contextlib.suppress(Problem, WorkerLostError):
+                async with self._noted(job, database):
+                    settings = await asyncio.to_thread(self._settings, job)
+                    if (glyphs := self._databases(database)) is not None:
+                        settings = settings.model_copy(update={"database": glyphs})
+                    await self._call_once(check_settings, settings)
+
+    def outside_format(self, text: str, job: str) -> str:
+        """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""
+        try:
+            return outside_format(text, self._settings(job))
+        except (Problem, FileError):
+            return ""
+
+    async def read(
+        self,
+        order: PartOrder,
+        *,
+        job: str,
+        database: str,
+        felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
+    ) -> Done:
+        """Read a part in a worker.
+
+        Args:
+            order: its files.
+            job: name of its job.
+            database: name of its glyph database.
+            felt_by: stage and order, to feel the part pass by pass while it is read.
+
+        Raises:
+            StageError: nothing could be felt.
+            Problem: unusable files, a full queue, a lost worker.
+            OwnProblem: an unusable file of the service.
+        """
+        async with self._noted(job, database):
+            settings = await asyncio.to_thread(self._settings, job)
+            order = replace(order, database=self._databases(database))
+            if felt_by is None:
+                return await self.call(read_order, order, settings, self._limits)
+            # a second try would feel the part again
+            return await self.call(read_on_stage, order, settings, self._limits, *felt_by, tries=1)
+
+    async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
+        """Call a function in a worker; a lost worker is replaced, and the call repeated.
+
+        Raises:
+            Problem: a full queue, unusable files, lost workers.
+        """
+        for lost in range(1, tries + 1):
+            try:
+                return await self._call_once(function, *arguments)
+            except WorkerLostError as error:
+                if lost == tries or error.timed_out or error.unstarted:
+                    raise _lost_problem(error, lost) from error
+        raise AssertionError("no try")
+
+    def call_blocking(self, function: Callable[..., T], *arguments: Any, timeout_s: float) -> T:
+        """Call a function in a worker from a thread that waits.
+
+        Raises:
+            Problem: a full queue, a lost worker.
+            MarksError: as the function.
+        """
+        try:
+            found: T = self._pool.submit(function, *arguments, timeout_s=timeout_s).result()
+        except BusyError as error:
+            raise busy_problem(error) from error
+        except WorkerLostError as error:
+            log.warning("worker lost", why=str(error))
+            if error.timed_out:
+                raise Problem(
+                    422, f"it takes longer than {timeout_s:g} s to check; make it simpler"
+                ) from error
+            if error.crashed:
+                raise Problem(422, f"the worker that checked it was lost: {error}") from error
+            raise Problem(503, f"{error}; send it again", headers={"Retry-After": "5"}) from error
+        return found
+
+    async def _call_once(self, function: Callable[..., T], *arguments: Any) -> T:
+        try:
+            done: T = await asyncio.wrap_future(self._pool.submit(function, *arguments))
+        except BusyError as error:
+            self._metrics.refused.inc()
+            raise busy_problem(error) from error
+        except WorkerLostError as error:
+            self._metrics.lost_workers.inc()
+            self._lost = [*self._lost[-99:], str(error)]
+            log.warning("worker lost", why=str(error))
+            raise
+        except FileError as error:
+            self._lost.clear()
+            if isinstance(error, OwnFileError):
+                raise OwnProblem(str(error)) from error
+            raise Problem(500 if isinstance(error, FaultError) else 422, str(error)) from error
+        self._lost.clear()
+        return done
+
+    @contextlib.asynccontextmanager
+    async def _noted(self, job: str, database: str) -> AsyncIterator[None]:
+        """Remember the fault of a job or a database as long as it lasts."""
+        key = (job, database)
+        try:
+            yield
+        except OwnProblem as problem:
+            if self._troubles.get(key) != problem.detail:
+                log.error("parts cannot be read", job=job, database=database, why=problem.detail)
+            self._troubles[key] = problem.detail
+            raise
+        if self._troubles.pop(key, None) is not None:
+            log.info("parts can be read again", job=job, database=database)
+
+
+def busy_problem(error: BusyError) -> Problem:
+    """The answer while the queue is full."""
+    return Problem(503, str(error), headers={"Retry-After": str(max(1, round(error.retry_after_s)))})
+
+
+def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
+    """The answer after lost workers; no verdict on the part, for a limit or this program may be to blame."""
+    later = {"Retry-After": "60"}
+    if error.timed_out:
+        return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)
+    if error.crashed and lost > 1:
+        detail = f"it has ended {lost} workers, the last so: {error}; if it happens again, report it"
+        return Problem(503, detail, headers=later)
+    return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})
