@@ -273,7 +273,7 @@ def test_a_request_cut_short_by_the_end_is_told_to_come_again(
     async def cancelled(*_: object, **__: object) -> None:
         raise asyncio.CancelledError
 
-    monkeypatch.setattr(service.parts, "touch", cancelled)
+    monkeypatch.setattr(service.intake, "touch", cancelled)
     assert is_server_fault(client.post(f"/v1/parts/{new_part_id()}/touch"))
 
 
