@@ -24,7 +24,7 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, answered
-from pipeline.service.intake import NewPart, Intake, Touch
+from pipeline.service.intake import Intake, NewPart, Touch
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
