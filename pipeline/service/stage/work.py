@@ -93,7 +93,9 @@ class StageWork:
         def scanned() -> Path:
             path = self._stage.feel(order, folder)
             # a driver may have a recording elsewhere, which stays there
-            return path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))
+            return (
+                path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))
+            )
 
         async with self._one_at_a_time:
             timeout_s = self._thread.timeout_s + _PLANS * order.plan.seconds
