@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING
 
 from pipeline.common.records import WaitingResults
-
-if TYPE_CHECKING:
-    from pipeline.service.line.dispatch import TargetState
-
-TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
 
 @dataclass(frozen=True)
@@ -45,14 +39,3 @@ class Connection:
             return self.state
         waiting = f", {self.waiting.n} results wait" if self.waiting else ""
         return f"{self.state} since {self.since:%Y-%m-%dT%H:%M:%SZ}{waiting}"
-
-
-def target_connection(target: str, state: TargetState, waiting: WaitingResults | None) -> Connection:
-    """The connection to a target of results."""
-    words, why, n = "works", "", len(state.refused)
-    if state.error:
-        words, why = "cannot be reached", state.error
-    elif n:
-        words = f"refuses {n} {'result' if n == 1 else 'results'}"
-        why = next(iter(state.refused.values()))
-    return Connection(target, TARGETS[target], words, not why, state.since, waiting, why, is_target=True)

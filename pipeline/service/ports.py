@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import structlog
 
-from pipeline.service.connections import Connection, target_connection
-from pipeline.service.line.dispatch import Dispatcher, Sender
+from pipeline.common.records import WaitingResults
+from pipeline.service.connections import Connection
+from pipeline.service.line.dispatch import Dispatcher, Sender, TargetState
 
 if TYPE_CHECKING:
     from pipeline.service.intake import Intake
     from pipeline.service.settings import ServiceSettings
 
 log = structlog.get_logger("tactile-marks")
+_TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
 
 class Input(Protocol):
@@ -104,7 +106,7 @@ class Ports:
         """
         states = self._dispatcher.states if self._dispatcher is not None else {}
         waiting = self._intake.store.waiting_results() if states else {}
-        targets = (target_connection(name, state, waiting.get(name)) for name, state in states.items())
+        targets = (_target(name, state, waiting.get(name)) for name, state in states.items())
         return (*targets, *self._open.values())
 
     @contextlib.asynccontextmanager
@@ -130,3 +132,14 @@ class Ports:
                     at = f"listens at {place['host']}:{place['port']}"
                     self._open[key] = Connection(key, one.title, at, True, datetime.now(UTC))
             yield
+
+
+def _target(target: str, state: TargetState, waiting: WaitingResults | None) -> Connection:
+    """The connection to a target of results."""
+    words, why, n = "works", "", len(state.refused)
+    if state.error:
+        words, why = "cannot be reached", state.error
+    elif n:
+        words = f"refuses {n} {'result' if n == 1 else 'results'}"
+        why = next(iter(state.refused.values()))
+    return Connection(target, _TARGETS[target], words, not why, state.since, waiting, why, is_target=True)
