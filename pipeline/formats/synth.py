@@ -7,10 +7,11 @@ number only, so the first ten of fifty are the same as ten.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,23 +101,21 @@ class SynthSpec:
         if self.seed < 0:
             raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
         allowed_characters(self.format)
-        draw_light(
-            np.random.default_rng(0),
-            azimuth_deg=self.light_azimuth_deg,
-            elevation_deg=self.light_elevation_deg,
-        )
+        rng = np.random.default_rng(0)
+        draw_light(rng, azimuth_deg=self.light_azimuth_deg, elevation_deg=self.light_elevation_deg)
         Camera(pitch_mm=self.pixel_mm)
         if self.practice is not None and not self.variation:
             what = "a practice is how blows differ"
             raise SettingsError(what, hint="leave out either it or 'no variation'")
-        for kind, choices, name in (
-            ("practice", PRACTICES, self.practice),
-            ("die", DIES, self.die),
-            ("plate", PLATES, self.plate),
-            ("layout", LAYOUTS, self.layout),
-        ):
-            if name is not None:
-                pick(kind, choices, name)
+        choices: dict[str, Mapping[str, Any]] = {
+            "practice": PRACTICES,
+            "die": DIES,
+            "plate": PLATES,
+            "layout": LAYOUTS,
+        }
+        for kind, known in choices.items():
+            if (name := getattr(self, kind)) is not None:
+                pick(kind, known, name)
         if self.die is not None and self.face is not Face.FLAT:
             raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
         default_die(

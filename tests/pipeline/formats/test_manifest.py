@@ -150,16 +150,10 @@ def test_what_is_written_is_read(
             writer.writerows(records)
             source = table(folder, text.getvalue())
         parts = read_manifest(source)
+        stripped = [[cell.strip() for cell in r.values()] for r in records]
         assert parts == [
-            PartFiles(r["part"].strip(), str(folder / r["height_map"].strip()), "", "")
-            if not (r["expected"].strip() or r["format"].strip())
-            else PartFiles(
-                r["part"].strip(),
-                str(folder / r["height_map"].strip()),
-                expected=r["expected"].strip(),
-                format=r["format"].strip(),
-            )
-            for r in records
+            PartFiles(name, str(folder / file), expected=text, format=form)
+            for name, file, text, form in stripped
         ]
 
 
