@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
 from pipeline.common.serial_rules import ProductionOrder
+from pipeline.common.texts import without_blanks
 
 
 @dataclass
@@ -26,7 +27,7 @@ class LotCheck:
     def known(self, record: ReadingRecord) -> None:
         """Take a record of an earlier sitting into account."""
         if record.decision == "accept":
-            self.bearers.setdefault(_plain(record.text), record.part)
+            self.bearers.setdefault(without_blanks(record.text), record.part)
 
     def checked(self, record: ReadingRecord) -> ReadingRecord:
         """The record, to be reviewed where something speaks against its serial."""
@@ -34,13 +35,9 @@ class LotCheck:
             return record
         if not self.order.holds(record.text):
             why, code = f"{record.text} is not in {self.order.name}", "not_in_order"
-        elif (first := self.bearers.setdefault(_plain(record.text), record.part)) != record.part:
+        elif (first := self.bearers.setdefault(without_blanks(record.text), record.part)) != record.part:
             why, code = f"{record.text} was read before, of {first}", "read_before"
         else:
             return record
         reasons = (*record.reasons, ReasonRecord(code))
         return replace(record, decision="review", messages=(*record.messages, why), reasons=reasons)
-
-
-def _plain(text: str) -> str:
-    return "".join(text.split())
