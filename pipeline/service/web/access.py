@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.service.web.problem import Problem
@@ -11,10 +11,11 @@ from pipeline.service.web.problem import Problem
 if TYPE_CHECKING:
     from starlette.requests import HTTPConnection
 
+    from pipeline.store.store import Store
+
 COOKIE = "tactile_marks_token"
 # name of a caller who needs no token
 LOCAL = "local"
-_MOST_SECRET = 200
 _NEEDED = "a token is needed; send it as: Authorization: Bearer tm_..."
 _NEEDED_OF_OTHERS = (
     "a token is needed, for the request comes from a program of another user than the service's, such as a proxy; make "
@@ -44,22 +45,6 @@ class Caller:
     token: str = ""
 
 
-class Tokens(Protocol):
-    """Where tokens are kept: `pipeline.store.store.Store` is one."""
-
-    def token(self, secret: str) -> TokenRecord | None:
-        """The token of a secret that holds now."""
-
-    def open_session(self, secret: str) -> str | None:
-        """The cookie of a new session; None where no token with that secret holds."""
-
-    def session_token(self, cookie: str) -> TokenRecord | None:
-        """The token of a session that holds now."""
-
-    def close_session(self, cookie: str) -> None:
-        """End a session."""
-
-
 class Access:
     """Identifies the caller by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
@@ -69,15 +54,15 @@ class Access:
 
     COOKIE = COOKIE
 
-    def __init__(self, tokens: Tokens, *, required: bool, own_user: bool = False) -> None:
-        """Take what tokens are checked by.
+    def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
+        """Take the store and the rules.
 
         Args:
-            tokens: where they are kept.
+            store: that keeps tokens and sessions.
             required: whether all callers need one.
             own_user: whether callers of other users of this machine need one, as the door has found them.
         """
-        self._tokens, self.required, self.own_user = tokens, required, own_user
+        self._store, self.required, self.own_user = store, required, own_user
 
     def asked(self, request: HTTPConnection) -> bool:
         """Whether this caller needs a token."""
@@ -112,19 +97,15 @@ class Access:
         bearer, cookie = kind.lower() == "bearer", request.cookies.get(COOKIE, "")
         if not (bearer or cookie):
             raise DeniedError(401, _NEEDED if self.required else _NEEDED_OF_OTHERS)
-        find, given = (self._tokens.token, secret.strip()) if bearer else (self._tokens.session_token, cookie)
-        record = find(given) if len(given) <= _MOST_SECRET else None
+        record = self._store.token(secret.strip()) if bearer else self._store.session_token(cookie)
         if record is None:
             raise DeniedError(401, "the token is not known, has expired or was revoked; ask for another")
         return record
 
     def log_in(self, secret: str) -> str | None:
         """The cookie's value for a token typed in; None if it does not hold."""
-        secret = secret.strip()
-        return self._tokens.open_session(secret) if len(secret) <= _MOST_SECRET else None
+        return self._store.open_session(secret.strip())
 
     def log_out(self, request: HTTPConnection) -> None:
         """End the session of a browser, wherever else its cookie is."""
-        cookie = request.cookies.get(COOKIE, "")
-        if cookie and len(cookie) <= _MOST_SECRET:
-            self._tokens.close_session(cookie)
+        self._store.close_session(request.cookies.get(COOKIE, ""))
