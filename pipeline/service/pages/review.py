@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Form
 from pydantic import BaseModel
@@ -74,7 +74,6 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     @router.get("/review")
     def queue(done: str = "", view: View = looks) -> Response:
         person = view.person
-        reviewed, remark = _outcome(frame, done)
         return view.page(
             "queue.html.j2",
             parts=store.queue(limit=QUEUE_SHOWN),
@@ -82,8 +81,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             halves=store.half_reviewed() if frame.policy.readers > 1 else {},
             free=store.next_in_queue(person=person) is not None,
             audits=format_count(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
-            done=reviewed,
-            remark=remark,
+            **_outcome(frame, done),
         )
 
     @router.get("/review/next")
@@ -98,12 +96,10 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     def review(
         part_id: str, done: str = "", alone: str = "", undone: str = "", view: View = looks
     ) -> Response:
-        reviewed, remark = _outcome(frame, done)
-        if alone:
-            remark = "No other part is waiting."
+        remark = "No other part is waiting." if alone else ""
         if undone:
             remark = "Your review is undone: the part waits for review again."
-        return _page(view, store.part(part_id), done=reviewed, remark=remark)
+        return _page(view, store.part(part_id), done=done, remark=remark)
 
     @router.post("/review/{part_id}")
     def say(part_id: str, said: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
@@ -204,20 +200,13 @@ def _describe_change(part: PartRecord) -> str:
     return f"{quicker}: {stands}. Your input is not saved; compare it with what you typed, and decide again."
 
 
-def _outcome(frame: Frame, part_id: str) -> tuple[PartRecord | None, str]:
-    """The part just reviewed, or a remark on the audit just made; neither where the address names no part."""
+def _outcome(frame: Frame, part_id: str) -> dict[str, Any]:
+    """The part just reviewed, and its audit if that was made; neither where the address names no part."""
     with contextlib.suppress(StoreError):
         part, audit = frame.store.part(part_id), frame.store.audit(part_id)
-        if part.review is not None or frame.store.opinions(part_id):
-            return part, ""
-        if audit is None:
-            return None, ""
-        if audit.action is ReviewAction.UNREADABLE:
-            return None, "Noted as unreadable; the part stays accepted, and is not counted."
-        if audit.after == audit.before:
-            return None, f"{audit.after} is what was accepted."
-        return None, f"{audit.after} is not what was accepted, so {part.name or 'the part'} went to review."
-    return None, ""
+        reviewed = part.review is not None or bool(frame.store.opinions(part_id))
+        return {"done": part if reviewed or audit else None, "audited": None if reviewed else audit}
+    return {"done": None, "audited": None}
 
 
 def _page(
@@ -225,24 +214,20 @@ def _page(
     part: PartRecord,
     *,
     said: ReviewForm | None = None,
-    done: PartRecord | None = None,
+    done: str = "",
     remark: str = "",
     fault: str = "",
     outside: str = "",
     status: int = 200,
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
-    audit, awaits = store.audit(part.id), store.awaits_audit(part.id)
-    mode = frame.policy.mode(part, person, opinions=store.opinions(part.id), audit=awaits)
+    opinions, awaits_audit = store.opinions(part.id), store.awaits_audit(part.id)
+    mode = frame.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
     waits = view.may_review and (part.state is PartState.REVIEW or mode is ReviewMode.AUDIT)
     readings = store.readings(part.id)
     pictures = picture_pair(part, readings, store.evidence(part.id), frame.evidence)
     # marks without small letters are typed in capitals
     upper = not any(c.char.islower() for r in readings for place in r.characters for c in place.candidates)
-    if audit is not None and audit.after not in ("", audit.before) and part.state is PartState.REVIEW:
-        remark = (
-            remark or f"This part was accepted; {audit.who} read {audit.after} in an audit. Which is right?"
-        )
     if mode is not ReviewMode.OPEN:  # nothing that was read reaches the template
         part = replace(part, text="", reading=None, review=None, expected="", plan=None)
         readings, pictures = (), (without_reading(pictures[0]), without_reading(pictures[1]))
@@ -253,6 +238,7 @@ def _page(
         status=status,
         part=part,
         mode=mode.value,
+        audit=store.audit(part.id),
         waits=waits,
         next=f"/audit?after={part.id}" if mode is ReviewMode.AUDIT else f"/review/next?after={part.id}",
         places=places,
@@ -267,9 +253,9 @@ def _page(
         signed=bool(person.token),
         note="" if said is None else said.note,
         most=MOST,
-        done=done,
         remark=remark,
         taken=_claim(view, part.id) if waits and said is None else "",
         fault=fault,
         outside=outside,
+        **_outcome(frame, done),
     )

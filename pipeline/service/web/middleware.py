@@ -90,22 +90,17 @@ class RequestLayer:
         with structlog.contextvars.bound_contextvars(request=request_id):
             try:
                 await self._app(scope, _patient(receive), sent)
-            except Problem as problem:
+            except (Exception, asyncio.CancelledError) as error:
+                if type(error).__module__ == body_limit.__name__:
+                    raise  # the body is over its limit, which starlette answers with 413
+                # requests are cancelled when the time that they have as the service stops is up
+                problem = error if isinstance(error, Problem) else stopping()
+                if problem is not error and isinstance(error, Exception):
+                    log.exception("request failed", path=scope["path"])
+                    problem = Problem(500, f"the service failed; its log says why under {request_id}")
                 if begun:
                     raise
                 await problem_answer(problem, scope)(scope, receive, sent)
-            except asyncio.CancelledError:  # the time that requests have when the service stops is up
-                if begun:
-                    raise
-                await problem_answer(stopping(), scope)(scope, receive, sent)
-            except Exception as error:
-                if type(error).__module__ == body_limit.__name__:
-                    raise  # the body is over its limit, which starlette answers with 413
-                log.exception("request failed", path=scope["path"])
-                if begun:
-                    raise
-                fault = Problem(500, f"the service failed; its log says why under {request_id}")
-                await problem_answer(fault, scope)(scope, receive, sent)
             finally:
                 self._record(scope, method, status, time.perf_counter() - start)
         return None

@@ -127,14 +127,14 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
     shown_to_nobody_else(shop.client.get(f"/review/{ids[0]}").text)
     assert shop.say(ids[0], SERIAL) == 303
     assert goes_to(shop.answer) == f"/review/{ids[1]}?done={ids[0]}"
-    assert f"{SERIAL} is what was accepted" in shop.client.get(goes_to(shop.answer)).text
+    assert f"{SERIAL}</span> is what was accepted" in shop.client.get(goes_to(shop.answer)).text
     assert shop.say(ids[1], "KX407257") == 303
     assert shop.say(ids[2], "", action="unreadable") == 303
     assert "not counted" in shop.client.get(goes_to(shop.answer)).text
     assert [shop.store.part(i).state for i in ids] == [
         PartState.ACCEPTED, PartState.REVIEW, PartState.ACCEPTED,
     ]  # fmt: skip
-    assert "Ada read KX407257 in an audit" in shop.client.get(f"/review/{ids[1]}").text
+    assert "KX407257</span> in an audit. Which is right?" in shop.client.get(f"/review/{ids[1]}").text
     assert shop.say(ids[1], SERIAL) == 303
     tile = " ".join(shop.client.get("/dashboard").text.split())
     assert "0 of 2 audited; 95 % interval 0.0 – 84.2 %" in tile  # 1 - 0.025 ** (1 / 2)
