@@ -34,8 +34,8 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         SettingsError: a setting that there is not, or that cannot be.
         MarksError: a font or an expected text that cannot be used.
     """
-    from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.readers import reader_of
 
     checked = ReadSettings.of(**settings)
     files: dict[str, Path] = {}

@@ -118,8 +118,8 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
     from pipeline.formats.part_files import PartFiles
-    from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.readers import reader_of
 
     reader = PartReader(reader_of(settings), mode=Mode.TACTILE, maps=settings)
     try:

@@ -245,7 +245,7 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
     Raises:
         OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
     """
-    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.readers import reader_of
 
     if order.database is not None:
         settings = settings.model_copy(update={"database": order.database})

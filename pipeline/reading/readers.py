@@ -1,7 +1,8 @@
-"""From settings to the reader that they ask for."""
+"""From settings to the reader that they ask for; a worker keeps readers, whose templates take longer than a part."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from glyphs.fonts.glyph import Font
@@ -14,6 +15,44 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from whisker_array.simulation.traces import Fidelity
+
+MOST_KEPT = 8
+"""Readers of different settings at once; the least recently used is evicted."""
+
+_Key = tuple[str, int, ReadSettings, bool]
+_KEPT: dict[_Key, Reader] = {}
+
+
+def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
+    """The reader for these settings and their database, as the file now is.
+
+    Args:
+        settings: how to read.
+        after_photo: whether a scan is of where the camera saw the line, so that regions say nothing of it.
+
+    Raises:
+        FileError: a lexicon that cannot be used.
+        ValueError: a database or font that cannot be used.
+    """
+    key = (str(settings.database or ""), _changed_ns(settings.database), settings, after_photo)
+    found = _KEPT.pop(key, None)
+    if found is None:
+        found = open_reader(settings)
+        found = found.after_photo() if after_photo else found
+        # of a database that has changed the old readers are of no more use
+        for old in [k for k in _KEPT if k[0] == key[0] and k[1] != key[1]]:
+            del _KEPT[old]
+        while len(_KEPT) >= MOST_KEPT:
+            del _KEPT[next(iter(_KEPT))]
+    _KEPT[key] = found
+    return found
+
+
+def _changed_ns(path: Path | None) -> int:
+    try:
+        return path.stat().st_mtime_ns if path is not None else 0
+    except OSError:
+        return 0  # the readers tell what is wrong with it
 
 
 def open_reader(settings: ReadSettings) -> Reader:

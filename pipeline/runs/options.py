@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.common.settings import SettingsError
 
-MODULES = ("pipeline.runs.task", "pipeline.reading.kept_readers", "recognition.senses.touch")
+MODULES = ("pipeline.runs.task", "pipeline.reading.readers", "recognition.senses.touch")
 """Modules that a worker needs for its first part."""
 
 

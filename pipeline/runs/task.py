@@ -85,7 +85,7 @@ def check_order(order: RunOrder, _: None) -> None:
         SettingsError: settings that contradict each other.
         ValueError: a font or database that cannot be used.
     """
-    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.readers import reader_of
 
     reader_of(settled(order.settings, order.sent))
 
@@ -150,7 +150,7 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
     Raises:
         FileError: a font, format, database or lexicon that cannot be used.
     """
-    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.readers import reader_of
 
     try:
         return reader_of(settings_of(settled(order.settings, order.sent), listed))

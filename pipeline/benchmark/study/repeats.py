@@ -160,8 +160,8 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> T
 
 def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
     from pipeline.formats.remote import fetched
-    from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.readers import reader_of
 
     mode = Mode(settings.mode) if settings.mode is not None else None
     reader = reader_of(settings_of(settings, listed))

@@ -15,7 +15,7 @@ from pipeline.common.version import program_mark
 from pipeline.formats.find_parts import list_parts
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import PartTexts, load_truth
-from pipeline.reading.kept_readers import reader_of
+from pipeline.reading.readers import reader_of
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import ExecutorOptions
 

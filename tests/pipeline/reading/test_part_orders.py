@@ -17,8 +17,8 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
 from pipeline.formats.touch_file import Limits
-from pipeline.reading.kept_readers import MOST_KEPT, reader_of
 from pipeline.reading.part_orders import Done, PartOrder, read_order
+from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.service.stage import ScanOrder, SimulatedStage
 
@@ -307,7 +307,7 @@ def test_a_fault_of_the_program_is_not_put_down_to_the_file(
     def broken(_: ReadSettings, **__: object) -> None:
         raise ZeroDivisionError("no marks")
 
-    monkeypatch.setattr("pipeline.reading.kept_readers.reader_of", broken)
+    monkeypatch.setattr("pipeline.reading.readers.reader_of", broken)
     says = r"fault of the program \(ZeroDivisionError: no marks\); please report it"
     with pytest.raises(FaultError, match=says):
         read_order(PartOrder(folder=folder, photos=(folder / "photo.png",)), ReadSettings(), Limits())
