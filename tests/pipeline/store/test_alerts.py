@@ -55,21 +55,15 @@ def test_a_rate_is_told_once_and_cleared_once(store: Store) -> None:
     assert sent(store) == [(REJECT_RATE, "cleared")]
 
 
-def test_it_is_raised_and_cleared_in_order_however_long_the_target_is_away(store: Store) -> None:
-    parts(store, rejected=WINDOW)
-    look(store)
-    parts(store, good=WINDOW)
-    look(store)
-    assert sent(store) == [(REJECT_RATE, "raised"), (REJECT_RATE, "cleared")]
-
-
-def test_a_restart_repeats_nothing(blank_url: str) -> None:
+def test_a_restart_repeats_nothing_and_a_target_that_is_away_gets_all_in_order(blank_url: str) -> None:
     with contextlib.closing(Store.open(blank_url)) as store:
         parts(store, rejected=WINDOW)
         look(store)
     with contextlib.closing(Store.open(blank_url)) as store:
         assert look(store) == [REJECT_RATE]
-        assert sent(store) == [(REJECT_RATE, "raised")]
+        parts(store, good=WINDOW)
+        look(store)
+        assert sent(store) == [(REJECT_RATE, "raised"), (REJECT_RATE, "cleared")]
 
 
 def test_many_who_look_at_once_raise_it_once(store: Store) -> None:

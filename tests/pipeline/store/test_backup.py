@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -53,31 +54,26 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
     """A row in every table."""
     for k in range(5):
         received(store, text=f"KX{k}", evidence=(_keep(folder, b"photo %d" % k),), targets=("mqtt",))
-    part = received(
-        store, PartState.TOUCH_NEEDED, name="Größe", plan=PLAN, idempotency=IdempotencyKey("line:1", "f")
-    )
+    key = IdempotencyKey("line:1", "f")
+    part = received(store, PartState.TOUCH_NEEDED, name="Größe", plan=PLAN, idempotency=key)
     store.add_readings(part.id, readings=(reading("KX9", "fused", "review"),), state=PartState.REVIEW)
     correct(store, part.id, "KX8", targets=("webhook",))
     store.add_token("line-3", [Scope.WRITE])
     store.add_golden({GoldenMeasure.GAIN: Measured(1.01, 0.001)}, line="press", reference=False)
     store.look_for_alerts(limits={}, window=1, drifts={"": "the parts are duller"})
-    sent = due(store)
-    store.delivered(sent[-1].id)
+    store.delivered(due(store)[-1].id)
 
 
 def _all_rows(store: Store) -> dict[str, list[tuple[Any, ...]]]:
-    leases = {"owner", "leased_until"}  # end with the service that held them
+    found = {}
     with store.database.reading() as tx:
-        return {
-            table.name: [
-                tuple(row)
-                for row in tx.execute(
-                    sa.select(*(c for c in table.c if c.name not in leases)).order_by(*table.primary_key)
-                )
-            ]
-            for table in METADATA.sorted_tables
-            if table.name != "sessions"  # a backup signs nobody in
-        }
+        for name, table in METADATA.tables.items():
+            # leases end with the service that held them
+            columns = [c for c in table.c if c.name not in ("owner", "leased_until")]
+            rows = tx.execute(sa.select(*columns).order_by(*table.primary_key))
+            found[name] = [tuple(row) for row in rows]
+    del found["sessions"]  # a backup signs nobody in
+    return found
 
 
 def _contents(folder: Path) -> dict[Path, bytes]:
@@ -114,10 +110,10 @@ def other(request: pytest.FixtureRequest, empty_stores: Stores, clock: Clock) ->
 
 
 def test_what_is_brought_back_elsewhere_is_what_was_there(
-    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path
+    filled: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path
 ) -> None:
     """From every database into every one; the files too."""
-    _filled(store, evidence)
+    store = filled
     cookie = store.open_session(store.add_token("signed-in", [Scope.READ]))
     assert cookie is not None
     made = back_up(store, evidence, tmp_path / "backup")
@@ -331,18 +327,17 @@ def test_a_part_that_is_gone_is_found_by_a_backup(
     assert _told(check(store, evidence, against=tmp_path / "backup"), Fault.CHANGED) == [gone]
 
 
-def test_files_that_are_missing_damaged_or_nobodys_are_found(store: Store, evidence: EvidenceFolder) -> None:
-    _filled(store, evidence)
+def test_files_that_are_missing_damaged_or_nobodys_are_found(filled: Store, evidence: EvidenceFolder) -> None:
     missing, damaged, *_ = sorted(_files(evidence))
     evidence.path(missing).unlink()
     evidence.path(damaged).write_bytes(b"rotten")
     orphan = _keep(evidence, b"nobody's")
     old = time.time() - 3 * 3600
     os.utime(evidence.path(orphan.sha256), (old, old))
-    report = check(store, evidence)
+    report = check(filled, evidence)
     assert (_told(report, Fault.MISSING), _told(report, Fault.DAMAGED)) == ([missing], [damaged])
     assert (report.files, report.counts[Fault.ORPHANS]) == (3, 1)
-    quick = check(store, evidence, read_files=False)
+    quick = check(filled, evidence, read_files=False)
     assert (_told(quick, Fault.MISSING), _told(quick, Fault.DAMAGED)) == ([missing], [])
 
 
@@ -353,10 +348,8 @@ def test_what_is_stuck_is_found(store: Store, evidence: EvidenceFolder, clock: C
     assert check(store, evidence).well
     clock.go_on(hours=25)
     report = check(store, evidence)
-    assert _told(report, Fault.STUCK) == [part.id]
-    assert _told(report, Fault.UNDELIVERED) == ["mqtt"]
-    assert "1 results wait" in report.findings[-1].what
-    assert "no broker" in report.findings[-1].what
+    assert (_told(report, Fault.STUCK), _told(report, Fault.UNDELIVERED)) == ([part.id], ["mqtt"])
+    assert re.search("1 results wait.*no broker", report.findings[-1].what)
 
 
 def test_the_commands(

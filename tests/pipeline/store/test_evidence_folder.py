@@ -48,14 +48,11 @@ def test_a_file_is_found_by_what_it_holds(folder: EvidenceFolder, content: bytes
     assert not path.exists()
 
 
-def test_the_same_twice_is_one_file_and_mends_it(folder: EvidenceFolder) -> None:
-    sha256, _ = folder.keep(_upload(folder, b"photo"))
+def test_the_same_twice_is_one_file_and_mends_it_also_at_once(folder: EvidenceFolder) -> None:
+    sha256, _ = folder.keep_content(b"photo")
     folder.path(sha256).write_bytes(b"damaged")
-    assert folder.keep(_upload(folder, b"photo")) == (sha256, 5)
+    assert folder.keep_content(b"photo") == (sha256, 5)
     assert [p.read_bytes() for p in folder.path(sha256).parent.iterdir()] == [b"photo"]
-
-
-def test_many_at_once(folder: EvidenceFolder) -> None:
     uploads = [_upload(folder, b"photo %d" % (k % 7)) for k in range(70)]
     with ThreadPoolExecutor(8) as pool:
         kept = set(pool.map(folder.keep, uploads))
@@ -64,23 +61,11 @@ def test_many_at_once(folder: EvidenceFolder) -> None:
         assert hashlib.sha256(folder.path(sha256).read_bytes()).hexdigest() == sha256
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        "",
-        "abc",
-        "../" + "a" * 61,
-        "A" * 64,
-        "a" * 63 + "/",
-        "a" * 65,
-        "a" * 64 + "\n",
-        "٣" * 64,
-        "a\x00" * 32,
-    ],
-)
-def test_paths_are_of_hashes_alone(folder: EvidenceFolder, wrong: str) -> None:
-    with pytest.raises(ValueError, match="64 hexadecimal digits"):
-        folder.path(wrong)
+def test_paths_are_of_hashes_alone(folder: EvidenceFolder) -> None:
+    a = "a" * 63
+    for wrong in ("", "abc", "../" + a[2:], "A" * 64, a + "/", a + "aa", a + "a\n", "٣" * 64, "a\x00" * 32):
+        with pytest.raises(ValueError, match="64 hexadecimal digits"):
+            folder.path(wrong)
 
 
 def test_links_pipes_and_folders_are_no_files(folder: EvidenceFolder, tmp_path: Path) -> None:

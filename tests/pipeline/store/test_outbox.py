@@ -27,6 +27,8 @@ def test_a_result_waits_until_it_has_arrived(store: Store, clock: Clock) -> None
     store.delivered(again.id)
     store.postpone(again.id, "tests", error="", wait_s=10.0)
     assert store.undelivered() == 0
+    received(store, targets=("mqtt",))
+    assert due(store)[0].id > again.id, "a number is not given twice"
 
 
 def test_what_happens_to_one_part_is_told_in_order(store: Store, clock: Clock) -> None:
@@ -113,11 +115,3 @@ def test_of_many_that_lease_at_once_each_has_its_own(store: Store) -> None:
     leased = [delivery.id for taken in found for delivery in taken]
     assert len(leased) == len(set(leased))
     assert len(leased) >= 3, "one at least has what it asked for"
-
-
-def test_numbers_are_not_given_twice(store: Store) -> None:
-    received(store, targets=("mqtt",))
-    (first,) = due(store)
-    store.delivered(first.id)
-    received(store, targets=("mqtt",))
-    assert due(store)[0].id > first.id
