@@ -35,7 +35,7 @@ from whisker_array.whisker.array import default_plan
 _SEED = 2024
 FORMAT = "AA999999"
 SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)
-"""How dirty the parts that the service reads are, one after the other."""
+"""Severity of the dirt on each part that the service reads."""
 _SERVED_SEED, _FELT_NUMBER, _BUDGET_S = 11, 2, 60.0
 
 
@@ -128,7 +128,7 @@ class ServedPart:
 
     @property
     def accepted_wrong(self) -> bool:
-        """Whether the service accepted what is not there."""
+        """True if the service accepted a wrong serial."""
         return self.last.state is PartState.ACCEPTED and not same_text(self.last.text, self.truth)
 
 

@@ -90,7 +90,7 @@ def resumable(kept: str | Path | None, *, hint: str = "") -> Iterator[None]:
 
 
 def _missing(error: ModuleNotFoundError) -> str:
-    """What to install for a missing library.
+    """Name the extra that brings a missing library.
 
     Raises:
         ModuleNotFoundError: the error itself, where no extra would bring it.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 STARTED_S = time.monotonic()
-"""When the command began: this module comes first, what is heavy after it."""
+"""Start of the command: this module is loaded before the heavy ones."""
 
 
 def serve(

@@ -54,7 +54,7 @@ Service = Annotated[
 ]
 Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
-"""Of a command whose flags mean something else: from file and environment."""
+"""For a command whose flags mean something else: settings from file and environment."""
 ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
 """Likewise."""
 Config = Annotated[
@@ -104,7 +104,7 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
 
 
 def explained(error: CycloptsError) -> str:
-    """What is wrong with a command line, an environment or a file, in a line."""
+    """Explain an error of a command line, an environment or a file in one line."""
     cause = error.__cause__
     if not isinstance(cause, pydantic.ValidationError):
         return str(error)

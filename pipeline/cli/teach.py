@@ -269,7 +269,7 @@ def _fonts_of(name: str) -> list[Font]:
 
 @dataclass(frozen=True)
 class Stamping:
-    """How parts are stamped and photographed; fields of `pipeline.formats.synth.SynthSpec`.
+    """Stamping and photographs of the parts; fields of `pipeline.formats.synth.SynthSpec`.
 
     Attributes:
         format: Mask of the serials: A letter, 9 digit, * either, any other character itself.

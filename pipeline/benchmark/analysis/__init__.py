@@ -1,1 +1,1 @@
-"""What the trials say: shares, factors, pairs, bounds."""
+"""Statistics of trials: shares, factors, pairs, bounds."""

@@ -1,4 +1,4 @@
-"""How wrong a reader may be that was hardly ever wrong: exact bounds, and how many parts they take.
+"""Exact bounds of rare errors, and the number of parts that they take.
 
 Clopper and Pearson 1934: the upper bound of k of n is the share at which k or fewer come by chance in 1 of 20. Nothing
 wrong among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1,000" takes 2,995 parts without one.
@@ -25,7 +25,7 @@ def bounded(count: int, total: int) -> Bounded:
 
 
 def parts_without_wrong(limit: float) -> int:
-    """How many parts without a wrong one show that the share is at most the limit: ln(0.05) / ln(1 - limit).
+    """Number of parts without a wrong one that shows a share of at most the limit: ln(0.05) / ln(1 - limit).
 
     Raises:
         ValueError: a limit that is no share between 0 and 1.

@@ -1,4 +1,4 @@
-"""Whether a confidence means what it says: of all readings with confidence p, a share p should be right."""
+"""Calibration: of all readings with confidence p, a share p should be right."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BINS = 10
 
 @dataclass(frozen=True)
 class ReliabilityBin:
-    """What was said with about one confidence.
+    """Readings of about one confidence.
 
     Attributes:
         confidence: mean of those said.

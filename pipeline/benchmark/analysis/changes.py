@@ -1,4 +1,4 @@
-"""What a change did: two benchmarks of the same parts, reading by reading.
+"""Two benchmarks of the same parts compared, reading by reading.
 
 trials A --+--same part, reader and given--> pairs --+--> comparisons, over all and by factor
 trials B --+                                         +--> flips: what became another answer or decision
@@ -30,7 +30,7 @@ class NotComparableError(MarksError):
 
 
 class Flip(Enum):
-    """How a reading changed, the gravest first."""
+    """Kinds of change of a reading, the gravest first."""
 
     ACCEPTED_WRONG = "newly accepted wrong"
     LOST = "right before, wrong now"
@@ -72,7 +72,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Changes:
-    """What a change did.
+    """Differences between two benchmarks.
 
     Attributes:
         overall: a row a reader and what it was given.
@@ -90,7 +90,7 @@ class Changes:
 
     @property
     def counts(self) -> dict[str, Counter[Flip]]:
-        """How many of each kind, by reader."""
+        """Number of flips of each kind, by reader."""
         found: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
         for change in self.flips:
             found[reader_of(change.after)][change.flip] += 1
@@ -146,7 +146,7 @@ def changes(
 
 
 def flip_of(before: Trial, after: Trial) -> Flip | None:
-    """How a reading changed; None where it is as good as before."""
+    """Classify the change of a reading; None if it is as good as before."""
     wrong_now, wrong_then = after.accepted and not after.right, before.accepted and not before.right
     if wrong_now and not wrong_then:
         return Flip.ACCEPTED_WRONG
@@ -204,5 +204,5 @@ def _named(names: set[str]) -> str:
 
 
 def level_words(row: Row) -> str:
-    """What a row is of."""
+    """Name a row."""
     return f"{factor_name(row.factor)}: {level_name(row.level)}" if row.factor else "all"

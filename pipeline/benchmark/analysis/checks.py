@@ -53,7 +53,7 @@ def verdicts(statistics: Statistics) -> list[Verdict]:
 
 
 def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
-    """Whether a share is at most a limit, by its exact bound; and whether the whole interval agrees."""
+    """Judge whether a share is at most a limit, by its exact bound; and whether the whole interval agrees."""
     if measured.high <= limit:
         return Outcome.MET, True
     if measured.value > limit:
@@ -62,7 +62,7 @@ def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
 
 
 def _steady(statistics: Statistics) -> Iterator[Verdict]:
-    """Of our own readers: over all perturbations few verdicts flip, and no accepted serial becomes another."""
+    """Judge our own readers over all perturbations: few decisions flip, and no accepted serial becomes another."""
     for s in statistics.stability:
         if s.perturbation or s.key.mode not in (*SINGLE_MODES, FUSED):
             continue

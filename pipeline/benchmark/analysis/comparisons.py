@@ -37,7 +37,7 @@ class Comparison:
 
     @property
     def severity(self) -> float | None:
-        """Of the dirt; None over all."""
+        """Severity of the dirt; None over all."""
         return self.first.severity
 
 
@@ -113,5 +113,5 @@ def _things(key: GroupKey) -> frozenset[str]:
 
 
 def _merit(trials: Sequence[Trial]) -> tuple[int, int]:
-    """Of two modes the better: more serials right, then more characters."""
+    """Rank of a mode: serials right, then characters right."""
     return sum(t.right for t in trials), sum(characters_right(t) for t in trials)

@@ -1,4 +1,4 @@
-"""What was read for what, counted over trials."""
+"""Confusion matrix and edits of trials."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def characters_right(trial: Trial) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Confusion:
-    """What was read for what.
+    """A confusion matrix.
 
     Attributes:
         true: names of the rows: characters stamped, in order, EXTRA last if there was any.

@@ -1,4 +1,4 @@
-"""What each level of a factor costs: its share of characters right, less the mean of the other levels'.
+"""Effect of each level of a factor: its share of characters right, less the mean of the other levels'.
 
 A part may be read several times, with other things given; its readings hang together, so that whole parts are drawn
 again (cluster bootstrap), never single readings. A thing given is compared on the same parts and beside the same
@@ -26,7 +26,7 @@ _KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
 
 @dataclass(frozen=True)
 class LevelEffect:
-    """What one level does.
+    """Effect of one level.
 
     Attributes:
         level: which.
@@ -45,7 +45,7 @@ class LevelEffect:
 
 @dataclass(frozen=True)
 class FactorEffect:
-    """What one factor does to one mode.
+    """Effect of one factor on one mode.
 
     Attributes:
         factor: which.
@@ -64,12 +64,12 @@ class FactorEffect:
 
     @property
     def trusted(self) -> bool:
-        """Whether every level has parts enough for its intervals."""
+        """True if every level has enough parts for its intervals."""
         return min(e.parts for e in self.levels) >= ENOUGH_PARTS
 
 
 def factor_name(factor: str) -> str:
-    """How a factor is written."""
+    """Write a factor."""
     named = {"severity": "dirt", **{name: name.replace("_given", " given?") for name in _KNOWLEDGE}}
     return named.get(
         factor, factor.removesuffix("_mm").removesuffix("_deg").replace("_", " ") + _unit(factor)
@@ -92,7 +92,7 @@ def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
 
 
 def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
-    """Of one mode; None where the factor has one level, or was never given without another."""
+    """Effect on one mode; None if the factor has one level, or was never given without another."""
     members = list(_matched(trials, factor)) if factor in _KNOWLEDGE else trials
     levels = ordered_levels(level_of(t, factor) for t in members)
     if len(levels) < 2:

@@ -25,12 +25,12 @@ from pipeline.common.shares import Share, share
 from pipeline.common.texts import align
 
 GIVEN_FACTOR = "given"
-"""All that a reader was given, as one factor."""
+"""Everything given to a reader, as one factor."""
 
 
 @dataclass(frozen=True)
 class GroupKey:
-    """Which trials.
+    """Mode and levels of a group of trials.
 
     Attributes:
         mode: what read.
@@ -41,12 +41,12 @@ class GroupKey:
     levels: tuple[tuple[str, Level], ...] = ()
 
     def level(self, factor: str) -> Level:
-        """Of a factor; None where the group is over all of its levels, or it is not known."""
+        """Level of a factor; None if the group is over all levels, or it is not known."""
         return dict(self.levels).get(factor)
 
     @property
     def severity(self) -> float | None:
-        """Of the dirt; None over all, or where it is not known."""
+        """Severity of the dirt; None over all, or if not known."""
         level = self.level("severity")
         return None if level is None else float(level)
 
@@ -73,7 +73,7 @@ def grouped(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupK
 
 @dataclass(frozen=True)
 class Split:
-    """What became of the parts.
+    """Numbers of parts by decision.
 
     Attributes:
         accepted_right: vouched for, and right.
@@ -97,7 +97,7 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """What a group is judged by.
+    """The main figures of a group.
 
     Attributes:
         key: which.
@@ -148,7 +148,7 @@ class Group(Cell):
 
 
 def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
-    """What some trials of one mode are judged by."""
+    """Compute the main figures of trials of one mode."""
     chars = [len(t.truth) for t in trials]
     chars_right = [characters_right(t) for t in trials]
     split = split_of(trials)
@@ -166,7 +166,7 @@ def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
 
 
 def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
-    """All about some trials of one mode."""
+    """Compute all figures of trials of one mode."""
     read = [t for t in trials if not t.error]
     said = list(_characters(read))
     return Group(
@@ -183,7 +183,7 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
 
 
 def split_of(trials: Iterable[Trial]) -> Split:
-    """What became of the parts."""
+    """Count the parts by decision."""
     counts = Counter(_fate(trial) for trial in trials)
     return Split(**{name: counts[name] for name in Split.__dataclass_fields__})
 

@@ -1,4 +1,4 @@
-"""What refusing buys: the share of wrong serials among the surest, as more and more are let through.
+"""Risk-coverage curve: the share of wrong serials among the surest, as more are accepted.
 
 risk |            .--  all are let through: the share of wrong serials
      |        .--'

@@ -1,4 +1,4 @@
-"""How sure a share is whose trials belong together: whole parts drawn again."""
+"""Bootstrap by part: intervals of shares whose trials belong together."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Estimate:
 
     @property
     def sure(self) -> bool:
-        """Whether the interval leaves out nought."""
+        """True if the interval excludes zero."""
         return self.low > 0.0 or self.high < 0.0
 
     @classmethod

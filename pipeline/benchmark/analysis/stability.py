@@ -1,4 +1,4 @@
-"""Whether a reading stands when the part is measured again: what flips under perturbations that should not matter.
+"""Stability of readings: decisions and texts that flip under perturbations that should not matter.
 
 part --read as it is-----> text, decision --+
      --perturbed, read---> text, decision --+--> flips of each perturbation; a fault where both are accepted and differ
@@ -35,7 +35,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Stability:
-    """What flips, of the parts of one reader under one perturbation.
+    """Flips of the parts of one reader under one perturbation.
 
     Attributes:
         key: the reader, and what it was given where that differs.

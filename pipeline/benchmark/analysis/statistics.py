@@ -1,4 +1,4 @@
-"""All that a benchmark finds, from its trials alone.
+"""All statistics of a benchmark, from its trials.
 
 trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
        --each factor's levels over all else---------> effects, whole parts drawn again
@@ -36,7 +36,7 @@ DEFAULT_CROSSED = ("severity",)
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """All that was found. Where several things were given, every group but the effects' is of one of them.
+    """All statistics. If several things were given, every group except those of the effects is of one of them.
 
     Attributes:
         levels: of every factor, those that came up.
@@ -68,7 +68,7 @@ class Statistics:
 
 
 def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
-    """All that some trials tell, at least one.
+    """Compute the statistics of trials, at least one.
 
     Args:
         all_trials: of all parts and modes.

@@ -1,1 +1,1 @@
-"""What is tried: designs, editions, and the parts they make."""
+"""Designs, editions, and the parts they make."""

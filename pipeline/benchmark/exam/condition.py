@@ -21,7 +21,7 @@ PERTURBED = "perturbed"
 
 @dataclass(frozen=True)
 class Given:
-    """What a reader is given beside the part.
+    """Knowledge that a reader is given with the part.
 
     Attributes:
         font: the font of the mark; else it may be any built-in one.
@@ -64,23 +64,23 @@ class Condition(dict[str, Level]):
 
     @property
     def severity(self) -> float | None:
-        """Of the dirt, 0 to 1; None where it is not known."""
+        """Severity of the dirt, 0 to 1; None if not known."""
         level = self.get("severity")
         return None if level is None else float(level)
 
     @property
     def font(self) -> str:
-        """Of the mark: built-in name or file; empty where it is not known."""
+        """Font of the mark: built-in name or file; empty if not known."""
         return str(self.get("font") or "")
 
     @property
     def format(self) -> str:
-        """Of the serial; empty where it is not known."""
+        """Format of the serial; empty if not known."""
         return str(self.get("format") or "")
 
     @property
     def height_mm(self) -> float | None:
-        """Of the characters; None where it is not known."""
+        """Height of the characters; None if not known."""
         level = self.get("height_mm")
         return None if level is None else float(level)
 
@@ -96,7 +96,7 @@ def font_name(font: str) -> str:
 
 
 def level_name(level: Level) -> str:
-    """How a level is written."""
+    """Write a level."""
     if level is None:
         return "not known"
     if isinstance(level, bool):

@@ -95,7 +95,7 @@ class Section(BaseModel):
 
 
 class Design(BaseModel):
-    """Which parts, and what readers are given.
+    """The parts of an exam, and what readers are given.
 
     Attributes:
         name: of the design.
@@ -196,7 +196,7 @@ class Design(BaseModel):
 
     @property
     def n_parts(self) -> int:
-        """How many parts."""
+        """Number of parts."""
         return sum(section.parts for section in self.all_sections())
 
     def cells(self, section: Section) -> list[dict[str, Level]]:

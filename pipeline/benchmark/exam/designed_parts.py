@@ -18,7 +18,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
-"""How high the lamp stands, degrees; its direction is drawn for every part."""
+"""Elevation of the lamp, degrees; its direction is drawn for every part."""
 SEVERAL = 4
 """Lights, evenly all round, for the mode that reads several photographs of a part."""
 COUNTS = ("parts", "parts_a_cell")
@@ -67,7 +67,7 @@ class DesignedParts:
 
     @cached_property
     def given(self) -> tuple[Given, ...]:
-        """What readers are given."""
+        """Knowledge that readers are given."""
         return tuple(Given.parse(text) for text in self.design.given)
 
     def items(self) -> list[Item]:
@@ -113,7 +113,7 @@ class DesignedParts:
         )
 
     def truth_of(self, item: Item) -> str:
-        """What is stamped on it; nothing is made for it."""
+        """Return the text stamped on a part, without making the part."""
         return "".join(text_of(self.spec(item.condition), item.number).split())
 
     def font_of(self, condition: Condition) -> str:
@@ -121,7 +121,7 @@ class DesignedParts:
         return str(font_file(condition.font, self.design.fonts))
 
     def spec(self, condition: Condition) -> SynthSpec:
-        """How a part of that kind is made.
+        """Settings by which a part of that kind is made.
 
         Raises:
             MarksError: see the class.
@@ -155,7 +155,7 @@ def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
 
 
 def _check_type(factor: str, level: Level) -> None:
-    """Whether a level is a number where the factor takes numbers, and so on; a severity is checked by the design.
+    """Check the type of a level; a severity is checked by the design.
 
     Raises:
         SettingsError: it is not.

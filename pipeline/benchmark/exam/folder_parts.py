@@ -52,7 +52,7 @@ class FolderParts:
         truths = load_truth(truth)
         found = {p: text for p in discover(inputs) if (text := truths.text_of(p.name)) is not None}
         if not found:
-            raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
+            raise FileError(truth, "has no row for these parts", "name the parts as their files")
         return cls(tuple(found), {p.name: text for p, text in found.items()}, condition)
 
     def items(self) -> list[Item]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
-    """Where a font of a design is: the file within its package; any other font as it is named.
+    """Return the file of a packaged font; any other font as it is named.
 
     Raises:
         FontError: the package is not installed, or its file is another.

@@ -1,4 +1,4 @@
-"""What is tried: parts of a design, or parts in a folder, each made once and read by every mode.
+"""Parts of a design or of a folder, each made once and read by every mode.
 
 design ------------------DesignedParts.make--> Specimen (height map, soil, photograph, truth)
 NAME.npz, NAME.png, truth.csv --FolderParts.make--->
@@ -79,7 +79,7 @@ class Specimen:
 
 
 class Parts(Protocol):
-    """Where the parts come from."""
+    """A source of parts."""
 
     def items(self) -> list[Item]:
         """All of them, in order."""
@@ -91,4 +91,4 @@ class Parts(Protocol):
         """The font of that kind of part, as a reader is given it; empty where it is not known."""
 
     def description(self) -> dict[str, Any]:
-        """What decides over every one of them, in plain JSON values; not how many there are."""
+        """Everything that determines each part, as JSON values; not their number."""

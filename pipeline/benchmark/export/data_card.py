@@ -1,4 +1,4 @@
-"""What an exported exam is: card.json for programs, README.md for people."""
+"""Card of an exported exam: card.json for programs, README.md for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
 def card_of(
     parts: DesignedParts, labels: Sequence[dict[str, Any]], *, design: dict[str, Any]
 ) -> dict[str, Any]:
-    """All that is known of the exam, in plain JSON values.
+    """Describe the exam in JSON values.
 
     Args:
         parts: of the design.
@@ -73,7 +73,7 @@ def page_of(card: dict[str, Any]) -> str:
 
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
-    """Where each font comes from, and the licence of the package, which may have others for its fonts."""
+    """Origin of each font, and the licence of its package; its fonts may have others."""
     design, found = parts.design, {}
     named = [str(f) for s in design.all_sections() for f in {**design.part, **s.part}["font"]]
     for name in dict.fromkeys(named):

@@ -42,7 +42,7 @@ FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 
 @dataclass(frozen=True)
 class ExportOrder:
-    """What is written of every part.
+    """The files to write of every part.
 
     Attributes:
         parts: of the design.
@@ -101,7 +101,7 @@ def export_part(order: ExportOrder, item: Item) -> ExportedPart:
 
 
 def label_path(part: str) -> str:
-    """Where the truth of a part is, within the folder."""
+    """Path of the label of a part, within the folder."""
     return f"{LABELS}/{part}.json"
 
 
@@ -168,7 +168,7 @@ class _Writer:
 
 @dataclass(frozen=True)
 class _Grid:
-    """Where the pixels of a view are on the plate."""
+    """Position of the pixels of a view on the plate."""
 
     pitch_mm: float
     origin_mm: tuple[float, float]
@@ -180,7 +180,7 @@ class _Grid:
 
 
 def _scan(scan: Scan) -> dict[str, Any]:
-    """How touch went over the part."""
+    """Describe the scan."""
     return {
         "directions_deg": [int(direction) for direction in scan.directions],
         "line_pitch_mm": scan.line_pitch_mm,

@@ -100,7 +100,7 @@ def export(
 
 
 def check(order: ExportOrder, folder: Path) -> list[Difference]:
-    """How a folder differs from its manifest; nothing where it is whole.
+    """List the differences between a folder and its manifest.
 
     Raises:
         FileError: no manifest, or of another design.
@@ -123,7 +123,7 @@ def check(order: ExportOrder, folder: Path) -> list[Difference]:
 
 
 def _design_of(order: ExportOrder) -> dict[str, Any]:
-    """All that the parts depend on beside the program."""
+    """Everything that the parts depend on, except the program."""
     design: dict[str, Any] = json.loads(json.dumps({**order.parts.description(), "felt": order.felt}))
     return design
 
@@ -193,7 +193,7 @@ def _json(value: object) -> str:
 
 
 def _json_of(path: Path) -> dict[str, Any] | None:
-    """What a file holds; None where there is none or it is damaged."""
+    """Load a JSON object; None if the file is missing or damaged."""
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,1 +1,1 @@
-"""Who reads: this reader, other programs, and anybody's own."""
+"""Readers: this program, other programs, and functions of the user."""

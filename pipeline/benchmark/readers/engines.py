@@ -23,7 +23,7 @@ from recognition.lines.networks import open_network
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
 _RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
-"""What RapidOCR feeds its network: rows, and columns that a shorter line is padded to."""
+"""Size of the input of RapidOCR's network: rows, and columns that a shorter line is padded to."""
 Line = list[tuple[str, float]]
 """Characters read and the engine's confidence in each, 0 to 1."""
 

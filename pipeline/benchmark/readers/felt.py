@@ -1,4 +1,4 @@
-"""What touch feels of a part, before anybody reads it: the maps that readers of pictures are shown.
+"""Maps of a felt part, which readers of pictures are shown.
 
 The stage is set for the true character height where it is known, as a plant sets it; else for a usual one. So nothing
 of our reader is in these maps.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 _KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
-"""What `PartReadings` keeps of each sense: values, and their times."""
+"""Values and times that `PartReadings` keeps of each sense."""
 
 
 class ModeUnavailableError(MarksError):
@@ -124,7 +124,7 @@ class PartReadings:
 
     @property
     def scan_s(self) -> float:
-        """What the real array would take for the scan; 0 if the part was not scanned."""
+        """Time that the real array would take for the scan; 0 if the part was not scanned."""
         scan = self.touch.trace.scan if "touch" in self.seconds else None
         if scan is None and "felt" in self.seconds:
             scan = self.felt.scan

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a reader says of a part.
+    """The answer of a reader to a part.
 
     Attributes:
         text: as read.

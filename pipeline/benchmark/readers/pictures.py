@@ -1,4 +1,4 @@
-"""What another program is shown of a part: one line of text, as a picture.
+"""Pictures of one line of text, as another program is shown it.
 
     photo    the photograph, in colour
     edges    the edge map of touch, the strongest edge of any direction dark on light
@@ -125,7 +125,7 @@ PICTURES: dict[str, Callable[[PartReadings], NDArray[np.uint8]]] = {
     "relief": relief_picture,
     "ideal": ideal_picture,
 }
-"""What is drawn, by name."""
+"""Pictures by name."""
 
 
 def _grey(heights_mm: NDArray[np.float32], *, pitch_mm: float) -> NDArray[np.uint8]:

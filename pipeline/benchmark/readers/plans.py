@@ -60,7 +60,7 @@ class TouchPlan:
 
     @property
     def level_text(self) -> str:
-        """What makes the plan longer or shorter, in words."""
+        """The level in words."""
         return _LEVELS[self.name].format(self.level)
 
     @classmethod

@@ -23,7 +23,7 @@ SHOWN = 24
 
 @dataclass(frozen=True)
 class Compared:
-    """What was written.
+    """Files of a report.
 
     Attributes:
         page: with pictures.

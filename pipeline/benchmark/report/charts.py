@@ -52,7 +52,7 @@ def style_of(mode: str) -> tuple[str, str, str]:
 
 
 def severity_name(severity: float | None) -> str:
-    """How a severity is written."""
+    """Write a severity."""
     return "as given" if severity is None else f"{severity:g}"
 
 
@@ -109,7 +109,7 @@ def _legend_below(figure: Figure, axes: Axes) -> None:
 
 
 def _places(severities: Sequence[float | None]) -> dict[float | None, float]:
-    """Where each severity stands on the axis: in proportion if all are known."""
+    """Place each severity on the axis: in proportion if all are known."""
     known = [s for s in severities if s is not None]
     if len(known) == len(severities) and len(known) > 1:
         return {s: s for s in known}
@@ -181,7 +181,7 @@ def _wrong(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: st
 
 
 def split_figure(groups: Sequence[Group]) -> Figure:
-    """What became of the parts: a bar for every severity, a block of bars for every mode."""
+    """Draw the decisions: a bar for every severity, a block of bars for every mode."""
     modes, severities = modes_in(groups), severities_in(groups)
     figure = Figure(
         figsize=(WIDTH_IN, 1.1 + len(modes) * (0.45 + 0.27 * len(severities))), layout="constrained"

@@ -93,7 +93,7 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
 
 
 def confusion_figure(confused: Confusion, title: str) -> Figure:
-    """What was stamped (rows) against what was read (columns); mistakes in red with their number."""
+    """Draw stamped (rows) against read (columns) characters; mistakes in red with their number."""
     rows, columns = confused.counts.shape
     figure = Figure(figsize=(1.4 + 0.21 * columns, 1.3 + 0.2 * rows), layout="constrained")
     axes = figure.subplots()

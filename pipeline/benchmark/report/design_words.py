@@ -52,7 +52,7 @@ def _factors(design: Mapping[str, Any], n_parts: int) -> list[tuple[str, str]]:
 
 
 def _all_levels(design: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """Of the design and of all its sections; a factor that every section names for itself is not the design's."""
+    """Levels of the design and its sections; a factor that every section has is not the design's."""
     own = [section.get("part", {}) for section in design.get("section", ())]
     found = {}
     for name in dict.fromkeys([*design["part"], *(name for part in own for name in part)]):

@@ -67,7 +67,7 @@ def write_page(path: Path, template: str, **values: Any) -> None:
 
 
 def bars(effect: FactorEffect) -> tuple[float, list[tuple[LevelEffect, dict[str, float]]]]:
-    """Where the levels stand on a scale of characters right.
+    """Place the levels on a scale of characters right.
 
     Returns:
         The share at its left end, the right end being 100 %; and of every level, in percent of the scale's length, the

@@ -33,7 +33,7 @@ def report_values(
     judged: Sequence[Verdict],
     worst: Sequence[WorstPart],
 ) -> dict[str, Any]:
-    """What the page shows, by its names in the template.
+    """Values of the page by their names in the template.
 
     Args:
         benchmark: what was tried.
@@ -121,7 +121,7 @@ def _sorted(groups: Sequence[Group]) -> list[Group]:
 
 
 def _pictures(found: Statistics) -> dict[str, str]:
-    """Of what readers were given first; further lines would hide each other."""
+    """Draw the charts for the first knowledge given; more lines would hide each other."""
     by_severity, by_mode = (
         [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
         for groups in (found.by_severity, found.by_mode)

@@ -1,4 +1,4 @@
-"""What plans of touch cost in stage seconds and bring: a table, and a page with curves."""
+"""Cost and results of plans of touch: a table, and a page with curves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STYLES = {
 
 @dataclass(frozen=True)
 class PlanResult:
-    """What a plan came to on some parts.
+    """Results of a plan on some parts.
 
     Attributes:
         plan: which.

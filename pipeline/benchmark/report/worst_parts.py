@@ -132,7 +132,7 @@ def _photo_panel(axes: Axes, senses: PartReadings) -> None:
 
 
 def marked(trial: Trial) -> list[tuple[str, bool]]:
-    """What was read, letter by letter, with whether each is right; "·" where a character is missing."""
+    """Characters as read, and whether each is right; "·" for a missing one."""
     return [
         (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
     ]

@@ -39,7 +39,7 @@ _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 @dataclass(frozen=True)
 class Written:
-    """What was written.
+    """Files of a report.
 
     Attributes:
         page: the report.
@@ -102,7 +102,7 @@ def write_report(
 
 
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
-    """How the parts of each mode differ from the certified ones, in words; of those that do."""
+    """Describe, for each mode whose parts differ from the certified ones, the difference."""
     watches: dict[str, DriftWatch] = {}
     for trial in (t for t in trials if not t.perturbed):
         measures = {m: trial.measures[m.value] for m in Measure if m.value in trial.measures}
@@ -152,7 +152,7 @@ def _figures(
 
 
 def command_line() -> str:
-    """What was typed, to be typed again."""
+    """Return the command line as typed."""
     import shlex
 
     return shlex.join(["tactile-marks", *sys.argv[1:]])

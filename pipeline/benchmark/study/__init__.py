@@ -1,1 +1,1 @@
-"""How well readings repeat: an agreement study, its page and its tables."""
+"""Agreement studies: repeated readings, a page and tables."""

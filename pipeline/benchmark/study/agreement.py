@@ -21,11 +21,11 @@ from pipeline.benchmark.study.kappa import fleiss_kappa, mean_cohen_kappa
 from pipeline.common.shares import Share, share
 
 Ratings = Mapping[str, Mapping[str, tuple[str, ...]]]
-"""What each appraiser said of each part, trial by trial: equally often of every part."""
+"""Ratings by appraiser and part, trial by trial: equally many of every part."""
 
 
 class Kind(StrEnum):
-    """What is compared."""
+    """Kinds of comparison."""
 
     WITHIN = "within"
     BETWEEN = "between"
@@ -36,7 +36,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far ratings agree.
+    """Agreement of ratings.
 
     Attributes:
         kind: what is compared.
@@ -84,7 +84,7 @@ def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list
 
 
 def _agreement(kind: Kind, ratings: Ratings, truth: Mapping[str, str] | None = None) -> Agreement:
-    """Of some appraisers, on the parts that all have rated and whose truth is known where it is asked for."""
+    """Agreement of appraisers on the parts that all have rated and, if asked for, whose truth is known."""
     first, *others = ratings.values()
     parts = [p for p in first if all(p in by for by in others) and (truth is None or p in truth)]
     # (appraisers, trials, parts)

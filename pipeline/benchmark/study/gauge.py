@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 SIGNIFICANT = 0.05
-"""Of the interaction, as in the manual's example."""
+"""Significance level of the interaction, as in the manual's example."""
 CATEGORIES = 1.41
 """Distinct categories are so many times part variation over gauge variation, cut to a whole number."""
 GOOD, USABLE = 0.10, 0.30
@@ -48,7 +48,7 @@ class Row:
 
 @dataclass(frozen=True)
 class GaugeRR:
-    """What a gauge study finds; standard deviations, mm.
+    """Result of a gauge study; standard deviations, mm.
 
     Attributes:
         table: of variances.

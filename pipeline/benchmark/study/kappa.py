@@ -44,7 +44,7 @@ def mean_cohen_kappa(pairs: Sequence[tuple[Sequence[str], Sequence[str]]]) -> Es
 
 
 def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
-    """Of parts that were each rated equally often, by anybody; None where kappa is not defined.
+    """Fleiss' kappa of parts that were rated equally often; None if it is not defined.
 
     Args:
         ratings: (parts, ratings of a part), at least two of each.

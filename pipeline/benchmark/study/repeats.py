@@ -48,7 +48,7 @@ class StudiedPart:
 
     @property
     def simulated(self) -> bool:
-        """Whether touch is simulated anew for every trial."""
+        """True if touch is simulated anew for every trial."""
         return (
             len(self.recordings) == 1 and bool(self.recordings[0].height_map) and not self.recordings[0].scan
         )
@@ -56,7 +56,7 @@ class StudiedPart:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """How all parts are measured.
+    """Plan of the measurements.
 
     Attributes:
         settings: of reading.
@@ -69,7 +69,7 @@ class StudyPlan:
     arrays: int
 
     def appraiser(self, array: int) -> str:
-        """What an array is called, from 0 on."""
+        """Name of an array, numbered from 0."""
         return f"array {array + 1}" if self.arrays > 1 else "the reader"
 
 

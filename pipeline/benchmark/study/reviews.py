@@ -1,4 +1,4 @@
-"""What people read on the same parts: a table, a line an answer.
+"""Answers of people on the same parts: a table, a line an answer.
 
 part,reviewer,text
 part-1,Ada,KX407251

@@ -1,4 +1,4 @@
-"""What a study finds: how far serials and decisions agree, and how well the depth is gauged."""
+"""Result of a study: agreement of serials and decisions, and the gauge study of depth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.benchmark.trials.journal import Trial
 
 @dataclass(frozen=True)
 class Study:
-    """All that was found.
+    """All results of a study.
 
     Attributes:
         measured: every trial of the reader.
@@ -57,7 +57,7 @@ class Study:
 
     @property
     def texts(self) -> dict[str, dict[str, tuple[str, ...]]]:
-        """What each appraiser read of each part, trial by trial."""
+        """Texts by appraiser and part, trial by trial."""
         return {
             **_by_appraiser(self.measured, "text"),
             **{w: dict(parts) for w, parts in self.answers.items()},
@@ -71,7 +71,7 @@ def study_of(
     *,
     notes: tuple[str, ...] = (),
 ) -> Study:
-    """All that trials, answers and truth tell.
+    """Compute the results from trials, answers and truth.
 
     Args:
         measured: every trial; equally many of every part and appraiser.

@@ -80,7 +80,7 @@ def designed_items(parts: DesignedParts) -> list[Item]:
 
 @dataclass(frozen=True)
 class Answers:
-    """What one reader says of an exam.
+    """The answers of one reader to an exam.
 
     Attributes:
         trials: one a part; a part without an answer counts as read empty.
@@ -135,7 +135,7 @@ def _part_of(name: str, known: set[str]) -> str:
 
 
 class _Cells(BaseModel):
-    """What a line of answers says of its text."""
+    """Cells of an answer beside its text."""
 
     confidence: Annotated[float, BeforeValidator(number_of), Field(ge=0.0, le=1.0)] = 0.0
     decision: Literal["accept", "review", "reject"] | None = None

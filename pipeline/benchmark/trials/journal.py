@@ -1,4 +1,4 @@
-"""What a benchmark keeps of every part: one trial a mode and what it was given, in a journal."""
+"""Trials of a benchmark in a journal: one for each part, mode and knowledge given."""
 
 from __future__ import annotations
 
@@ -70,22 +70,22 @@ class Trial:
 
     @property
     def severity(self) -> float | None:
-        """Of the dirt, 0 to 1; None where it is not known."""
+        """Severity of the dirt, 0 to 1; None if not known."""
         return Condition(**self.levels).severity
 
     @property
     def font(self) -> str:
-        """Of the mark; empty where it is not known."""
+        """Font of the mark; empty if not known."""
         return Condition(**self.levels).font
 
     @property
     def format(self) -> str:
-        """Of the serial; empty where it is not known."""
+        """Format of the serial; empty if not known."""
         return Condition(**self.levels).format
 
     @property
     def given(self) -> str:
-        """What the reader was given, in a few words."""
+        """Knowledge given to the reader, such as font,format."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
         return ",".join(names) or "nothing"
 
@@ -96,17 +96,17 @@ class Trial:
 
     @property
     def reading_s(self) -> float:
-        """Of that the reading: from the scan or the photograph to the answer."""
+        """Time of the reading alone: from the scan or the photograph to the answer."""
         return max(0.0, self.compute_s - self.simulated_s)
 
     @property
     def right(self) -> bool:
-        """Whether the whole serial is right."""
+        """True if the whole serial is right."""
         return not self.error and self.text == self.truth
 
     @property
     def accepted(self) -> bool:
-        """Whether the reader vouches for it."""
+        """True if the reader accepts its text."""
         return self.decision == "accept"
 
 

@@ -1,4 +1,4 @@
-"""How many parts an interval takes: what a run will be able to say, before it is run."""
+"""Precision of a run before it starts: widths of intervals, and the parts that a width needs."""
 
 from __future__ import annotations
 

@@ -33,12 +33,12 @@ from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
 KEPT_READERS = 12
-"""Of one worker. A design of many fonts and heights has a reader for each, and its templates take about 0.1 GB."""
+"""Readers of a worker. A design of many fonts and heights has a reader for each, with templates of about 0.1 GB."""
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What is tried and how.
+    """Parts, modes and settings of a benchmark.
 
     Attributes:
         parts: where the parts come from.
@@ -62,7 +62,7 @@ class Benchmark:
             )
 
     def description(self) -> dict[str, Any]:
-        """All that the answers depend on, in plain JSON values; not how many parts there are."""
+        """Everything that the answers depend on, as JSON values; not the number of parts."""
         reading = self.reading
         return {
             "parts": self.parts.description(),
@@ -86,7 +86,7 @@ class Benchmark:
         return tuple(self.parts.description().get("cross", ("severity",)))
 
     def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
-        """How a part of that kind is read by a reader that is given so much of it."""
+        """Settings for a part of that kind and a reader with that knowledge."""
         font = self.parts.font_of(condition) if given.font else ""
         return replace(
             self.reading,

@@ -215,5 +215,5 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
     trials = run_benchmark(Benchmark(parts, ("echo",), FAST), tmp_path / "out")
     assert [(t.text, t.severity, t.format) for t in trials] == [("03", None, "99"), ("06", None, "99")]
     table.write_text("part,text\nother,1\n")
-    with pytest.raises(FileError, match="truth of none"):
+    with pytest.raises(FileError, match="no row for these parts"):
         FolderParts.load([str(tmp_path)], table, Condition(severity=0.3))
