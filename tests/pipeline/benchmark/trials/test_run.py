@@ -21,7 +21,6 @@ from pipeline.benchmark.readers.modes import open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.settings import SettingsError
-from pipeline.common.version import key_of
 from pipeline.workers.pool import WorkPool
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
@@ -136,21 +135,6 @@ def test_another_benchmark_in_the_folder_is_refused(tmp_path: Path) -> None:
     run_benchmark(Benchmark(Blanks(1), ("echo",), FAST), tmp_path)
     with pytest.raises(FileError, match=r"parts was \{\"seed\": 0\}, now \{\"seed\": 7\}.*name another one"):
         run_benchmark(Benchmark(Blanks(1, seed=7), ("echo",), FAST), tmp_path)
-
-
-def test_a_damaged_book_is_told_and_one_benchmark_runs_in_a_folder(tmp_path: Path) -> None:
-    with TrialJournal.open(tmp_path, {"a": 1}) as book:
-        book.keep("p", ())
-        with pytest.raises(FileError, match="is being written by another run"):
-            TrialJournal.open(tmp_path, {"a": 1})
-    book.path.write_text("no book\n" * 999)
-    with pytest.raises(FileError, match="has a damaged journal"):
-        TrialJournal.open(tmp_path, {"a": 1})
-
-
-def test_the_key_is_the_same_in_any_order_and_another_for_another_value() -> None:
-    assert key_of({"a": 1, "b": [2]}) == key_of({"b": [2], "a": 1})
-    assert key_of({"a": 1}) != key_of({"a": 2})
 
 
 def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:

@@ -1,0 +1,226 @@
+"""`tactile-marks glyphs` and `synth`: fonts, and parts stamped with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pipeline.cli.choices import (
+    DieName,
+    FaceName,
+    Flag,
+    LayoutName,
+    PlateName,
+    Positive,
+    PracticeName,
+    listed,
+)  # fmt: skip
+from pipeline.cli.exit_status import UsageError
+
+if TYPE_CHECKING:
+    from glyphs.fonts.glyph import Font
+
+
+def list_fonts(database: Path | None = None) -> int:
+    """List the built-in fonts, or those of a glyph database, with the number of their characters.
+
+    Parameters
+    ----------
+    database
+        Glyph database.
+    """
+    from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+    from glyphs.stamping.database import load_database
+
+    if database is not None:
+        content = load_database(database)
+        fonts = list(content.fonts.values())
+    else:
+        fonts = [load_font(name) for name in BUILTIN_FONTS]
+    for font in fonts:
+        stroke = f"stroke h x {font.stroke_ratio:.3g}" if font.stroke_ratio else "outlines"
+        print(f"{font.name:<20} {len(font.glyphs):4d} characters  {stroke:<18}  {font.source}")
+    if database is not None:
+        print(f"{len(content.dies)} dies, {len(content.exemplars)} enrolled exemplars")
+    return 0
+
+
+def show(*font: str, out: Path | None = None, face: FaceName = "flat", height_mm: float = 5.0) -> int:
+    """Draw every character of fonts, and some as stamped relief.
+
+    Parameters
+    ----------
+    font
+        Built-in names, TTF/OTF files or glyph databases (.glyphs); by default all built-in fonts.
+    out
+        Picture to write, .png, .svg or .pdf. By default NAME.png here, of the only file or font that is named; else
+        fonts.png.
+    face
+        Face of the die.
+    height_mm
+        Character height.
+    """
+    from glyphs.fonts.outlines import BUILTIN_FONTS
+    from glyphs.stamping.faces import Face
+    from pipeline.plots.font_sheet import sheet_figure
+    from pipeline.plots.pictures import check_picture, save_figure
+
+    out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
+    check_picture(out)
+    fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
+    save_figure(sheet_figure(fonts, die_face=Face(face), height_mm=height_mm), out)
+    print(f"wrote {out}")
+    return 0
+
+
+def build(out: Path, *font: str) -> int:
+    """Write a glyph database of fonts, to be given to `read --database`.
+
+    Parameters
+    ----------
+    out
+        Database to write.
+    font
+        Built-in names or TTF/OTF files.
+    """
+    if not font:
+        raise UsageError("glyphs build: name at least one font")
+    from glyphs.atomic import check_writable
+    from glyphs.fonts.outlines import load_font
+    from glyphs.stamping.database import GlyphDatabase, save_database
+
+    check_writable(out)
+    fonts = [load_font(name) for name in font]
+    save_database(GlyphDatabase(fonts={f.name: f for f in fonts}), out)
+    print(f"wrote {out}: " + ", ".join(f"{f.name} ({len(f.glyphs)})" for f in fonts))
+    return 0
+
+
+def _fonts_of(name: str) -> list[Font]:
+    """Load the fonts of a glyph database, else the font of a name or file."""
+    from glyphs.fonts.outlines import load_font
+    from glyphs.stamping.database import DatabaseError, load_database
+
+    if Path(name).suffix.lower() != ".glyphs":
+        return [load_font(name)]
+    fonts = list(load_database(Path(name)).fonts.values())
+    if not fonts:
+        raise DatabaseError(f"{name} holds no font", hint="enroll parts, or build it from fonts")
+    return fonts
+
+
+@dataclass(frozen=True)
+class Stamping:
+    """Stamping and photographs of the parts; fields of `pipeline.formats.synth.SynthSpec`.
+
+    Attributes:
+        format: Mask of the serials: A letter, 9 digit, * either, any other character itself.
+        font: Built-in name or TTF/OTF file.
+        seed: Of everything random: the same seed gives the same parts.
+        height_mm: Character height in mm.
+        depth_mm: Depth of the marks in mm; the usual one for the height unless given.
+        face: Face of the die.
+        bevel_deg: Slope of the walls, degrees.
+        raised: Raised marks instead of sunk ones.
+        variation: Let blows and plates differ as in a shop.
+        practice: Who stamps: a press, a hand with single stamps, or nobody (all ideal); a press unless given.
+        die: In place of a face: also a V with a blunt edge, pile-up on one side, double strikes, one wall missing.
+        plate: What is stamped: bent (cylinder: line along its axis; ring: around it), or left rough by a tool.
+        layout: A straight line, one turned by up to 5 degrees, an arc, or another line above or below.
+        pixel_mm: Size of a pixel on the part, mm.
+        light_azimuth_deg: Where the lamp stands: 0 at the right, 90 below, 270 above; drawn at random unless given.
+        light_elevation_deg: How high it stands over the plate; drawn from 25 to 65 unless given.
+        lights: Photographs of each part, PART.light-1.png and so on, the lamp on another side each time.
+    """
+
+    format: str
+    font: str = "gothic"
+    seed: int = 0
+    height_mm: float = 5.0
+    depth_mm: float | None = None
+    face: FaceName = "flat"
+    bevel_deg: float = 45.0
+    raised: Flag = False
+    variation: bool = True
+    practice: PracticeName | None = None
+    die: DieName | None = None
+    plate: PlateName | None = None
+    layout: LayoutName | None = None
+    pixel_mm: float = 0.06
+    light_azimuth_deg: float | None = None
+    light_elevation_deg: float | None = None
+    lights: int = 1
+
+
+def synth(
+    out: Path,
+    *,
+    parts: int,
+    stamping: Annotated[Stamping, Parameter(name="*")],
+    dirt: float = 0.0,
+    soil: str = "workshop",
+    mix: str = "",
+    photo: bool = True,
+    jobs: Positive = None,
+    overwrite: Flag = False,
+) -> int:
+    """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
+
+    Parameters
+    ----------
+    out
+        Folder for them.
+    parts
+        Number of parts.
+    dirt
+        How dirty, 0 to 1.
+    soil
+        What the dirt is; of several, separated by commas, the first lies lowest: workshop, caked, rust, paint, weld,
+        mud, wear, casting, or module:function of your own. The workshop's is a mixture of seven kinds.
+    mix
+        Amounts of these kinds, 0 to 1, in place of their shares of the mixture, such as grime=0.5,oil=0: grime (caked
+        into the grooves), oil, swarf, scratches, pits, paint (chipped), burr (a ragged rim).
+    photo
+        Take a photograph of every part.
+    jobs
+        Worker processes; one for each core unless given, or none for a few parts.
+    overwrite
+        Write into a folder that is not empty.
+    """
+    from dataclasses import replace
+    from functools import partial
+
+    from glyphs.soiling.soiled import Soiling
+    from glyphs.soiling.workshop.mixture import Dirt
+    from glyphs.stamping.faces import Face
+    from pipeline.formats.synth import SynthSpec, write_parts
+    from pipeline.workers.executors import ordered_map
+    from pipeline.workers.options import ExecutorOptions
+
+    mixture = replace(Dirt.of(dirt), **_amounts(mix, vars(Dirt.of(0.0)))) if mix else None
+    made_so = {**vars(stamping), "face": Face(stamping.face)}
+    spec = SynthSpec(soiling=Soiling(listed(soil), dirt, mixture=mixture), **made_so)
+    with ExecutorOptions(jobs=jobs).opened(parts) as executor:
+        each = partial(ordered_map, executor)
+        made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
+    print(f"wrote {len(made)} parts and truth.csv to {out}")
+    return 0
+
+
+def _amounts(mix: str, kinds: Iterable[str]) -> dict[str, float]:
+    """Parse kinds of dirt with their amounts.
+
+    Raises:
+        UsageError: another kind, or no number.
+    """
+    try:
+        found = {kind.strip(): float(amount) for kind, amount in (one.split("=") for one in listed(mix))}
+    except ValueError as error:
+        raise UsageError(f"--mix is {mix!r}", "write kinds and amounts, such as grime=0.5,oil=0") from error
+    if unknown := [kind for kind in found if kind not in kinds]:
+        raise UsageError(f"--mix has no {unknown[0]!r}", f"the kinds are {', '.join(kinds)}")
+    return found
