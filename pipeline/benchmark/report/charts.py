@@ -16,26 +16,14 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.groups import Cell, Group
 from pipeline.benchmark.readers.experts import EXPERT_MODES
+from pipeline.benchmark.readers.modes import PEERS
 from pipeline.common.shares import Share
 
 _STYLES = (
     ("#0072b2", "o", "-"), ("#d55e00", "s", "--"), ("#009e73", "D", "-"), ("#7f7f7f", "^", ":"),
     ("#a0522d", "v", ":"), ("#cc79a7", "<", "-."), ("#56b4e9", ">", "-."),
 )  # fmt: skip
-_ORDER = (
-    "tactile",
-    "vision",
-    "fused",
-    *EXPERT_MODES,
-    "rapidocr photo",
-    "rapidocr edges",
-    "rapidocr relief",
-    "rapidocr ideal",
-    "tesseract photo",
-    "tesseract edges",
-    "tesseract relief",
-    "tesseract ideal",
-)
+_ORDER = ("tactile", "vision", "fused", *EXPERT_MODES, *PEERS)
 _SPLIT = (
     ("accepted_right", "accepted, right", "#009e73", ""),
     ("accepted_wrong", "accepted, WRONG", "#c00000", "xxx"),
