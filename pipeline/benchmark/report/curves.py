@@ -95,7 +95,9 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
 def confusion_figure(confused: Confusion, title: str) -> Figure:
     """Draw stamped (rows) against read (columns) characters; mistakes in red with their number."""
     rows, columns = confused.counts.shape
-    figure = Figure(figsize=(1.4 + 0.21 * columns, 1.3 + 0.2 * rows), layout="constrained")
+    figure = Figure(
+        figsize=(max(2.6, 1.4 + 0.21 * columns), max(2.2, 1.3 + 0.2 * rows)), layout="constrained"
+    )
     axes = figure.subplots()
     totals = np.maximum(1, confused.counts.sum(axis=1, keepdims=True))
     same = np.array([[t == r for r in confused.read] for t in confused.true])

@@ -304,7 +304,9 @@ def test_bad_usage_is_told(
 @pytest.mark.filterwarnings("error")
 def test_confusions_are_drawn_of_any_script() -> None:
     said = Trial("a", 0, {}, "mine:read", "AB", "A中", "review")
-    assert inlined(confusion_figure(confusion([said]), "any")).startswith("data:image/svg")
+    one = Trial("b", 0, {}, "tactile", "A", "A", "accept")
+    for trial_, title in ((said, "any"), (one, "tactile without unread-marks: 0 mistakes in 1 characters")):
+        assert inlined(confusion_figure(confusion([trial_]), title)).startswith("data:image/svg")
 
 
 def test_a_page_is_written_of_parts_that_all_failed(tmp_path: Path) -> None:
