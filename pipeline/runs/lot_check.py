@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from pipeline.common.reading_records import ReadingRecord, ReasonRecord
-from pipeline.common.serial_rules import ProductionOrder
+from pipeline.common.serial_rules import ProductionOrder, SerialAlarm
 from pipeline.common.texts import without_blanks
 
 
@@ -34,9 +34,9 @@ class LotCheck:
         if record.decision != "accept":
             return record
         if not self.order.holds(record.text):
-            why, code = f"{record.text} is not in {self.order.name}", "not_in_order"
+            why, code = f"{record.text} is not in {self.order.name}", SerialAlarm.NOT_IN_ORDER
         elif (first := self.bearers.setdefault(without_blanks(record.text), record.part)) != record.part:
-            why, code = f"{record.text} was read before, of {first}", "read_before"
+            why, code = f"{record.text} was read before, of {first}", SerialAlarm.READ_BEFORE
         else:
             return record
         reasons = (*record.reasons, ReasonRecord(code))
