@@ -75,7 +75,7 @@ def profiler_of(name: str) -> Touch | None:
         whisker = straight_whisker(
             length, math.radians(_STRAIGHT_BETA_DEG), Rectangle(0.06 * HEIGHT_MM, width)
         )
-        touch = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
+        touch = touch.with_whisker(whisker)
     return touch
 
 

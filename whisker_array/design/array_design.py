@@ -138,7 +138,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
             section = Rectangle(thickness_mm=thick, width_mm=width * thick)
             whisker = replace(usual, section=section, beta_rad=math.radians(beta))
             body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
-            own = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
+            own = touch.with_whisker(whisker)
             speed = fastest_mm_s(whisker, own, character_height_mm=h, allowed_error=request.speed_error)
             yield _Build(whisker, body, speed, step, math.ceil(body.in_file_mm / step), _clear_at(body, step))
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,21 +129,13 @@ class Bench(OneLine):
         Raises:
             WhiskerError: a number that no whisker has.
         """
+        use: dict[str, Any] = {
+            str(name): self[name] for name in (Unknown.PRELOAD, Unknown.RADIUS, Unknown.FRICTION)
+        }
         if isinstance(nominal, Touch):
-            return replace(
-                nominal,
-                preload_mm=self[Unknown.PRELOAD],
-                tip_radius_mm=self[Unknown.RADIUS],
-                friction=self[Unknown.FRICTION],
-            )
+            return replace(nominal, **use)
         whisker = self.whisker(nominal)
-        return Touch(
-            tip=whisker.tip_model(),
-            preload_mm=self[Unknown.PRELOAD],
-            tip_radius_mm=self[Unknown.RADIUS],
-            friction=self[Unknown.FRICTION],
-            whisker=whisker.describe(),
-        )
+        return Touch(tip=whisker.tip_model(), whisker=whisker.describe(), **use)
 
     def whisker(self, nominal: LShaped) -> LShaped:
         """The whisker: the drawing's with these lengths and angle, of a material so much stiffer.

@@ -16,7 +16,7 @@ from whisker_array.whisker.defaults import (
     profiling_whisker,
 )
 from whisker_array.whisker.sections import WhiskerError
-from whisker_array.whisker.shapes import TipModel
+from whisker_array.whisker.shapes import TipModel, Whisker
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +48,10 @@ class Touch(OneLine):
         normal = self.preload_mm / float(self.tip.compliance_mm_per_n[1] @ force)
         return normal * float(self.tip.moment_arm_mm @ force)
 
+    def with_whisker(self, whisker: Whisker) -> Touch:
+        """The same use of another whisker."""
+        return replace(self, tip=whisker.tip_model(), whisker=whisker.describe())
+
     def key(self) -> tuple[float, ...]:
         """Numbers that determine the signal, as a key for caches."""
         numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
@@ -70,6 +74,5 @@ def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICT
 
 def profiling_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
     """The default touch with the sensor where the moment is the profile, for the second row of an array."""
-    whisker = profiling_whisker(character_height_mm)
     touch = default_touch(character_height_mm, friction=friction)
-    return replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
+    return touch.with_whisker(profiling_whisker(character_height_mm))

@@ -37,8 +37,8 @@ def with_memory(scan: Scan, memory: SensorMemory) -> Scan:
     return replace(scan, sweeps=tuple(sweeps))
 
 
-def test_what_memory_adds_is_creep_and_lag_of_what_is_told() -> None:
-    """Left over: a tenth of what was added; half of it noise, to which a lag answers too, then shares of a share."""
+def test_what_memory_adds_is_creep_and_lag_and_loads_are_the_recording_without_it() -> None:
+    """Left over of what was added: a tenth, half of it noise, to which a lag answers too; of loads, a twentieth."""
     plain = recorded(PIECE)
     n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
     memory = np.repeat([[CREEP], [LAG]], n, axis=1)
@@ -52,20 +52,9 @@ def test_what_memory_adds_is_creep_and_lag_of_what_is_told() -> None:
             for one, begun in zip(pressed, found.play_n_mm, strict=True)
         ]
         answer = CREEP * found.crept_n_mm + LAG * np.array(lags)
-        assert np.sqrt(np.nanmean((added - answer) ** 2)) < 0.1 * np.sqrt(np.nanmean(added**2))
-
-
-def test_loads_are_the_recording_without_its_memory() -> None:
-    """Left over: a twentieth of what was added."""
-    plain = recorded(PIECE)
-    n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
-    memory = np.repeat([[CREEP], [LAG]], n, axis=1)
-    held = with_memory(plain, gauges(memory, largest_n_mm=largest))
-    told = gauge_effects(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
-    for sweep, before, found in zip(held.sweeps, plain.sweeps, told, strict=True):
-        pressed = calibrated_moments(plain, before)
-        added = calibrated_moments(held, sweep) - pressed
-        assert np.sqrt(np.nanmean((found.load_n_mm - pressed) ** 2)) < 0.05 * np.sqrt(np.nanmean(added**2))
+        whole = np.sqrt(np.nanmean(added**2))
+        assert np.sqrt(np.nanmean((added - answer) ** 2)) < 0.1 * whole
+        assert np.sqrt(np.nanmean((found.load_n_mm - pressed) ** 2)) < 0.05 * whole
 
 
 def test_a_gauge_without_memory_is_found_to_have_none() -> None:
