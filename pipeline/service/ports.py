@@ -13,7 +13,7 @@ import structlog
 
 from pipeline.common.records import WaitingResults
 from pipeline.service.connections import Connection
-from pipeline.service.line.dispatch import Dispatcher, Sender, TargetState
+from pipeline.service.outputs.dispatch import Dispatcher, Sender, TargetState
 
 if TYPE_CHECKING:
     from pipeline.service.intake import Intake
@@ -53,11 +53,11 @@ def senders_of(settings: ServiceSettings) -> dict[str, Sender]:
     """
     senders: dict[str, Sender] = {}
     if settings.webhook.url:
-        from pipeline.service.line.webhook import WebhookSender
+        from pipeline.service.outputs.webhook import WebhookSender
 
         senders["webhook"] = WebhookSender(settings.webhook)
     if settings.mqtt.url:
-        from pipeline.service.line.mqtt import MqttSender
+        from pipeline.service.outputs.mqtt import MqttSender
 
         senders["mqtt"] = MqttSender(settings.mqtt)
     return senders
@@ -79,16 +79,16 @@ class Ports:
         self._inputs: dict[str, Input] = {}
         self._open: dict[str, Connection] = {}
         if settings.tcp.port is not None:
-            from pipeline.service.line.tcp import TcpPort
+            from pipeline.service.inputs.tcp import TcpPort
 
             self._inputs["tcp"] = TcpPort(settings.tcp, intake.trigger)
         if settings.opcua.port is not None:
-            from pipeline.service.line.opcua import OpcUaPort
+            from pipeline.service.inputs.opcua import OpcUaPort
 
             self._inputs["opcua"] = opcua = OpcUaPort(settings.opcua, intake.trigger)
             intake.on_part = opcua.show
         if settings.watch.folder is not None:
-            from pipeline.service.line.watch_folder import WatchedFolder
+            from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = WatchedFolder(
                 settings.watch,

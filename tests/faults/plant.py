@@ -37,7 +37,7 @@ from pipeline.reading.part_orders import Done
 from pipeline.service import app as service_module
 from pipeline.service import ports as ports_module
 from pipeline.service.app import Service, create_app
-from pipeline.service.line.dispatch import Dispatcher, Pace
+from pipeline.service.outputs.dispatch import Dispatcher, Pace
 from pipeline.service.settings import ServiceSettings, WebhookSettings
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store

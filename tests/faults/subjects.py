@@ -28,10 +28,10 @@ from pipeline.runs.options import RunOptions
 from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import Picture, ReadPart, RunOrder
+from pipeline.service.inputs.watch_folder import WatchedFolder
+from pipeline.service.inputs.watched_files import FileState, Handled, WatchJournal
 from pipeline.service.intake import NewPart
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.line.watch_folder import WatchedFolder
-from pipeline.service.line.watched_files import FileState, Handled, WatchJournal
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload

@@ -376,8 +376,8 @@ def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     import sys
 
     from glyphs.errors import MissingExtraError
-    from pipeline.service.line.mqtt import MqttSender
-    from pipeline.service.line.opcua import OpcUaPort
+    from pipeline.service.inputs.opcua import OpcUaPort
+    from pipeline.service.outputs.mqtt import MqttSender
     from pipeline.service.settings import MqttSettings, OpcUaSettings
 
     for module, extra, make in (

@@ -13,7 +13,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.app import Service
-from pipeline.service.line.trigger import LineDecision, decision_of
+from pipeline.service.inputs.trigger import LineDecision, decision_of
 from tests.support.service_fixtures import InlinePool, inline_service, triggered
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)

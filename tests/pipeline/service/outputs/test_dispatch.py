@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.common.records import Delivery, PartState
-from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace, body_of
+from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace, body_of
 from tests.support.line_fakes import LONG_S, MemoryOutbox, part, reading, until
 
 pytestmark = pytest.mark.anyio

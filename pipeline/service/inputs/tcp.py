@@ -6,7 +6,7 @@ PING<CR><LF>                       -->  PONG<CR><LF>
 anything else                      -->  ERROR;what is wrong<CR><LF>
 an HTTP request, or TLS            -->  closed
 
-The answer is made by `pipeline.service.line.result_string`.
+The answer is made by `pipeline.service.inputs.result_string`.
 
 Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. Answers come in the order of
 the lines. The port asks for no name and encrypts nothing: whoever reaches it can trigger. So it listens on the loopback
@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
-from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.line.trigger import EXPECTED, Trigger, in_words
+from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
+from pipeline.service.inputs.trigger import EXPECTED, Trigger, in_words
 
 if TYPE_CHECKING:
     from pipeline.service.settings import TcpSettings

@@ -16,8 +16,8 @@ from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.line.opcua_model import ua_types
-from pipeline.service.line.trigger import LineDecision, decision_of
+from pipeline.service.inputs.opcua_model import ua_types
+from pipeline.service.inputs.trigger import LineDecision, decision_of
 
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -38,7 +38,7 @@ def status_of(part: PartRecord) -> int:
 
 
 def ocr_scan_result(part: PartRecord) -> Any:
-    """The part as OcrScanResult; the types must have been loaded into asyncua (`pipeline.service.line.opcua_model`)."""
+    """The part as OcrScanResult; the types must have been loaded into asyncua (`pipeline.service.inputs.opcua_model`)."""
     ua = ua_types()
     reading = part.reading
     at = (reading.at if reading and reading.at else part.changed_at).astimezone(UTC)

@@ -18,7 +18,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.line.trigger import decision_of
+from pipeline.service.inputs.trigger import decision_of
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
 TEXT_FIELDS: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {

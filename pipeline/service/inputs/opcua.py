@@ -27,17 +27,17 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
-from pipeline.service.line.opcua_guard import GuardLimits, guarded_server
-from pipeline.service.line.opcua_model import load_model, require_asyncua, ua_types
-from pipeline.service.line.opcua_result import (
+from pipeline.service.inputs.opcua_device import Users, bad, build_device, settings_fit
+from pipeline.service.inputs.opcua_guard import GuardLimits, guarded_server
+from pipeline.service.inputs.opcua_model import load_model, require_asyncua, ua_types
+from pipeline.service.inputs.opcua_result import (
     DEVICE_FAULT,
     DEVICE_NOT_READY,
     SUCCESS,
     ocr_scan_result,
     status_of,
 )
-from pipeline.service.line.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words
+from pipeline.service.inputs.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words
 
 if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings

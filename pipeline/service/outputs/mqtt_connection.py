@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
-from pipeline.service.line.dispatch import DeliveryError
+from pipeline.service.outputs.dispatch import DeliveryError
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings

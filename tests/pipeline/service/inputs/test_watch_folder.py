@@ -18,9 +18,9 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.service.inputs.watch_folder import WatchedFolder
+from pipeline.service.inputs.watched_files import WatchJournal
 from pipeline.service.intake import NewPart, Touch
-from pipeline.service.line.watch_folder import WatchedFolder
-from pipeline.service.line.watched_files import WatchJournal
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
@@ -255,7 +255,7 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.service.line.watched_files._SPARE", 2)
+    monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 2)
     for k in range(8):
         bench.put(f"{k}.png")
     bench.look()
@@ -267,7 +267,7 @@ def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.Mon
     assert len(bench.look(2)) == 8
     # an empty folder may be a drive that is away: nothing is forgotten
     (bench.folder / "7.png").unlink()
-    monkeypatch.setattr("pipeline.service.line.watched_files._SPARE", 0)
+    monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 0)
     bench.look(2)
     assert list(WatchJournal.open(bench.journal, {}).done) == [str(bench.folder / "7.png")]
 

@@ -27,7 +27,7 @@ from urllib.parse import urlsplit
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.service.line.dispatch import DeliveryError, body_of
+from pipeline.service.outputs.dispatch import DeliveryError, body_of
 from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.service.line.opcua_device import Users
-from pipeline.service.line.opcua_model import require_asyncua, ua_types
+from pipeline.service.inputs.opcua_device import Users
+from pipeline.service.inputs.opcua_model import require_asyncua, ua_types
 
 _log = logging.getLogger(__name__)
 _KINDS = frozenset({b"HEL", b"OPN", b"MSG", b"CLO", b"ERR"})

@@ -22,9 +22,9 @@ from asyncua import Client, ua
 
 from pipeline.common.records import PartRecord, PartState
 from pipeline.common.version import program_version
-from pipeline.service.line.opcua import OpcUaPort
-from pipeline.service.line.opcua_device import settings_fit
-from pipeline.service.line.opcua_result import ocr_scan_result, status_of
+from pipeline.service.inputs.opcua import OpcUaPort
+from pipeline.service.inputs.opcua_device import settings_fit
+from pipeline.service.inputs.opcua_result import ocr_scan_result, status_of
 from pipeline.service.settings import OpcUaSettings, ServiceSettings
 from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until

@@ -16,8 +16,8 @@ from starlette.routing import Route
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
-from pipeline.service.line.webhook import WebhookSender, signature
+from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
+from pipeline.service.outputs.webhook import WebhookSender, signature
 from pipeline.service.settings import WebhookSettings
 from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
 

@@ -15,8 +15,8 @@ import pytest
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
-from pipeline.service.line.mqtt import MqttSender
+from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
+from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
 from tests.support.line_broker import Broker, Listener
 from tests.support.line_fakes import LONG_S, MemoryOutbox, free_port, part, until, until_now
@@ -146,7 +146,7 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pipeline.service.line.mqtt_connection.LEAVE_S", LONG_S
+        "pipeline.service.outputs.mqtt_connection.LEAVE_S", LONG_S
     )  # a busy machine's goodbye takes longer
     broker = make_broker()
     listener = listen(broker.port)

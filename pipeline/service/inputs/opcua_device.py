@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from pipeline.common.version import program_version
-from pipeline.service.line.opcua_model import Model, ua_types
+from pipeline.service.inputs.opcua_model import Model, ua_types
 
 
 async def build_device(

@@ -25,8 +25,8 @@ from urllib.parse import urlsplit
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.service.line.dispatch import DeliveryError, body_of
-from pipeline.service.line.mqtt_connection import LEAVE_S, PORTS, MqttConnection
+from pipeline.service.outputs.dispatch import DeliveryError, body_of
+from pipeline.service.outputs.mqtt_connection import LEAVE_S, PORTS, MqttConnection
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings

@@ -32,8 +32,8 @@ from glyphs.errors import FileError, describe_fault
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
 from pipeline.formats.kinds import HEAD_BYTES
+from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
 from pipeline.service.intake import Intake, NewPart, Touch
-from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of

@@ -1,0 +1,1 @@
+"""Inputs: trigger ports and the watched folder; HTTP is in `api`."""

@@ -1,1 +1,0 @@
-"""The factory's ports: TCP, MQTT, webhooks and OPC UA."""

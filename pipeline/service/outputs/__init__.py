@@ -1,0 +1,1 @@
+"""Outputs: the dispatcher of the outbox and its senders."""
