@@ -38,7 +38,7 @@ def status_of(part: PartRecord) -> int:
 
 
 def ocr_scan_result(part: PartRecord) -> Any:
-    """The part as OcrScanResult; the types must have been loaded into asyncua (`pipeline.service.inputs.opcua_model`)."""
+    """The part as OcrScanResult; the model must have been loaded (`opcua_model`)."""
     ua = ua_types()
     reading = part.reading
     at = (reading.at if reading and reading.at else part.changed_at).astimezone(UTC)
