@@ -34,7 +34,9 @@ async def build_device(
     def argument(one: str, kind: Any, rank: Any = ua.ValueRank.Scalar) -> Any:
         return ua.Argument(Name=one, DataType=kind, ValueRank=rank)
 
-    device = await model.device_set.add_object(*named(own, name), objecttype=model.ocr_reader.nodeid)
+    device = await model.device_set.add_object(
+        ua.NodeId("reader", own), ua.QualifiedName(name, own), objecttype=model.ocr_reader.nodeid
+    )
     nodes: dict[str, Any] = {}
     for namespace, one, value in (
         (model.autoid, "DeviceName", name),
