@@ -151,7 +151,10 @@ def _seen_other_way(
         return None
     if there is None or not other:
         return _SeenOtherWay("", math.inf)
-    return _SeenOtherWay(other, _log_probability(here, text) - _log_probability(there, other))
+    # the recogniser takes what it cannot read for blanks: a text of fewer characters leaves some unexplained
+    unread = max(here.belief.promise - there.belief.promise, 0.0)
+    lead = _log_probability(here, text) - _log_probability(there, other)
+    return _SeenOtherWay(other, lead + unread)
 
 
 def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
