@@ -225,6 +225,10 @@ class LineSearch:
         beliefs = [line_belief([one], self.grammar) for one in steps]
         return _rank([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 
+    def _looks_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+        """Look at each line; those that a move has taken out of the region are dropped."""
+        return self.meant(view, self.looks(view, lines))
+
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
         """Run the recogniser along each line."""
         strips = [view.strip(line) for line in lines]
@@ -254,18 +258,18 @@ class LineSearch:
         if not says_much([best]):
             for one in seen[:MOST_MOVED]:
                 tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
-                best = _rank([best, *self.looks(view, tried)])[0]
+                best = _rank([best, *self._looks_inside(view, tried)])[0]
                 if says_much([best]):
                     break
         elif self.grammar is None:
             # its length is not known: a word may stand beyond a gap
-            best = _rank([best, *self.looks(view, longer(best.line))])[0]
+            best = _rank([best, *self._looks_inside(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
             first, last = _at_ends(best)
             if not (first or last):
                 break
             tried = [lengthen(best.line, first * far, last * far) for far in GROWTHS]
-            looked = self.looks(view, tried)
+            looked = self._looks_inside(view, tried)
             if not looked or promise_of(looked[0]) <= promise_of(best):
                 break
             best = looked[0]
@@ -278,7 +282,7 @@ class LineSearch:
             if says_much([one], SETTLED):
                 break
             known = self.height_mm is not None
-            looked = self.looks(view, on_ink(view, one.line, one.belief.columns, height_known=known))
+            looked = self._looks_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
             if not looked or promise_of(looked[0]) < promise_of(one) + LAID_GAIN * doubt:
                 break
             one = looked[0]

@@ -11,7 +11,7 @@ from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader, apart
-from recognition.belief.part_lines import LineFormat
+from recognition.belief.part_lines import LineFormat, stands_in
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
@@ -72,6 +72,16 @@ def test_the_serial_stands_in_its_region(
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert len(part.others) == 1
+
+
+@pytest.mark.parametrize(("region", "format"), [(LOWER, "AAA9999"), (UPPER, "9999999")])
+def test_a_line_is_not_moved_out_of_its_region(
+    region: tuple[float, float, float, float], format: str
+) -> None:
+    """The other line fits the format, and lies within reach of a line about the middle of the view."""
+    view = heights_view(PART)
+    main = LineReader(Grammar(format=format), ALPHANUMERIC, region=region).read(view).main
+    assert main is None or stands_in(region, main.line, view)
 
 
 def test_what_lies_upside_down_is_read() -> None:
