@@ -76,20 +76,21 @@ class Client:
         """Have a part read from its photograph, its scan, or both.
 
         Args:
-            photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several of the part, under other lights, which are read as one.
-            scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); as bytes it is taken for a recording.
-            name: what the line calls the part.
-            expected: text that it should read.
+            photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several of the part under different lights, read as one.
+            scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); bytes are taken for a recording.
+            name: name of the part on the line.
+            expected: expected text.
             database: glyph database to read with.
-            job: that says how to read, database and all.
-            touch: where the camera is unsure: "stage" has the service's stage feel it at once, "asked" by `touch`;
-                without a stage a person gets it. "plan": this program will send a scan, by the answer's plan.
-            idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
-                sent again even after this program was started anew.
+            job: job with the settings of reading, database included.
+            touch: what happens if the camera is unsure. "stage": the service's stage feels the part at once. "asked":
+                the stage feels it after a call of `touch`. Without a stage a person gets the part in both cases.
+                "plan": this program will send a scan, by the answer's plan.
+            idempotency_key: key of this part (default: a new one). With a key that is stored with the part, the part
+                can be sent again even after a restart of this program.
 
         Raises:
-            ServiceError: refused, or not reached in time.
-            ValueError: neither photograph nor scan.
+            ServiceError: the request was refused, or the service was not reached in time.
+            ValueError: neither photograph nor scan is given.
             OSError: a file cannot be read.
         """
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
@@ -115,10 +116,10 @@ class Client:
         scan: Source | None = None,
         **options: Any,
     ) -> PartRecord:
-        """As `read`, of a part that should bear a text: `part.reading.verdict` says whether it does.
+        """Read a part and compare it with the expected text; `part.reading.verdict` is the result.
 
         Raises:
-            ServiceError, ValueError, OSError: as `read`; an empty text.
+            ServiceError, ValueError, OSError: as `read`; also if the text is empty.
         """
         if not expected.strip():
             raise ValueError("give the text that the part should read")
@@ -157,15 +158,15 @@ class Client:
         note: str = "",
         before: str | None = None,
     ) -> PartRecord:
-        """Say what a part bears.
+        """Review a part: confirm or correct its serial, or mark it unreadable.
 
         Args:
-            part_id: of the part.
+            part_id: id of the part.
             action: confirm, correct or unreadable.
-            text: the serial as it is.
-            who: says so.
-            note: anything more.
-            before: the text as it was; another one there by now is a ServiceError of status 409.
+            text: the correct serial.
+            who: name of the reviewer.
+            note: free text.
+            before: the text that the reviewer saw; if it has changed since, a ServiceError of status 409 is raised.
 
         Raises:
             ServiceError: refused, or not reached in time.

@@ -34,7 +34,7 @@ class Connection:
 
     @property
     def summary(self) -> str:
-        """The state, without addresses and names, for those who need no token."""
+        """The state without addresses and names, for callers without a token."""
         if self.works:
             return self.state
         waiting = f", {self.waiting.n} results wait" if self.waiting else ""

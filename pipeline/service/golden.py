@@ -58,11 +58,11 @@ class GoldenPart:
         return self._store.golden_scans(self._line)
 
     def reference(self, scans: tuple[GoldenRecord, ...]) -> GoldenRecord | None:
-        """What the newest is compared with."""
+        """The reference scan, with which the newest is compared."""
         return next((scan for scan in scans if scan.reference), None)
 
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
-        """What the newest scan shows to be beyond its limit."""
+        """Measures of wear that exceed their limit in the newest scan."""
         reference = self.reference(scans)
         return wear(scans[0], reference) if reference is not None else ()
 

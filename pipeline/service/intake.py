@@ -87,7 +87,7 @@ class NewPart:
         expected: text that it should read; empty if unknown.
         database: name of the glyph database; empty for the service's own.
         job: name of the job that says how to read; empty for the service's own settings.
-        touch: who feels it if the camera is unsure.
+        touch: stage or sender that feels it if the camera is unsure.
     """
 
     name: str = ""
@@ -99,13 +99,13 @@ class NewPart:
 
 @dataclass(frozen=True)
 class Decision:
-    """What becomes of a part after a reading.
+    """Decision about a part after a reading.
 
     Attributes:
-        state: of the part.
+        state: new state of the part.
         shadow: comparison with the line's own reader, in shadow mode.
-        plan: what to feel.
-        touch: how it waits for touch.
+        plan: scan plan.
+        touch: wait for touch.
         not_felt: why it is not felt, though the camera is unsure.
     """
 
@@ -122,8 +122,8 @@ class Intake:
     Attributes:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
-        draining: the service is stopping; no more parts are taken.
-        targets: of results: webhook, mqtt; none in shadow mode.
+        draining: the service is stopping and accepts no more parts.
+        targets: targets of results: webhook, mqtt; none in shadow mode.
     """
 
     def __init__(
@@ -471,7 +471,7 @@ class Intake:
         felt_at_once = part.touch is not None and part.touch.by_stage
         if self.on_part is not None and not felt_at_once:
             announcing = asyncio.ensure_future(self.on_part(part))
-            self._announcing.add(announcing)  # a task that nobody holds may vanish
+            self._announcing.add(announcing)  # a task without a reference may be garbage-collected
             announcing.add_done_callback(self._announcing.discard)
         self.metrics.parts.labels(part.state.value).inc()
 

@@ -1,11 +1,11 @@
 """The jobs that a service knows: the files of one folder, by name.
 
-    jobs/housing-left.toml --checked with all that it names--> settings of reading of whoever names housing-left
+    jobs/housing-left.toml --checked with all that it names--> settings of reading for parts of job housing-left
 
-* A file is looked at whenever its job is named, so jobs are made, changed and taken away while the service runs. One
-  that was there within the last hour may come back: until then whoever names it is asked to come again.
-* A job that cannot be used costs its own parts alone: they are asked to come again. One that is spoilt later goes on
-  as it was before. The log and the list say so.
+* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service runs. A file
+  that was there within the last hour may come back: until then a request that names it is asked to retry.
+* A job that cannot be used affects only its own parts: their requests are asked to retry. A job that is spoilt later
+  keeps its previous settings. The log and the list say so.
 * Jobs that come or change while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
 """
@@ -70,10 +70,10 @@ class JobFolder:
     """Jobs by name. Threads may share it.
 
     Attributes:
-        folder: of the files.
+        folder: folder of the files.
         own: settings of parts that name no job.
-        databases: that a job may be given by name.
-        lock: held by whoever changes a job by what stands in it; parts are read by jobs meanwhile.
+        databases: glyph databases that a job may name.
+        lock: held while a job is changed from its present content; reading parts does not need it.
         call: has a worker call a function, as `call(check_job, path, written)`; raises Problem where it cannot.
     """
 
@@ -86,17 +86,17 @@ class JobFolder:
         needed: str = "",
         call: Callable[..., Any] = _called_here,
     ) -> None:
-        """Take the folder, and look at every job in it.
+        """Take the folder, and check every job in it.
 
         Args:
-            folder: of the files; it need not be there.
+            folder: folder of the files; it need not exist.
             own: settings of parts that name no job.
-            databases: that a job may be given by name; those beside the jobs unless given.
-            needed: job that the service's own settings name: where it is away, it is to come back.
-            call: has a worker call a function; this process does unless given.
+            databases: glyph databases that a job may name (default: those in the jobs' folder).
+            needed: job that the service's own settings name: if its file is away, it is expected to come back.
+            call: calls a function in a worker (default: in this process).
 
         Raises:
-            SettingsError: settings that name a certificate that does not hold for them.
+            SettingsError: settings name a certificate that is not valid for them.
         """
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
@@ -110,11 +110,11 @@ class JobFolder:
         self.call = call
 
     def settings(self, name: str) -> ReadSettings:
-        """How parts of a job are read.
+        """Settings of reading of a job.
 
         Raises:
             OwnProblem: its file is away, or cannot be used.
-            Problem: there is none of that name.
+            Problem: no job has that name.
         """
         return self.own if not name else self._job(name).settings
 
@@ -152,7 +152,7 @@ class JobFolder:
         return found
 
     def written(self, name: str) -> dict[str, Any] | None:
-        """What stands in the file of a job, with lines as `ReadSettings.line`; None where there is none.
+        """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
 
         Raises:
             Problem: a file that cannot be used.
@@ -277,7 +277,7 @@ class JobFolder:
         return found
 
     def _unplaced(self, error: MarksError) -> str:
-        # paths of the server are nobody's business
+        # do not disclose paths of the server
         said = str(error)
         for folder in (self.folder, self.databases.folder):
             said = said.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")

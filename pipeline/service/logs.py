@@ -1,4 +1,4 @@
-"""Logs as lines of JSON, or of text for a person; every line of a request bears its id."""
+"""Logs as lines of JSON, or of text for a person; every line of a request contains its id."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def set_up_logs(form: Literal["json", "text"] = "json") -> None:
     )
     last: Any = processors.JSONRenderer(ensure_ascii=False)
     if form == "text":
-        # with the values of all names a traceback took half a minute, in which nobody was answered
+        # a traceback with the values of all names took half a minute, during which no request was answered
         plain = structlog.dev.plain_traceback
         last = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), exception_formatter=plain)
     handler = logging.StreamHandler(sys.stderr)

@@ -87,14 +87,15 @@ class PatientHttp:
         repeatable: bool = True,
         **request: Any,
     ) -> httpx.Response:
-        """Send a request, and again where that helps.
+        """Send a request, with retries where they help.
 
         Args:
-            method: of HTTP.
-            path: on the service.
-            files: each with its field, and the name it bears where it is not a file.
-            repeatable: whether doing it twice comes to the same; else only what surely was not done is sent again.
-            request: as httpx takes it.
+            method: HTTP method.
+            path: path on the service.
+            files: each with its field, and the name to send where it is not a file.
+            repeatable: whether the request is idempotent; if not, it is sent again only if it surely was not carried
+                out.
+            request: further arguments of httpx.
 
         Raises:
             ServiceError: refused, or not reached in time.

@@ -41,16 +41,16 @@ class ServiceProcess:
 def service_process(
     folder: Path, *options: str, environment: dict[str, str] | None = None, ready: bool = True
 ) -> Iterator[ServiceProcess]:
-    """Start `tactile-marks serve` on a free port of this machine; on leaving it is asked to end, then made to.
+    """Start `tactile-marks serve` on a free port of this machine; on leaving, ask it to end, then kill it.
 
     Args:
-        folder: of the service, with its log in `service.log`.
-        options: of `serve`.
-        environment: of the process; this one's unless given.
+        folder: folder of the service, with its log in `service.log`.
+        options: options of `serve`.
+        environment: environment of the process (default: this process's).
         ready: wait until parts can be read.
 
     Raises:
-        NotServingError: it does not come up.
+        NotServingError: the service does not start.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "service.log"

@@ -85,11 +85,11 @@ class GlyphDatabases:
             )
 
     def path(self, name: str) -> Path | None:
-        """The file of a database; None where none is named, and the settings of reading say which.
+        """The file of a database; None if no name is given: then the settings of reading decide.
 
         Raises:
             OwnProblem: its file was there lately, and is away.
-            Problem: there is none of that name.
+            Problem: no database has that name.
         """
         if not name:
             return None

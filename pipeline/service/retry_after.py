@@ -8,7 +8,7 @@ from email.utils import parsedate_to_datetime
 
 
 def retry_after_s(headers: Mapping[str, str]) -> float:
-    """How long an answer asks to wait, s; 0 where it does not, or cannot be understood."""
+    """Wait that an answer asks for, seconds; 0 if it asks for none or cannot be parsed."""
     text = headers.get("retry-after", "").strip()
     if text.isascii() and text.isdigit():
         return float(text[:9])

@@ -1,4 +1,4 @@
-"""The review policy: who must agree on a part, what share of accepted parts is audited, and who reads blind."""
+"""The review policy: number of readers that must agree, share of accepted parts to audit, and blind reading."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pipeline.common.records import PartRecord, PartState, ReviewRecord
 
 
 class ReviewMode(StrEnum):
-    """How a person reads a part; all but OPEN are blind: pictures, and nothing that was read."""
+    """Modes of review; all but OPEN are blind: they show the pictures, but no reading."""
 
     OPEN = "open"
     SECOND = "second"
-    """After somebody else, who must be agreed with."""
+    """After another reader, with whom the result must agree."""
     AUDIT = "audit"
     """An accepted part, drawn at random."""
 
@@ -26,7 +26,7 @@ class ReviewPolicy:
     """The rules of review.
 
     Attributes:
-        readers: people who must read the same before a part is reviewed, 1 or 2.
+        readers: number of people that must read the same before a part is reviewed, 1 or 2.
         audited: share of the accepted parts that a person reads too.
     """
 
@@ -34,19 +34,19 @@ class ReviewPolicy:
     audited: float = 0.0
 
     def draw_audit(self) -> bool:
-        """Whether a part is to be audited if it is accepted; nobody who knows the parts can predict it."""
+        """Draw at random whether a part is audited if it is accepted; the draw cannot be predicted."""
         return SystemRandom().random() < self.audited
 
     def mode(
         self, part: PartRecord, person: Person, *, opinions: Sequence[ReviewRecord], audit: bool
     ) -> ReviewMode:
-        """How a person reads a part.
+        """Mode in which a person reviews a part.
 
         Args:
-            part: as it stands.
-            person: who looks at it.
-            opinions: what people have said of it since it was last reviewed.
-            audit: whether it was drawn to be audited, and nobody has.
+            part: current record of the part.
+            person: the reader.
+            opinions: opinions on the part since its last review.
+            audit: whether its audit is drawn and still open.
         """
         if audit:
             return ReviewMode.AUDIT

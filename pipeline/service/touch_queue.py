@@ -4,11 +4,12 @@
         |                 ^                      \\--failed, busy--> tried again: retry_s later
         \\-- until its time is up ----------------------------------> review, by a person
 
-* Who waits stands in the store, so a wish to be felt outlives a kill: the service's next start goes on with it.
-* Of one part there is one attempt at a time; whoever asks meanwhile gets what comes of it.
-* A part is tried for as long as it may wait, then given up: no part waits for ever, whoever was to feel it. The time
-  stands in the store; from the first look on it is taken by the monotonic clock, so that no leap of the clock counts.
-* Services that share a store feel the parts of their own lines alone; any of them gives up any part.
+* Waiting parts are kept in the store, so a request for touch outlives a kill: the service's next start continues it.
+* There is one attempt at a time per part; further callers get the result of that attempt.
+* A part is tried until its time limit, then given up: no part waits for ever, whether the stage or the sender was to
+  feel it. The limit is kept in the store. From the first look on it is measured by the monotonic clock, so a leap of
+  the clock does not matter.
+* Services that share a store feel only the parts of their own lines; any of them gives up any part.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pipeline.store.store import Store
 
 AT_ONCE = 4
-"""Attempts that no request waits for; a real stage feels one part at a time in any case."""
+"""Maximum number of concurrent attempts without a waiting request; a real stage feels one part at a time anyway."""
 NOBODY = "nobody has felt it in time"
 log = structlog.get_logger("tactile-marks")
 
@@ -79,7 +80,7 @@ class TouchQueue:
         attempt = self._attempts.get(part.id)
         if attempt is None:
             attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
-        # a caller who goes away takes nothing with him
+        # a cancelled caller does not stop the attempt
         return await asyncio.shield(attempt)
 
     async def run(self) -> None:
@@ -157,7 +158,7 @@ class TouchQueue:
 
 
 def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:
-    """Nobody waits for the attempt: what it failed by is known to the part's history or the log."""
+    """Log an unexpected error of an attempt without a waiting caller; the part's history has the expected ones."""
     error = None if attempt.cancelled() else attempt.exception()
     if error is not None and not isinstance(error, Problem | StoreError):
         log.error("attempt at touch failed", exc_info=error)

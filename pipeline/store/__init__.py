@@ -1,1 +1,1 @@
-"""What is kept: parts, readings, reviews, evidence and tokens, in SQLite or PostgreSQL."""
+"""Storage of parts, readings, reviews, evidence and tokens, in SQLite or PostgreSQL."""

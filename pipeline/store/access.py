@@ -31,7 +31,7 @@ def new_token() -> str:
 
 
 def token_hash(secret: str) -> str:
-    """What is kept of a secret: its SHA-256. It needs no salt, for nobody can guess 256 random bits."""
+    """Stored hash of a secret: SHA-256, without a salt, because 256 random bits cannot be guessed."""
     return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 

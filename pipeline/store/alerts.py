@@ -33,7 +33,7 @@ MOST_SCANS = 500
 
 
 def raised_alerts(tx: Transaction) -> tuple[AlertRecord, ...]:
-    """Those that are raised now, the oldest first."""
+    """Alerts that are raised now, oldest first."""
     rows = tx.execute(sa.select(alerts).order_by(alerts.c.at, alerts.c.name))
     return tuple(record_of(AlertRecord, row) for row in rows)
 
@@ -47,19 +47,19 @@ def look_for_alerts(
     others: Mapping[str, str | None] = MappingProxyType({}),
     targets: Sequence[str] = (),
 ) -> tuple[AlertRecord, ...]:
-    """Raise and clear what is to be, and have it sent.
+    """Raise and clear alerts that are due, and put them in the outbox.
 
     Args:
         tx: the transaction.
-        limits: highest rate of `REJECT_RATE` and `REVIEW_RATE`; 0: anything goes.
-        window: latest parts that rates are of; with fewer none is told.
-        drifts: how the parts differ from the certified ones, by job; empty where they do not, None where that is not
-            known yet.
-        others: the same of anything else, by the alert's name.
-        targets: where alerts are sent.
+        limits: maximum rates, for `REJECT_RATE` and `REVIEW_RATE`; 0: no limit.
+        window: number of latest parts from which rates are computed; with fewer parts there are no rate alerts.
+        drifts: how the parts differ from the certified ones, by job; empty if they do not, None if that is not known
+            yet.
+        others: the same for other alerts, by the alert's name.
+        targets: targets to which alerts are sent.
 
     Returns:
-        Those that were raised now.
+        Alerts that were raised now.
     """
     latest = tx.execute(
         sa.select(parts.c.id, parts.c.state, parts.c.rejected)

@@ -40,7 +40,7 @@ _MANIFEST, _STORE, _FILES = "manifest.json", "store.db", "evidence"
 # numbers that a store brought back gives to no delivery: those since the backup are known to the receivers
 SKIPPED_DELIVERIES = 1_000_000
 _CHUNK = 500
-# who has signed out since is not signed in again by a backup
+# without sessions: restoring a backup must not sign a user in again
 _TABLES = [table for table in METADATA.sorted_tables if table is not sessions]
 
 
@@ -147,10 +147,10 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
 
 
 def read_manifest(backup: Path) -> Backup:
-    """What a backup is.
+    """Read the manifest of a backup.
 
     Raises:
-        FileError: it is none, or of a newer version.
+        FileError: it is not a backup, or of a newer version.
     """
     path = backup / _MANIFEST
     try:

@@ -25,16 +25,16 @@ from pipeline.store.rows import READ, REVIEWED, searched
 from pipeline.store.store import Store
 from pipeline.store.tables import events, evidence, outbox, parts
 
-# for which a result may wait to be sent, and a part for touch beyond its time
+# longest wait of a result to be sent, and of a part for touch beyond its time
 LATE = timedelta(hours=1)
-# a running service sweeps every hour what is an hour old
+# a running service sweeps files older than an hour, every hour
 _ORPHAN_S = 2 * 3600.0
 _PAGE = 200
 _MOST_TOLD = 1000
 
 
 class Fault(StrEnum):
-    """What may be wrong."""
+    """Kinds of faults that a check can find."""
 
     DATABASE = "database"
     MISSING = "missing"
@@ -77,13 +77,13 @@ class Finding:
 
 @dataclass
 class CheckReport:
-    """What a check has found.
+    """Result of a check.
 
     Attributes:
-        parts: looked at.
-        files: of evidence that were found whole, or only found where they were not read.
-        findings: the first thousand of each kind.
-        counts: of each kind, all.
+        parts: number of parts checked.
+        files: number of evidence files found whole, or only found where they were not read.
+        findings: the first thousand findings of each kind.
+        counts: number of all findings of each kind.
     """
 
     parts: int = 0
@@ -99,7 +99,7 @@ class CheckReport:
 
     @property
     def well(self) -> bool:
-        """Whether nobody needs to do anything."""
+        """Whether no finding needs an action."""
         return not any(n for fault, n in self.counts.items() if fault is not Fault.ORPHANS)
 
 
@@ -182,7 +182,7 @@ def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dic
 
 
 def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[str]:
-    """What a part's row holds that is not what its record and its events make of it."""
+    """Columns of a part's row that do not match the values derived from its record and its events."""
     wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
     kinds: dict[str, tuple[str, type[Any]]] = {

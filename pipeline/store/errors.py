@@ -1,4 +1,4 @@
-"""What the store refuses, and text that every database can hold."""
+"""Errors of the store, and checks for text that every database can hold."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def fit_limit(limit: int) -> int:
 
 
 def cleaned(value: Any) -> Any:
-    """JSON values with what no database holds replaced by U+FFFD, for text that nobody can correct any more."""
+    """Replace characters that databases cannot hold by U+FFFD in JSON values, for text that cannot be corrected."""
     if isinstance(value, str):
         return _UNFIT.sub("\ufffd", value)
     if isinstance(value, dict):

@@ -40,13 +40,13 @@ _HASH = re.compile(r"[0-9a-f]{64}")
 _BATCH = 200
 _PROBE_BYTES = 4096
 LEAST_ROOM_BYTES = 64 << 20
-"""Of the disk: a service with less is not ready, for the next upload may not fit."""
+"""Minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit."""
 _SETTLED_S = 3600.0
-"""A file kept anew more recently may be about to be named by the store."""
+"""Age below which a kept file is not swept, seconds: the store may be about to name it."""
 
 
 class FileState(StrEnum):
-    """What is found where a file should be kept."""
+    """State of a file in the evidence folder."""
 
     WHOLE = "whole"
     MISSING = "missing"
@@ -83,7 +83,7 @@ class EvidenceFolder:
 
         Args:
             path: the file, no link, in `incoming`.
-            sha256: of its content, from whoever has written it; computed unless given.
+            sha256: hash of its content, if the writer knows it (default: computed).
 
         Returns:
             Its SHA-256 in hexadecimal, and its length in bytes.
@@ -106,7 +106,7 @@ class EvidenceFolder:
         return sha256, n_bytes
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
-        """As `keep`, of a file that is not written yet."""
+        """Write content to a file and keep it, as `keep`."""
         with _file_errors(self.incoming):
             handle, name = tempfile.mkstemp(prefix="made-", dir=self.incoming)
             try:
@@ -148,15 +148,15 @@ class EvidenceFolder:
         return tuple(found)
 
     def take(self, sha256: str, other: EvidenceFolder, *, link: bool = False) -> FileState:
-        """Have a file as well that another folder keeps; whoever takes files puts them on the disk (`os.sync`).
+        """Copy or link a file from another folder; the caller then flushes the disk (`os.sync`).
 
         Args:
-            sha256: its hash.
-            other: that keeps it.
-            link: to the other's file, where it is on the same disk; else it is copied.
+            sha256: hash of the file.
+            other: folder that has the file.
+            link: make a hard link if both are on the same disk; otherwise copy.
 
         Returns:
-            The file's state here; else what the other has in its place.
+            The file's state here, or its state in the other folder if it cannot be taken.
 
         Raises:
             FileError: it cannot be written.
@@ -197,7 +197,7 @@ class EvidenceFolder:
                 os.fsync(probe.fileno())
 
     def new_work_folder(self) -> Path:
-        """A new folder in `incoming` for one request; whoever asks for it removes it.
+        """Make a new folder in `incoming` for one request; the caller removes it.
 
         Raises:
             FileError: it cannot be made.
@@ -257,7 +257,7 @@ class EvidenceFolder:
 
 
 def _settle(path: Path, sha256: str) -> tuple[str, int]:
-    # O_NOFOLLOW and O_NONBLOCK: neither a link nor a pipe is what it seems; Windows has none of the three
+    # O_NOFOLLOW rejects links, O_NONBLOCK does not wait for pipes; Windows lacks all three flags
     flags = [getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC")]
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
     with os.fdopen(handle, "rb") as stream:

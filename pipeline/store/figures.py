@@ -55,7 +55,7 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
 
 
 def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ...]:
-    """How readings agree with the line's own reader, of the parts received in shadow mode since a time.
+    """Agreement with the line's own reader by day, of parts received in shadow mode since a time.
 
     Days without any are left out.
 
@@ -78,7 +78,7 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
 def _counted(
     tx: Transaction, step: timedelta, *names: str, where: sa.ColumnElement[bool], sums: Any = ()
 ) -> list[Any]:
-    """How many parts (n) have the same of those columns and were received in the same step (begin)."""
+    """Number of parts (n) for each value of these columns and each time step (begin)."""
     begin: sa.ColumnElement[str]
     if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)

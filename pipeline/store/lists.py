@@ -82,7 +82,7 @@ def next_in_queue(
     Args:
         tx: the transaction.
         after: id of the part before.
-        person: who wants it: no part that another is at, nor one that waits for another's reading.
+        person: the reader; parts that another person has open or that need another reader are skipped.
         audits: parts to be audited, not those to be reviewed.
     """
     free = _awaiting(audits).limit(1)

@@ -82,7 +82,7 @@ def lease(
 
 
 def release(tx: Transaction, owner: str, delivery_ids: Collection[int]) -> None:
-    """Leave to whoever comes first what the owner has leased and does not send."""
+    """Give up the owner's leases on deliveries that it does not send."""
     mine = sa.and_(outbox.c.id.in_(list(delivery_ids)), outbox.c.owner == owner)
     tx.execute(sa.update(outbox).where(mine).values(**_FREE))
 
@@ -113,5 +113,5 @@ def waiting_results(tx: Transaction) -> Mapping[str, WaitingResults]:
 
 
 def undelivered(tx: Transaction) -> int:
-    """How many results wait to be sent."""
+    """Number of results that wait to be sent."""
     return tx.count(outbox)

@@ -1,15 +1,15 @@
-"""What is written of a part, each in one transaction: received, read, waiting for touch, noted.
+"""Writes of a part, each in one transaction: received, read, waiting for touch, noted.
 
 received --camera is unsure--> touch_needed --felt, or a scan is sent-----> accepted, review     (`add_readings`)
-                                           \\-nobody has, until its time--> review               (`give_up_touch`)
+                                           \\-not felt until its time-----> review               (`give_up_touch`)
 
 Idempotency keys: a request that is sent again, or a run that is given again, is carried out once.
 
 * A key is written in the transaction that writes the part it made: both are there, or neither.
 * Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
-* A key stands for one request: what it asked for is kept as its fingerprint, and whoever asks compares.
+* A key stands for one request: a fingerprint of the request is kept with it, and the caller compares.
 * Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of runs
-  are kept for good.
+  are kept for ever.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ def _read(
             reasons = (*read.reasons, ReasonRecord(one.alarm))
             readings[-1] = replace(read, messages=(*read.messages, one.why), reasons=reasons)
             alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
-            if one.of:  # of two that bear one serial either may be the wrong one
+            if one.of:  # of two parts with one serial either may be the wrong one
                 part_by_id(tx, one.of, lock=True)
                 add_events(tx, one.of, [("serial_again", {"part": part.id, "text": last.text})])
     waits, by_touch = part.state is PartState.TOUCH_NEEDED, [r.source != "vision" for r in readings]
@@ -196,7 +196,7 @@ def _read(
     if waits or (any(by_touch) and (plan is not None or part.plan is not None)):
         figures["fell_back"] = True
     if audit and part.state is PartState.ACCEPTED:
-        # nothing is said of it in the history, which whoever audits it may look at
+        # not written to the history, because the auditor may look at it
         figures["audit"] = AUDIT_WAITS
     touch = part.touch or TouchWait(False, None) if waits else None
     plan, shadow = None if any(by_touch) else plan, shadow or part.shadow
@@ -236,7 +236,7 @@ class Waiting(NamedTuple):
 
 
 def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
-    """All parts that wait for touch, whoever is to feel them, oldest first."""
+    """All parts that wait for touch by the stage or the sender, oldest first."""
     asked = sa.select(parts.c.id, parts.c.changed_at, parts.c.touch_until).where(_WAITS)
     return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(fit_limit(limit))))
 
@@ -248,7 +248,7 @@ def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[
 
 
 def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:
-    """Have the stage of a line feel a part that waits for touch, whoever was to.
+    """Assign a part that waits for touch to the stage of a line, even if the sender was to feel it.
 
     Raises:
         ConflictError: it does not wait for touch.
@@ -258,7 +258,7 @@ def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) 
 
 
 def give_up_touch(tx: Transaction, part_id: str, *, why: str, targets: Sequence[str] = ()) -> PartRecord:
-    """Leave a part to a person, for nobody has felt it; it keeps its plan, and a scan may still be sent.
+    """Send a part that was not felt to review; it keeps its plan, and a scan may still be sent.
 
     Raises:
         ConflictError: it does not wait for touch.
@@ -282,11 +282,11 @@ def _locked_waiting(tx: Transaction, part_id: str) -> PartRecord:
 
 @dataclass(frozen=True)
 class IdempotencyKey:
-    """How a request that is sent again is known.
+    """Key by which a repeated request is recognised.
 
     Attributes:
-        key: of the request, with whose it is.
-        fingerprint: of what it asks for: another one under the same key is another request.
+        key: key of the request, with its caller.
+        fingerprint: hash of its content: another fingerprint under the same key is another request.
     """
 
     key: str

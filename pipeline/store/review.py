@@ -1,4 +1,4 @@
-"""People at parts: who has a part open, what they say of it, who must agree, and accepted parts read as a check.
+"""Review of parts: claims, opinions, agreement of two readers, undo and audits of accepted parts.
 
 review --opened, claimed--> said by one --said the same by `readers`--> reviewed --undone--> review
                                         \\-otherwise-------------------> review, for the next person
@@ -7,8 +7,8 @@ accepted --drawn--> waiting --read the same--> right
                             \\-unreadable-----> not judged
 
 * A claim keeps a part from others for `CLAIM_S`; an open page renews it.
-* Where two must agree, nobody is told what the others have said, and nobody agrees with himself.
-* The line does not wait for an audit: the part stays accepted, and what was sent of it stands, until a review says
+* If two must agree, neither sees the other's opinion, and the two must be different people.
+* The line does not wait for an audit: the part stays accepted, and its published result stands, until a review says
   otherwise.
 """
 
@@ -48,16 +48,16 @@ _RIGHT, _WRONG, _DISPUTED, _NOT_JUDGED = "right", "wrong", "disputed", "not judg
 
 
 def claim_part(tx: Transaction, part_id: str, person: Person, *, take_over: bool = False) -> ClaimRecord:
-    """Take a part, or renew what one has of it; where another has it, say who.
+    """Claim a part, or renew a claim; if another person has claimed it, return that claim.
 
     Args:
         tx: the transaction.
-        part_id: of which part.
-        person: who wants it.
-        take_over: take it from whoever has it, for a person who has seen that nobody is at it.
+        part_id: id of the part.
+        person: the claimant.
+        take_over: take the part over from another person, after checking that it is not being worked on.
 
     Returns:
-        Whose the part now is.
+        The present claim on the part.
     """
     part_by_id(tx, part_id, lock=True)
     values = {
@@ -82,12 +82,12 @@ def claimed(tx: Transaction) -> Mapping[str, ClaimRecord]:
 
 
 def held_by_another(tx: Transaction, person: Person) -> sa.ColumnElement[bool]:
-    """Whether somebody else has a part."""
+    """Whether another person has claimed a part."""
     return sa.and_(~_free(tx), parts.c.claim_holder != person.holder)
 
 
 def _free(tx: Transaction) -> sa.ColumnElement[bool]:
-    """Whether nobody has a part; a claim beyond any claim's time was made by a clock that was set back since."""
+    """Whether a part is unclaimed; a claim that ends too far ahead is void: the clock was set back since."""
     until = parts.c.claim_until
     return sa.or_(until.is_(None), until <= tx.now, until > tx.now + timedelta(seconds=2.0 * CLAIM_S))
 
@@ -116,28 +116,27 @@ def review(
     readers: int = 1,
     audit: bool = False,
 ) -> PartRecord:
-    """Write down what a person says of a part; it may be said anew, and what was said before stays.
+    """Store a person's review of a part; a later review does not delete earlier ones.
 
-    With two readers a part is reviewed when two people have said the same of it; until then it waits for review, its
-    text as it was read.
+    With two readers a part is reviewed when two people agree; until then it waits for review, its text as it was read.
 
     Args:
         tx: the transaction.
-        part_id: of which part.
-        action: what the person did; an unreadable part has no text, whatever is given.
-        text: right one; to confirm, the text as it stands or none.
-        who: the person.
+        part_id: id of the part.
+        action: action of the person; an unreadable part has no text, whatever is given.
+        text: the correct text; to confirm, the present text or an empty one.
+        who: name of the person.
         token: name of the token used.
-        seat: where the person sits, as `Person.seat`.
-        note: anything.
-        before: the text that the person looked at.
-        targets: where the part is published, once it is reviewed.
-        readers: people who must agree, 1 or 2.
-        audit: the person has not seen what was accepted; only where it is something else the part goes to review.
+        seat: seat of the person, as `Person.seat`.
+        note: free text.
+        before: the text that the person saw.
+        targets: targets to which the part is published, once it is reviewed.
+        readers: number of people that must agree, 1 or 2.
+        audit: the person has not seen the accepted text; the part goes to review only if the two texts differ.
 
     Raises:
-        ConflictError: the text is no longer what the person looked at, or the part does not wait for an audit.
-        ClaimedError: another person is at the part.
+        ConflictError: the text has changed since the person saw it, or the part does not wait for an audit.
+        ClaimedError: another person has claimed the part.
     """
     person, part = Person(who, token, seat), part_by_id(tx, part_id, lock=True)
     if audit and not awaits_audit(tx, part_id):
@@ -177,12 +176,12 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
 
     Args:
         tx: the transaction.
-        part_id: of which part.
-        person: who has reviewed it.
-        targets: where the part is published.
+        part_id: id of the part.
+        person: the reviewer of the part.
+        targets: targets to which the part is published.
 
     Raises:
-        ConflictError: the part is not reviewed, or by somebody else.
+        ConflictError: the part is not reviewed, or was reviewed by another person.
     """
     part = part_by_id(tx, part_id, lock=True)
     said = part.review
@@ -199,7 +198,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
 
 
 def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
-    """What people have said of a part since it was last reviewed, each person's last word, the first one first."""
+    """Opinions on a part since its last review, the latest of each person, oldest first."""
     last: dict[str, ReviewRecord] = {}
     for row in happened_to(tx, part_id, REVIEWED, HALF_REVIEWED):
         if row.kind == REVIEWED:
@@ -234,7 +233,7 @@ def is_open_opinion() -> sa.ColumnElement[bool]:
 
 
 def awaits_audit(tx: Transaction, part_id: str) -> bool:
-    """Whether an accepted part was drawn to be read by a person as well, and nobody has."""
+    """Whether an accepted part was drawn for an audit that is still open."""
     return tx.count(parts, parts.c.id == part_id, IS_AUDITED) > 0
 
 
@@ -242,7 +241,7 @@ IS_AUDITED = sa.and_(parts.c.audit == AUDIT_WAITS, parts.c.state == PartState.AC
 
 
 def audit_of(tx: Transaction, part_id: str) -> ReviewRecord | None:
-    """What was accepted and what a person has read in the last audit of a part; None before any."""
+    """Result of the last audit of a part, with the accepted text and the person's; None before any audit."""
     rows = happened_to(tx, part_id, AUDITED)
     return from_json(ReviewRecord, rows[-1].data) if rows else None
 
@@ -287,7 +286,7 @@ def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
 def _how_right(part: PartRecord, action: ReviewAction, after: str) -> dict[str, Any]:
     read = part.reading.text[: 2 * MAX_TEXT] if part.reading is not None else ""
     if action is ReviewAction.UNREADABLE:
-        # nobody knows the characters, so none is counted
+        # the true characters are unknown, so none is counted
         return {"was_right": False, "characters": 0, "characters_right": 0}
     from pipeline.common.texts import align
 

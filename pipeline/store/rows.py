@@ -36,11 +36,11 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
 
     Args:
         tx: the transaction.
-        part_id: of which part.
-        lock: keep every other writer from it until the transaction ends.
+        part_id: id of the part.
+        lock: lock the part against other writers until the transaction ends.
 
     Raises:
-        NotFoundError: there is none of that id.
+        NotFoundError: no part has that id.
     """
     asked = sa.select(parts.c.record).where(parts.c.id == part_id)
     found = (
@@ -134,7 +134,7 @@ def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None
 
 
 def signature(*, who: str, token: str, **_: Any) -> str:
-    """By what a person is known again: the token, without one the name."""
+    """Identity of a person: the token, without one the name."""
     return f"token {token}" if token else f"name {who}"
 
 
@@ -152,7 +152,7 @@ def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
 
 
 def history(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
-    """What has happened to a part, in order."""
+    """Events of a part, in order."""
     rows = happened_to(tx, part_id)
     told = ({name: row.data[name] for name in _TOLD.get(row.kind, row.data)} for row in rows)
     return tuple(EventRecord(row.at, row.kind, data) for row, data in zip(rows, told, strict=True))
@@ -164,7 +164,7 @@ def readings(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
 
 
 def reviews(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
-    """What people have said of a part, the first one first."""
+    """All reviews of a part, oldest first."""
     rows = happened_to(tx, part_id, REVIEWED, HALF_REVIEWED)
     return tuple(from_json(ReviewRecord, row.data) for row in rows)
 

@@ -1,7 +1,7 @@
-"""Serials of parts in the store: who bears one already, and which came before.
+"""Duplicate and sequence checks of serials against the parts in the store.
 
-Rules are asked in the transaction that writes the part. SQLite has one writer at a time; on PostgreSQL the asking takes
-a lock of its own until its transaction ends, so that of two services one is first with a serial.
+Rules are checked in the transaction that writes the part. SQLite has one writer at a time; on PostgreSQL the check
+takes a lock of its own until its transaction ends, so that of two services one is first with a serial.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def ask_alone(tx: Transaction) -> None:
 
 
 def objections(tx: Transaction, rules: SerialRules, part: PartRecord) -> tuple[Objection, ...]:
-    """What speaks against the serial of a part that is read surely.
+    """Objections to the serial of a part that was read with certainty.
 
     Args:
-        tx: the transaction that writes it.
-        rules: what is asked.
-        part: with its serial; a part that is read again under its name is no second one.
+        tx: the transaction that writes the part.
+        rules: rules to check.
+        part: the part with its serial; a part read again under the same name is not a duplicate.
     """
     found = [rules.by_order(part.text)]
     if rules.duplicates:

@@ -118,7 +118,7 @@ class Store:
     remembered = _reads(_parts.remembered)
     forget_keys = _writes(_parts.forget_keys)
 
-    # people: who has a part open, what they say of it, accepted parts that they audit
+    # people: claims, reviews, audits of accepted parts
     claim_part = _writes(_review.claim_part)
     release_part = _writes(_review.release_part)
     claimed = _reads(_review.claimed)

@@ -1,4 +1,4 @@
-"""Whether the clock may be swept by: what is old is deleted, so a clock that leaps ahead must make nothing old.
+"""Check the clock before a sweep: old files are deleted, so a clock that leaps ahead must not make files look old.
 
 evidence/swept      its time is that of the last sweep
 """
@@ -14,18 +14,18 @@ from pathlib import Path
 import structlog
 
 MOST_GAP_S = 31 * 86_400.0
-"""Longest time between two sweeps that is believed: a plant that stands still for a month."""
+"""Maximum plausible time between two sweeps, seconds: a plant that stands still for a month."""
 MOST_DRIFT_S = 600.0
-"""Of the clock against the monotonic one, from sweep to sweep: more is a leap, and files in the making would look
-old."""
+"""Maximum drift of the clock against the monotonic one between two sweeps, seconds: more is a leap, which would make
+unfinished files look old."""
 log = structlog.get_logger("tactile-marks")
 
 
 class SweepClock:
-    """Says before every sweep whether the clock can be right.
+    """Plausibility check of the clock before every sweep.
 
     Attributes:
-        trouble: why nothing is swept, without paths; empty where it is.
+        trouble: why nothing is swept, without paths; empty if sweeping is allowed.
     """
 
     def __init__(

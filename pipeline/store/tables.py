@@ -98,7 +98,7 @@ parts = _table(
     # in shadow mode: whether the line's own reader has said the same, and where the part would stand; of an accepted
     # part drawn to be read by a person as well: waiting, or what came of it
     *_empty(WORD, "agreement", "would_be", "audit"),
-    # the person who has it open, and until when the others leave it alone
+    # the person that has it open, and the end of that claim
     *_empty(TEXT, "claim_holder", "claim_who"),
     *_empty(TIME, "claim_until"),
     # last: SQLite reads a row from its beginning, and lists need not read as far
@@ -117,7 +117,7 @@ events = _table(
     _of_part(),
     *_filled(TIME, "at"),
     *_filled(LONG_WORD, "kind"),
-    # of readings their source and duration, of a first reader's opinion who it was
+    # source and duration of readings; name of the person for a first reader's opinion
     *_empty(TEXT, "actor"),
     *_empty(sa.Double(), "seconds"),
     *_filled(JSON, "data"),

@@ -23,7 +23,7 @@ COLUMNS = {
     "expected": "expected", "verdict": "reading.verdict", "line": "line", "job": "job", "database": "database",
     "reviewed_by": "review.who", "review": "review.action", "reviewed": "review.at", "note": "review.note",
 }  # fmt: skip
-"""Of the table, and where a part's record has them."""
+"""Columns of the table, and the field of a part's record that fills each."""
 _AT_ONCE = 500
 
 

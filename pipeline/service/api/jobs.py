@@ -1,4 +1,4 @@
-"""Jobs over HTTP: listed, and written by whoever may review."""
+"""Jobs over HTTP: list them, and write them with the scope to review."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ One scan is one part: a repetition by Cycles or Duration would make further part
 Cycles above 1 is refused, and Duration is for how long Scan waits. A part read through another door (HTTP, TCP) is
 shown as well: `show`.
 
-Without users everybody who reaches the port may scan, so it listens on the loopback address unless set otherwise.
-With a certificate only signed and encrypted connections are taken; with users only theirs.
+Without users anyone with access to the port may scan, so by default it listens on the loopback address. With a
+certificate only signed and encrypted connections are accepted; with users, only theirs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The device of the OPC UA server: its nodes, who may call it, and what it may be asked."""
+"""The device of the OPC UA server: its nodes, its users, and the requests that it accepts."""
 
 from __future__ import annotations
 
@@ -81,10 +81,10 @@ async def build_device(
 
 
 class Users:
-    """Who may call: those named, with their passwords; all of them may read, subscribe and call, none may write.
+    """Users of the server, by name and password; each may read, subscribe and call, but not write.
 
     Attributes:
-        denied: the name that was refused last.
+        denied: the user name that was refused last.
     """
 
     def __init__(self, passwords: Mapping[str, str]) -> None:
@@ -94,7 +94,7 @@ class Users:
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> Any:
-        """The user, or None for one who may not."""
+        """The user, or None if the name or password is wrong."""
         from asyncua.crypto.permission_rules import User, UserRole
 
         if self._passwords:

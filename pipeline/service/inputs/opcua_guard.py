@@ -1,14 +1,15 @@
-"""The OPC UA server's door: what callers may do before they have signed in, and what of it is logged.
+"""Limits of the OPC UA server for callers that have not signed in, and rate-limited logging of their faults.
 
 caller --room--> connection --messages--> asyncua
          |                     |- no OPC UA, too large, faults          closed
          |                     |- sign-in after wrong passwords         delayed
          |                     '- Call                                  answered in a task of its own
-         '- no room: a caller who has not signed in gives way
+         '- no room: a caller that has not signed in is dropped
 
-* Callers without a session and those with one are counted apart; silent ones go first, of the busiest address.
-* While a method runs, the same session gets its other answers.
-* asyncua logs a traceback for each bad message; here a line of each kind in ten seconds is enough.
+* Callers without a session and callers with one are counted separately. Silent callers are dropped first, starting
+  with the address that has the most connections.
+* While a method runs, the same session still gets its other answers.
+* asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged.
 """
 
 from __future__ import annotations
@@ -31,19 +32,20 @@ _MOST_ADDRESSES = 1000
 
 @dataclass(frozen=True)
 class GuardLimits:
-    """What callers may take.
+    """Resource limits of callers.
 
     Attributes:
-        sessions: connections that have signed in.
-        strangers: connections that have not.
-        grace_s: for which one of these that has sent something is not let go for another.
-        sign_in_s: within which it must sign in.
-        faults: bad requests after which it is closed.
+        sessions: maximum number of connections that have signed in.
+        strangers: maximum number of connections that have not signed in.
+        grace_s: time for which a stranger that has sent something is not dropped for another, seconds.
+        sign_in_s: time within which a stranger must sign in, seconds.
+        faults: bad requests after which a stranger's connection is closed.
         calls: methods that run at once for one connection.
-        first_delay_s: of the sign-in after a wrong password from the same address; doubled with every further one.
-        longest_delay_s: of a sign-in.
-        forget_s: without a wrong password after which an address is like any other.
-        message_bytes: of one message.
+        first_delay_s: delay of the sign-in after a wrong password from the same address, seconds; doubled with every
+            further one.
+        longest_delay_s: maximum delay of a sign-in, seconds.
+        forget_s: time without a wrong password after which an address is like any other, seconds.
+        message_bytes: maximum size of one message, bytes.
     """
 
     sessions: int = 16
@@ -94,7 +96,7 @@ class SignIns:
         self._failures: dict[str, tuple[int, float]] = {}
 
     def delay_s(self, address: str) -> float:
-        """How long a sign-in from an address has to wait now."""
+        """Current delay of a sign-in from an address, seconds."""
         n, last_s = self._failures.get(address, (0, 0.0))
         if not n or time.monotonic() - last_s > self._limits.forget_s:
             return 0.0
@@ -186,7 +188,7 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
         _faults = 0
 
         def connection_made(self, transport: Any) -> None:
-            """Let a caller in, if there is room or somebody else gives way."""
+            """Let a caller in, if there is room or another caller can be dropped."""
             self.address = str((transport.get_extra_info("peername") or ("",))[0])
             self._begun_s = time.monotonic()
             self._calls: set[asyncio.Task[None]] = set()
@@ -203,7 +205,7 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
                 processor._process_message = self._guarded(serve)  # type: ignore[method-assign]
 
         def connection_lost(self, ex: BaseException | None) -> None:
-            """Forget what nobody waits for any more."""
+            """Cancel the calls of the lost connection."""
             self.gone = True
             for task in self._calls:
                 task.cancel()
@@ -222,7 +224,7 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
 
         @property
         def signed_in(self) -> bool:
-            """Whether it has a session that holds."""
+            """Whether the connection has an activated session."""
             session = self.processor.session if self.processor is not None else None
             return session is not None and session.is_activated()
 

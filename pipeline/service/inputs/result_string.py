@@ -2,9 +2,9 @@
 
 {name};{decision};{text};{confidence:.3f};{source};{id}      P17;ACCEPT;KX407251;0.998;fused;01JD...
 
-Whatever of a value could be taken for the format's own punctuation, or is no visible character, leaves as %XX (the
-bytes of its UTF-8, as in web addresses), and so does % itself: a serial A;B leaves as A%3BB. A controller that
-knows its serials have none of that need not care; one that decodes %XX gets back exactly what was read.
+Characters of a value that could be mistaken for the format's own punctuation, invisible characters and % itself are
+written as %XX (the bytes of their UTF-8, as in web addresses): a serial A;B is sent as A%3BB. A controller whose
+serials contain no such characters need not decode; one that decodes %XX gets back exactly what was read.
 """
 
 from __future__ import annotations

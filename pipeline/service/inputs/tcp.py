@@ -9,8 +9,8 @@ an HTTP request, or TLS            -->  closed
 The answer is made by `pipeline.service.inputs.result_string`.
 
 Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. Answers come in the order of
-the lines. The port asks for no name and encrypts nothing: whoever reaches it can trigger. So it listens on the loopback
-address unless set otherwise, and beyond that `clients` names the addresses that may call.
+the lines. The port has neither sign-in nor encryption: anyone with access to it can trigger. So by default it listens
+on the loopback address, and beyond that `clients` names the addresses that may call.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ _PADDING = b"\0"
 
 @dataclass(frozen=True)
 class TcpLimits:
-    """What one caller may take.
+    """Resource limits of callers.
 
     Attributes:
-        connections: at once; more get an error and are closed.
-        line_bytes: of one line; a longer one gets an error and closes the connection.
-        idle_s: without a line after which a connection is closed.
-        line_s: in which a line that has begun must end.
-        answer_s: for one trigger; after it the answer is an error, and the part is read to its end all the same.
-        write_s: in which the caller must take an answer.
+        connections: maximum number of connections at once; further ones get an error and are closed.
+        line_bytes: maximum length of a line, bytes; a longer one gets an error and closes the connection.
+        idle_s: time without a line after which a connection is closed, seconds.
+        line_s: time in which a line that has begun must end, seconds.
+        answer_s: timeout of one trigger, seconds; after it the answer is an error, but reading the part goes on.
+        write_s: time in which the caller must take an answer, seconds.
     """
 
     connections: int = 16
@@ -117,7 +117,7 @@ class TcpPort:
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
-        """Close: nobody new, idle callers at once, triggers under way get `grace_s` to be answered."""
+        """Close the port: accept no new callers, drop idle ones, and give triggers under way `grace_s` seconds."""
         self._stopping = True
         if self._server is not None:
             self._server.close()
@@ -172,7 +172,7 @@ class TcpPort:
         return any((mapped or address) in network for network in self._clients)
 
     def _has_room(self) -> bool:
-        """Whether one more may call; who has not said a line yet gives way, of the busiest address first."""
+        """Whether one more caller fits; if full, drop one that has sent no line yet, from the busiest address."""
         if len(self._callers) < self._limits.connections:
             return True
         silent = [task for task, caller in self._callers.items() if not caller.spoken]

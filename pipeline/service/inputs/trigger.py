@@ -1,4 +1,4 @@
-"""What the ports at the line share: a trigger, what it comes to in one word, and what to say when it fails."""
+"""Common code of the ports at the line: triggers, decisions in one word, and error messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Trigger(Protocol):
 
 
 class LineDecision(StrEnum):
-    """What a controller does with a part."""
+    """Decisions about a part, for a controller."""
 
     ACCEPT = "ACCEPT"
     REVIEW = "REVIEW"
@@ -34,11 +34,11 @@ class LineDecision(StrEnum):
 
 
 def decision_of(part: PartRecord) -> LineDecision:
-    """The part in one word.
+    """Decision about a part.
 
-    ACCEPT: read surely, or a person has said its text. REVIEW: a person has to look. REJECT: one has to look, and
-    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is not a scan yet.
-    SHADOW: nothing was decided; the line goes by its own reader.
+    ACCEPT: read with certainty, or a person has entered its text. REVIEW: a person has to look. REJECT: a person has to
+    look and nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan
+    yet. SHADOW: nothing was decided; the line uses its own reader.
     """
     if part.state is PartState.SHADOW:
         return LineDecision.SHADOW
@@ -53,7 +53,7 @@ def decision_of(part: PartRecord) -> LineDecision:
 
 
 def in_words(error: BaseException) -> str:
-    """What to say to the caller of a failure: one line, without control characters, not long."""
+    """Error message for the caller: one short line without control characters."""
     if not isinstance(error, EXPECTED):
         return "the service failed; its log says why"
     plain = "".join(" " if is_hidden(char) else char for char in str(error))

@@ -103,7 +103,7 @@ class WatchedFolder:
 
     @property
     def place(self) -> dict[str, object]:
-        """What it watches."""
+        """The watched folder and the interval between two looks, seconds."""
         return {"folder": str(self.folder), "every_s": self._settings.every_s}
 
     async def start(self) -> None:
@@ -190,15 +190,15 @@ class WatchedFolder:
             self.journal.done[str(path)] = handled
 
     async def _submitted(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
-        """The part of its files; None where one was written to meanwhile, or none can be used.
+        """Submit the files of a part; None if a file was written to meanwhile, or no file can be used.
 
         Args:
-            part: its files.
-            problems: told what is wrong with those that cannot be used.
+            part: the part's files.
+            problems: filled with what is wrong with unusable files, by path.
 
         Raises:
-            Problem: they cannot be used together, or there is no room in the queue.
-            OSError: one cannot be read.
+            Problem: the files cannot be used together, or there is no room in the queue.
+            OSError: a file cannot be read.
         """
         check_count(len(part.files))
         photos = []
@@ -239,7 +239,7 @@ class WatchedFolder:
             raise Problem(
                 413, f"{name} has {state.n_bytes:,} bytes; {self._most_bytes:,} may be (limits.upload_mb)"
             )
-        # a pipe or device would be waited for, and a link may show what is none of the folder's
+        # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
             raise Problem(415, f"{name} is no regular file")
         with path.open("rb") as source:

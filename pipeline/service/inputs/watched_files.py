@@ -33,7 +33,7 @@ _SPARE = 1000
 
 @dataclass(frozen=True)
 class FileState:
-    """How a file stands at a look."""
+    """Size and modification time of a file, ns, at one look."""
 
     n_bytes: int
     mtime_ns: int
@@ -46,12 +46,12 @@ class FileState:
 
 @dataclass(frozen=True)
 class Handled:
-    """What became of a file.
+    """Result of handling a file.
 
     Attributes:
-        state: as it stood.
-        part_id: of its part; empty if it cannot be used.
-        problem: why it cannot.
+        state: size and time of the file when it was handled.
+        part_id: id of its part; empty if it cannot be used.
+        problem: why the file cannot be used.
     """
 
     state: FileState
@@ -60,7 +60,7 @@ class Handled:
 
 
 class WatchJournal(Journal[Handled]):
-    """What became of the files of a watched folder, by their paths."""
+    """Results of the files of a watched folder, by path."""
 
     kind: ClassVar[str] = "watched folder"
     version: ClassVar[int] = 2

@@ -1,17 +1,17 @@
-"""What leaves the service by itself: deliveries of the store's outbox, sent until they have arrived.
+"""Send the deliveries of the store's outbox, with retries until they have arrived.
 
 outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
                                          \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
 
-A delivery is taken from the outbox only once the other side has said that it has it, so each arrives at least once;
-twice if the service dies between the two. The results of one part arrive in their order: the outbox gives only the
-eldest of each part and target, so later ones wait behind it. A target that is away is not tried with everything that
-is due: it rests, and is then tried with one.
+A delivery is removed from the outbox only after the receiver has acknowledged it, so each arrives at least once; it
+arrives twice if the service dies between the two. The results of one part arrive in order: the outbox gives only the
+oldest of each part and target, so later ones wait behind it. A target that is down is not tried with every delivery
+that is due: it rests, and is then tried with one.
 
-Services that share a store share its outbox: what one has leased the others leave alone, and nothing is begun to be
-sent that might not end within the lease. A service that dies loses nothing; another has it when the lease is over. One
-that stands still in the middle of a sending, for longer than its lease, may send late what another has sent since:
-receivers that mind drop what has a smaller delivery_id than they have had of that part.
+Services that share a store share its outbox. A delivery that one has leased is left alone by the others, and no sending
+starts that might not end within the lease. A service that dies loses nothing: another takes over when the lease ends. A
+service that stalls during a sending, for longer than its lease, may send late a delivery that another has sent since.
+Receivers for which that matters drop a delivery_id smaller than the last one they got for that part.
 """
 
 from __future__ import annotations
@@ -100,17 +100,17 @@ class TargetState:
 
 @dataclass(frozen=True)
 class Pace:
-    """How hard a dispatcher tries.
+    """Batch sizes, waits and timeouts of a dispatcher; times in seconds.
 
     Attributes:
         batch: deliveries to one target leased together.
-        together: sent to one target at the same time, of different parts.
-        look_s: between two looks at the outbox when nothing wakes the dispatcher.
-        first_wait_s: before the second attempt; doubled with every further one.
-        longest_wait_s: between two attempts.
-        longest_rest_s: of a target that is away.
-        send_s: for one attempt, whatever the sender's own limits.
-        lease_s: for which other services leave a delivery alone; longer than `send_s`.
+        together: deliveries of different parts sent to one target at the same time.
+        look_s: time between two looks at the outbox when nothing wakes the dispatcher.
+        first_wait_s: wait before the second attempt; doubled with every further one.
+        longest_wait_s: longest wait between two attempts.
+        longest_rest_s: longest rest of a target that is down.
+        send_s: timeout of one attempt, whatever the sender's own limits.
+        lease_s: time for which other services leave a delivery alone; longer than `send_s`.
     """
 
     batch: int = 100

@@ -9,8 +9,8 @@
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * There is one connection at a time, made anew when it is next needed, and every few seconds once `start` was called.
-* Services with one prefix share the status: it is online while one of them runs. Who hears "offline" there says
-  "online" again; for that a service must be allowed to read {prefix}/status.
+* Services with one prefix share the status: it is online while one of them runs. A running service that hears
+  "offline" there publishes "online" again; for that it must be allowed to read {prefix}/status.
 """
 
 from __future__ import annotations

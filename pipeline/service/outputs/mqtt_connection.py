@@ -31,7 +31,7 @@ _ENDS_OVER_A_MESSAGE = frozenset({0x82, _TOO_LARGE})
 _TOGETHER = 20
 """Messages on the way at most; a broker may ask for fewer."""
 _HEAD_BYTES = 16
-"""Of a message, beside topic and payload, at most."""
+"""Maximum overhead of a message beside topic and payload, bytes."""
 
 
 class MqttConnection:

@@ -1,4 +1,4 @@
-"""What all pages have in common: templates, who looks, cookies.
+"""Common parts of all pages: templates, the caller's rights, cookies.
 
 request --reader_view or reviewer_view--> View --page or redirect--> answer
 """
@@ -46,7 +46,7 @@ _HEADERS = {
 
 
 class Frame:
-    """What every page is made with."""
+    """Templates and services shared by all pages."""
 
     def __init__(
         self,
@@ -63,14 +63,14 @@ class Frame:
         """Load the templates.
 
         Args:
-            store: of the parts.
-            evidence: where their pictures are kept.
-            access: who may look and who may review.
-            review: keeps a review; arguments as `Store.review`.
+            store: store of the parts.
+            evidence: folder of their pictures.
+            access: rights to look and to review.
+            review: stores a review; arguments as `Store.review`.
             undo: takes a person's own review back, by the part's id and the person.
-            policy: who must agree, and who reads blind.
+            policy: rules of agreement and of blind reading.
             shadow: whether the service runs in shadow mode.
-            outside_format: what speaks against a text as a serial of a job's format; empty where nothing does.
+            outside_format: why a text does not fit the serial format of a job; empty if it fits.
         """
         self.store, self.evidence, self.access = store, evidence, access
         self.review, self.undo, self.policy, self.outside_format = review, undo, policy, outside_format
@@ -86,15 +86,15 @@ class Frame:
         self.environment.filters.update(iso=_iso, utc=_utc, here=_here, sentence=_sentence)
 
     def reader_view(self, request: Request) -> View:
-        """The view of a caller who may look.
+        """The view of a caller with the right to look.
 
         Raises:
-            DeniedError: a token that is not there or does not allow it.
+            DeniedError: the token is missing or does not allow it.
         """
         return View(self, request, self.access.caller(request, Scope.READ))
 
     def reviewer_view(self, request: Request) -> View:
-        """The view of a caller who may review; raises as `reader_view`."""
+        """The view of a caller with the right to review; raises as `reader_view`."""
         return View(self, request, self.access.caller(request, Scope.REVIEW))
 
     def render(
@@ -128,7 +128,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class View:
-    """One request for a page: who asks, and how it is answered."""
+    """One request for a page: its caller, and the answers to it."""
 
     frame: Frame
     request: Request

@@ -17,12 +17,12 @@ _SHARE, _THICKEST_MM = 0.35, 0.15
 
 @dataclass(frozen=True)
 class Felt:
-    """What was felt of a part.
+    """Felt passes of a part.
 
     Attributes:
-        reading: that was made of the passes.
-        stopped: why no more were felt, in words; empty where it is not known.
-        picture: to draw the lines over; None without one of known scale.
+        reading: reading made from the passes.
+        stopped: why feeling stopped, in words; empty if unknown.
+        picture: picture to draw the lines over; None without one of known scale.
         line_mm: thickness of a drawn line.
     """
 

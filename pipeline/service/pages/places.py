@@ -134,7 +134,7 @@ def part_cells(part: PartRecord) -> tuple[Cell, ...]:
 
 
 def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
-    """The text expected; a character that the part's own text does not bear there is a mismatch."""
+    """Cells of the expected text; a character that differs from the part's own text there is a mismatch."""
     borne = [char for char in part.text if not char.isspace()]
     answers = iter(aligned(borne, [char for char in part.expected if not char.isspace()]))
     cells = []

@@ -23,7 +23,7 @@ class BenchStage:
     def open(self, order: ScanOrder) -> BenchSession:
         """The part under the comb, in the frame of the order's region.
 
-        The camera's axis meets the plate at `camera_mm`, the middle of the field unless given.
+        The camera's axis meets the plate at `camera_mm` (default: the middle of the field).
 
         Raises:
             StageError: the bench cannot be opened or homed, or the region is off its field.

@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
 _LONGEST_NAME = 200
 _LEAST_HEIGHTS = 1.0
-"""Of the plate, what a region must cover either way, character heights."""
+"""Minimum extent of a region on the plate in either direction, character heights."""
 
 
 @dataclass(frozen=True)
 class ScanOrder:
-    """What a stage is asked to scan.
+    """Order to a stage to scan a part.
 
     Attributes:
-        part_name: what the line calls the part.
+        part_name: name of the part on the line.
         plan: region, directions, pitches.
     """
 
@@ -83,7 +83,7 @@ class Camera(Protocol):
 
 
 class NoStage:
-    """There is none: scans are sent by whoever has one."""
+    """No stage: scans are sent to the service."""
 
     def feel(self, order: ScanOrder, into: Path) -> Path:
         """Feels nothing.
@@ -95,7 +95,7 @@ class NoStage:
 
 
 class NoCamera:
-    """There is none: photographs are sent by whoever takes them."""
+    """No camera: photographs are sent to the service."""
 
     def take(self, part_name: str) -> Path:
         """Takes nothing.
@@ -201,7 +201,7 @@ class SimulatedStage:
 
     @contextlib.contextmanager
     def _plate(self, order: ScanOrder) -> Iterator[_Plate]:
-        """The part on the stage; whatever is wrong with its file is told as the stage's."""
+        """The part on the stage; a fault of its file is raised as a StageError."""
         from pipeline.formats.npz import read_soil
         from pipeline.formats.touch_file import read_height_map
 
@@ -249,7 +249,7 @@ def in_frame(scan: Scan, x_mm: float, y_mm: float) -> Scan:
 
 
 def _shift(plan: ScanPlanRecord, height_map: HeightMap) -> tuple[float, float]:
-    """From the plan's frame to the plate's: what is under the camera's axis is the middle of the plate."""
+    """Shift from the plan's frame to the plate's, mm; the camera's axis meets the middle of the plate."""
     if plan.middle_mm is None:
         return (0.0, 0.0)
     width, height = height_map.size_mm

@@ -1,12 +1,12 @@
-"""A thread of its own for a driver: one that hangs keeps nobody else, and the end of the service does not wait for it.
+"""A thread of its own for a driver: if the driver hangs, it blocks neither other work nor the end of the service.
 
     call(work) --> waiting (bounded) --> the driver's thread --> driver
          \\------ timeout_s ------> StageDownError, and `trouble` says so until the driver comes back
 
 * A driver is never called by two threads at once.
 * Every call ends within its time: with the driver's answer, its exception, or StageDownError.
-* While a call hangs, others are refused at once; when it comes back at last, the driver is used again.
-* The thread is a daemon's: a driver that never comes back does not keep the process alive.
+* While a call hangs, others are refused at once; when it returns at last, the driver is used again.
+* The thread is a daemon: a driver that never returns does not keep the process alive.
 """
 
 from __future__ import annotations
@@ -51,19 +51,19 @@ class DriverThread:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the driver now, in words; empty where nothing is."""
+        """Current fault of the driver, in words; empty without one."""
         at_work = self._at_work
         if at_work is None or (waited_s := time.monotonic() - at_work.begun_s) < at_work.timeout_s:
             return ""
         return f"the {self.what} has not answered for {waited_s:.0f} s"
 
     def call(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
-        """What comes of some work with the driver.
+        """Run work in the driver's thread, and return its result.
 
         Raises:
-            StageError: the driver's own.
-            OSError: likewise.
-            StageDownError: it does not answer in time, has a fault, or others wait for it already.
+            StageError: raised by the driver.
+            OSError: raised by the driver.
+            StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
         """
         made = self._submitted(work, timeout_s)
         try:

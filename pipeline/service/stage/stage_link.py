@@ -152,8 +152,10 @@ class StageLink:
         work: Callable[[Any], Any],
         shown: Callable[[Any], Any] = lambda made: made,
     ) -> Any:
-        """What comes of the next question, None of one that fails; the worker is sent the error, or what is shown of
-        it."""
+        """Answer the worker's next question, and return the result; None if it fails.
+
+        The worker is sent the error, or `shown` of the result.
+        """
         question, made = connection.recv(), None
         try:
             made = self._driver.call(partial(work, question))

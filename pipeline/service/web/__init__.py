@@ -1,1 +1,1 @@
-"""Around every request: who may come in, what is sent, what goes wrong, and the web server itself."""
+"""Access, uploads, error answers and the web server itself."""

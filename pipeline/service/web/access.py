@@ -1,4 +1,4 @@
-"""Who may call: tokens with scopes, asked for of everybody but the user who runs the service."""
+"""Access control: tokens with scopes, required of every caller but the user that runs the service."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pipeline.store.store import Store
 
 COOKIE = "tactile_marks_token"
-# name of a caller who needs no token
+# name of a caller without need of a token
 LOCAL = "local"
 _NEEDED = "a token is needed; send it as: Authorization: Bearer tm_..."
 _NEEDED_OF_OTHERS = (
@@ -32,11 +32,11 @@ class DeniedError(Problem):
 
 @dataclass(frozen=True)
 class Caller:
-    """Whoever makes a request.
+    """Caller of a request.
 
     Attributes:
-        name: of the token; "local" where none is asked for.
-        scopes: what it allows.
+        name: name of the token; "local" where none is required.
+        scopes: scopes of the token.
         token: name of the token; empty without one.
     """
 

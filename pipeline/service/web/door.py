@@ -1,9 +1,9 @@
 """Reject requests by their head, before a byte of the body is read.
 
 head --> from a page of another site?      403
-     --> through a proxy nobody has named? 403      (where no token is asked for: the proxy would let everybody in)
-     --> from another user of this machine? a token is asked for
-     --> no token that holds?              401, or the page to sign in
+     --> through a proxy not in settings?  403      (where no token is required: the proxy would let everybody in)
+     --> from another user of this machine? a token is required
+     --> no valid token?                   401, or the page to sign in
      --> too long, or no room for a part?  413, 503
      --> in
 """
@@ -58,12 +58,12 @@ class DoorLayer:
         """Take the rules.
 
         Args:
-            app: what lies within.
-            access: who may call.
+            app: the wrapped application.
+            access: access control.
             proxies: addresses and networks of proxies that may pass requests on.
-            busy: seconds after which to ask again, None while there is room.
-            refused: called with every upload turned away.
-            most_bytes: of one request.
+            busy: seconds after which to retry, None while there is room.
+            refused: called for every rejected upload.
+            most_bytes: maximum size of one request, bytes.
         """
         self._app, self._access = app, access
         self._proxies = tuple(ipaddress.ip_network(proxy) for proxy in proxies)
@@ -79,7 +79,7 @@ class DoorLayer:
         return await self._app(scope, receive, send)
 
     async def _answer(self, scope: Scope) -> Response | None:
-        """The answer to a request that is rejected; None of one that is let in."""
+        """The answer to a rejected request; None if the request is let in."""
         state = scope.setdefault("state", {})
         headers = Headers(scope=scope)
         try:
@@ -147,8 +147,7 @@ class DoorLayer:
 
 
 def _needs_token(scope: Scope) -> bool:
-    """Whether a request is nobody's business without a token; pages that are only looked at send to the sign-in
-    themselves."""
+    """Whether a request must have a token here; pages that are only looked at redirect to the sign-in themselves."""
     if scope["path"].startswith("/v1/"):
         return True
     return scope["method"] not in _SAFE_METHODS and scope["path"] != _SIGNING_IN

@@ -26,9 +26,9 @@ def is_in(address: str, networks: Networks) -> bool:
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:
-    """Whether a connection comes from a program of the user who runs this one.
+    """Whether a connection comes from a program of the user that runs this one.
 
-    True where that cannot be seen: on other systems than Linux, and of callers without a socket.
+    True where that cannot be determined: on systems other than Linux, and for callers without a socket.
 
     Args:
         client: address and port of the caller.

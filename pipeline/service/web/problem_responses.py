@@ -33,10 +33,10 @@ def add_problem_handlers(app: FastAPI) -> None:
             if isinstance(error, kind):
                 return answer(request, Problem(status, str(error)))
         log.error("store", why=str(error))
-        # its address is nobody's business, least of all of who has shown no token yet
+        # do not disclose its address, least of all to callers without a token
         return answer(request, OwnProblem("the store does not answer; the service's log says why"))
 
-    @app.exception_handler(FileError)  # of files that were sent, the reading orders have told already
+    @app.exception_handler(FileError)  # faults of uploaded files are reported by the reading orders
     @app.exception_handler(OSError)
     async def _disk(request: Request, error: Exception) -> Response:
         return answer(request, no_room(error))

@@ -1,4 +1,4 @@
-"""What was sent: received to a file of our own naming, and sorted by what it holds or is called."""
+"""Uploads: saved under a name of our own, and sorted by content or name."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 MOST_NAME = 200
 MOST_PHOTOS = 12
-"""Of one part."""
+"""Maximum number of photographs of one part."""
 SMALL_BODY = 64_000
-"""Most bytes of a request that brings no files."""
+"""Maximum size of a request without files, bytes."""
 _CHUNK = 1 << 20
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\u00a0-\ud7ff\ue000-\ufffd]")
@@ -30,9 +30,9 @@ class Upload:
     """A file that was sent.
 
     Attributes:
-        path: where it lies, under a name of ours.
-        name: what the sender called it, for messages alone.
-        sha256: of what it holds; empty where nobody asked.
+        path: path of the saved file, under a name of our own.
+        name: the sender's name of the file, for messages only.
+        sha256: hash of its content; empty if not requested.
     """
 
     path: Path
@@ -40,7 +40,7 @@ class Upload:
     sha256: str = ""
 
     def touch_kind(self) -> EvidenceKind:
-        """What a file is that was felt."""
+        """Kind of evidence of a file from touch: scan or height map."""
         return EvidenceKind.SCAN if is_scan(self.path) else EvidenceKind.HEIGHT_MAP
 
     def media_type(self, kind: EvidenceKind) -> str:
