@@ -1,6 +1,6 @@
 """Errors of a file's content, raised without the file's name: the caller that opened the file names it.
 
-A file is known by its path or URL. Where it is a copy, or somebody else's, `shown_as` says what it is called.
+A file is known by its path or URL. Where it is a copy, or an upload, `shown_as` sets the name shown.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ def problem_of(name: str | Path, what: str, hint: str) -> FileError:
 
 @contextlib.contextmanager
 def shown_as(names: Mapping[str, str]) -> Iterator[None]:
-    """Call files by other names in all that is said of them meanwhile.
+    """Show files under other names in errors raised within the block.
 
     Args:
         names: URL or name by which a file is shown, by its path.
 
     Raises:
-        FileError: of the block, of the name shown.
+        FileError: as raised in the block, with the name shown.
     """
     token = _SHOWN.set({**_SHOWN.get(), **names})
     try:
@@ -86,10 +86,10 @@ def shown_as(names: Mapping[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def naming(name: str | Path) -> Iterator[None]:
-    """Name the file, a path or URL, in errors that name nothing.
+    """Name the file, a path or URL, in errors that name no file.
 
     Raises:
-        FileError: in place of a MarksError of the block that names nothing, or calls the file otherwise.
+        FileError: in place of a MarksError of the block that names no file, or names the file differently.
         MissingExtraError: as it is raised in the block.
     """
     try:
@@ -104,16 +104,16 @@ def naming(name: str | Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def reading(path: Path, *, most_bytes: int, kind: str = "") -> Iterator[None]:
-    """Check that there is a file to read, and name it in every error of what reads it.
+    """Check that the file exists, and name it in every error raised while it is read.
 
     Args:
         path: the file.
         most_bytes: longest file that is read.
-        kind: format that somebody else's parser reads: whatever it trips over is damage of the file. Without it an
-            error that nobody has foreseen stays one of the program.
+        kind: format read by a third-party parser: any error of the parser is reported as damage of the file. Without
+            it, an unforeseen error stays an error of the program.
 
     Raises:
-        FileError: no such file, too long a one, or whatever is wrong with its content.
+        FileError: the file is missing or too long, or its content is at fault.
         MissingExtraError: as it is raised in the block.
     """
     with naming(path):

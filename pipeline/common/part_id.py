@@ -21,7 +21,7 @@ _last = 0
 
 
 def new_part_id() -> str:
-    """A name that nobody has, greater than every one this process has made before."""
+    """New unique name, greater than every name this process has made before."""
     global _last
     drawn = (time.time_ns() // 1_000_000) << _RANDOM_BITS | secrets.randbits(_RANDOM_BITS)
     with _lock:

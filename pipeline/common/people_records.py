@@ -11,12 +11,12 @@ from pipeline.common.shares import Share
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody who looks at parts.
+    """A person at the service.
 
     Attributes:
-        name: what a review is signed with: the token's name, or as typed where no token is asked for.
+        name: signature of reviews: the token's name, or the name typed where no token is required.
         token: name of the token; empty without one.
-        seat: where the person sits, a secret of the browser's; it tells those without tokens apart.
+        seat: secret of the person's browser; it distinguishes persons without tokens.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Files and folders for their owner alone: serials, photographs of parts and hashes of tokens are nobody else's."""
+"""Files and folders that only their owner can read: they hold serials, photographs of parts and hashes of tokens."""
 
 from __future__ import annotations
 

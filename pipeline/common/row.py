@@ -22,11 +22,11 @@ WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
 _UNGRADED = "?"
 _ACTIONS = ("clean", "clean first", "re-strike", "scan again")
-"""In this order; those of `recognition.decision.grade.Action`."""
+"""Actions in the order of a row; those of `recognition.decision.grade.Action`."""
 
 
 def row_of(record: ReadingRecord) -> dict[str, Any]:
-    """The cells of one part, in the order of the columns.
+    """Cells of one part, in the order of the columns.
 
     Columns:
         part: name of the part.
@@ -48,14 +48,14 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
         expected: the text that the part should read; empty where none is known.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
-        verify_probability: that the part bears the text expected; None where none was.
+        verify_probability: probability that the part has the expected text; None where no text was expected.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other serials with some belief, as "KB74 0.021"; a comma between.
         grade: mark quality, A to F, of the worst character; empty where none was graded.
         grades: of every character, a letter each; "?" where too little was scanned.
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
-        lines: the part's other lines, as "lot=LOT77;date=12/26"; one that nobody has asked for has no name: "SN8".
+        lines: the part's other lines, as "lot=LOT77;date=12/26"; a line that was not asked for has no name: "SN8".
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
         fields: what the marking says by name, as "MFR=0AB12;SER=KB74"; empty of one that says no names.
         burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
@@ -114,7 +114,7 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
 
 
 def lines_text(lines: Sequence[LineRecord]) -> str:
-    """Other lines of a part: "lot=LOT77;date=12/26"; a text alone where nobody has asked for it."""
+    """Other lines of a part: "lot=LOT77;date=12/26"; only the text of a line that was not asked for."""
     return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
 
 

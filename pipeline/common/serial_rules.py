@@ -1,13 +1,13 @@
-"""Serials among serials: what speaks against one that is read surely, by those before it and by the production order.
+"""Duplicate, order and sequence checks of a serial that is read surely.
 
     in the order?         KX407299 is not in lot-7.csv
     read before?          KX407251 was read before, of tray-7/part-3        (`pipeline.store.serials` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
-A misread serial must not condemn the next hundred, so a place is told by the middle of the last `WINDOW` parts
-that were read surely, and not by the last one; and only while most of them stand in a row. Their own serials count
-whether or not they were in their place: a lot that begins with another number is asked about `WINDOW // 2 + 1`
-times, then it is the row.
+A misread serial must not raise an alarm for the next hundred. The expected number is therefore the median over the
+last `WINDOW` parts that were read surely, not the last one plus 1. It is used only while most of these parts form a
+series. Their serials count whether or not they were in sequence: a lot that begins with another number raises
+`WINDOW // 2 + 1` alarms, then it is the series.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import NamedTuple
 from pipeline.common.texts import without_blanks
 
 WINDOW = 9
-"""Parts by which a place is told."""
+"""Number of preceding parts that predict the number of the next one."""
 _MOST = WINDOW // 2 + 1
 _DIGITS = re.compile(r"[0-9]+")
 
@@ -38,12 +38,12 @@ class SerialAlarm(StrEnum):
 
 @dataclass(frozen=True)
 class Objection:
-    """Why a part that is read surely goes to a person all the same.
+    """Reason to send a part that is read surely to review.
 
     Attributes:
-        alarm: of which kind.
-        why: in words.
-        of: id of the part that bears the serial already; empty otherwise.
+        alarm: kind of the objection.
+        why: reason in words.
+        of: id of the part that already has the serial; empty otherwise.
     """
 
     alarm: SerialAlarm
@@ -99,9 +99,9 @@ class SerialRules:
     """Rules for serials.
 
     Attributes:
-        duplicates: refuse a serial that another part bears.
-        jump: how far a serial may be from its place in the row; 0: anywhere.
-        order: the serials that are to come; None: any.
+        duplicates: refuse a serial that another part already has.
+        jump: largest distance of a serial from its expected number; 0: no limit.
+        order: production order; None: any serial.
     """
 
     duplicates: bool = False
@@ -110,7 +110,7 @@ class SerialRules:
 
     @property
     def any(self) -> bool:
-        """Whether anything is asked."""
+        """Whether any check is on."""
         return self.duplicates or self.jump > 0 or self.order is not None
 
     def by_order(self, text: str) -> Objection | None:
@@ -131,11 +131,11 @@ class SerialRules:
         if not self.jump or len(known) < _MOST:
             return None
         ((head, tail), n_alike), *_ = Counter((one.head, one.tail) for _, one in known).most_common()
-        # where each of them says that the part now stands
+        # number of the present part, as each of them predicts it
         said = [one.number + back for back, one in known if (one.head, one.tail) == (head, tail)]
         middle = median_low(said)
         if n_alike < _MOST or sum(abs(one - middle) <= self.jump for one in said) < _MOST:
-            return None  # they stand in no row
+            return None  # they form no series
         row = f"{head}...{tail}"
         if place is None or (place.head, place.tail) != (head, tail):
             return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is none of the row {row} before it")
@@ -147,7 +147,7 @@ class SerialRules:
 
 
 def counted(text: str) -> Counted | None:
-    """The parts of a serial with a number; None of one without."""
+    """Split a serial with a number into its parts; None for a serial without one."""
     plain = without_blanks(text)
     runs = list(_DIGITS.finditer(plain))
     if not runs:

@@ -94,11 +94,11 @@ _MODES = {
 
 
 def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
-    """The first of the values that cannot be, in words.
+    """Error that describes the first invalid value.
 
     Args:
-        error: of pydantic.
-        called: how the person who gave it calls a setting.
+        error: error of pydantic.
+        called: gives the user's name of a setting.
     """
     first = error.errors()[0]
     message = first["msg"].removeprefix("Value error, ")

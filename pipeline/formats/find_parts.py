@@ -72,7 +72,7 @@ class PassedOver:
 
 
 class Listing(list[PartFiles]):
-    """Parts, and the files of their folders that belong to none of them."""
+    """Parts found, and the files of their folders that belong to no part."""
 
     def __init__(self, parts: Iterable[PartFiles], passed_over: PassedOver) -> None:
         super().__init__(parts)
@@ -100,18 +100,19 @@ def list_parts(
     beside: bool = False,
     height_images: bool = False,
 ) -> Listing:
-    """The parts that the inputs name, in the order given, a folder's by name.
+    """List the parts that the inputs name, in the order given; the parts of a folder are sorted by name.
 
-    In a folder or glob files of other kinds are passed over; named on their own they are parts with a problem,
-    as are files that are not there. Beside height maps or scans, a photograph that belongs to none of them may be any
-    picture. A URL that ends as a file of a known kind does is taken for one and not asked after; any other is listed.
+    Files of other kinds are skipped in a folder or glob. Named on their own they are parts with a problem, as are
+    missing files. Beside height maps or scans, a photograph without its own map or scan is not a part by default:
+    it may be any picture. A URL with the suffix of a known kind is taken for a file without a check; any other URL is
+    listed.
 
     Args:
         inputs: files, folders and globs, of this machine or by URL; manifests (.csv, .parquet).
-        manifests: more manifests, whatever they are called.
-        photos: photographs in folders are parts of their own, too, beside height maps and scans.
+        manifests: more manifests, of any file name.
+        photos: photographs in folders are parts of their own even beside height maps and scans.
         beside: photographs of the same stem beside a file named belong to its part (on this machine).
-        height_images: .png and .tif are height maps, and no photographs.
+        height_images: .png and .tif are height maps, not photographs.
 
     Raises:
         NothingFoundError: no file at all.
@@ -160,8 +161,8 @@ class FoundFiles:
         """Begin without any.
 
         Args:
-            photos: photographs in folders are parts of their own, too, beside height maps and scans.
-            height_images: .png and .tif are height maps, and no photographs.
+            photos: photographs in folders are parts of their own even beside height maps and scans.
+            height_images: .png and .tif are height maps, not photographs.
         """
         self._photos = photos
         self._key_and_kind = partial(key_and_kind, height_images=height_images)
@@ -192,11 +193,11 @@ class FoundFiles:
             self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
 
     def add(self, files: Sequence[str], *, named: bool = False, there: bool = True) -> None:
-        """Files of one folder or glob, or one named on its own with what belongs to it.
+        """Add the files of one folder or glob, or one named on its own with the photographs beside it.
 
         Args:
-            files: paths or URLs; hidden ones are passed over.
-            named: the kind of the first does not matter, it is a part.
+            files: paths or URLs; hidden ones are skipped.
+            named: the first file is named on its own: it is a part whatever its kind.
             there: it exists, as far as is known.
         """
         seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]

@@ -1,4 +1,4 @@
-"""From the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes."""
+"""Conversion of the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes."""
 
 from __future__ import annotations
 

@@ -66,11 +66,11 @@ class _Pass:
 
 
 def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> Scan:
-    """The scan in trace files; moments in N mm, or volts as they are.
+    """Read a scan from trace files; moments in N mm, volts unchanged.
 
     Args:
-        paths: of the files, in the order in which they were recorded.
-        told: what stands in them.
+        paths: trace files, in the order in which they were recorded.
+        told: description of the files.
         touch: the whiskers.
 
     Raises:
@@ -205,7 +205,7 @@ def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
             "leave out passes that were broken off, or import them apart",
         )
     if told.part_mm is not None:
-        # run-in and run-out are on the part's land: what lies before it is felt by nobody
+        # run-in and run-out are on the part's land: no whisker feels anything before it
         edges = told.part_mm[::2] if direction.along_x else told.part_mm[1::2]
         first, last = sorted(-v if direction.backward else v for v in edges)
         low, high = max(low, first), min(high, last)

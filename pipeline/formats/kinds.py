@@ -89,12 +89,12 @@ def is_photo(path: PurePath) -> bool:
 
 
 def kind_of(head: bytes) -> PhotoKind | None:
-    """The kind of a picture that is read, by its first `HEAD_BYTES`; None of any other file."""
+    """Kind of a readable picture, from its first `HEAD_BYTES`; None for any other file."""
     return next((kind for kind in READ if kind.magic.match(head)), None)
 
 
 def refusal(head: bytes) -> tuple[str, str]:
-    """A sentence on a file that is none of these pictures, and a hint."""
+    """Message and hint for a file that is not a readable picture."""
     name = next((name for name, magic in _RECOGNISED if magic.match(head)), None)
     if name is None:
         return "is not a picture that can be read", f"copy it again, or save it as {READ_NAMES}"

@@ -61,7 +61,7 @@ def beside(source: str, name: str) -> str:
         return name
     if not is_url(source):
         place = os.path.join(os.path.dirname(source), name)
-        # as a Path spells it, so that what is found and told alike is one; most names need none made for that
+        # spelled as Path spells it, so that equal names compare equal; most names need no Path object for that
         return str(Path(place)) if ("//" in place or "./" in place) and not name.endswith("/") else place
     folder = split_name(source)[0]
     scheme, _, place = folder.partition("://")

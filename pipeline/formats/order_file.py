@@ -13,7 +13,7 @@ from pipeline.formats.table_file import TEXT_HEADINGS, TableLine, column_of, is_
 _MOST_BYTES = 50_000_000
 _SEPARATE = "separate all columns by the same comma, semicolon or tab, and call the one meant serial"
 _RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
-# no stamp bears these, but a table that is parsed wrongly has them in its cells
+# characters that no stamp has, but that appear in the cells of a wrongly parsed table
 _ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
 
 

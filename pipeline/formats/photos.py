@@ -40,7 +40,7 @@ _MOST_PAGES = 24
 _FREE_SCANS, _MOST_SCANNED = 16, 10 * MAX_PIXELS
 """Passes over a progressive JPEG that are always allowed (encoders write about 10), and pixels times passes beyond."""
 _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
-"""In a JPEG's compressed data, where stuffed bytes and restart markers are no segments."""
+"""Next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,14 @@ class PhotoHeader:
 
 
 def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
-    """The header of a picture; nothing is decoded.
+    """Read the header of a picture; nothing is decoded.
 
     Args:
         path: the file.
-        most: pixels that it may have.
+        most: most pixels that the picture may have.
 
     Raises:
-        FileError: no file, none of these kinds, damaged, or more work to decode than a photograph takes.
+        FileError: the file is missing, of an unsupported kind, damaged, or takes more work to decode than a photograph.
     """
     path = Path(path)
     with _opened(path, most=most) as image:
@@ -76,16 +76,17 @@ def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
 
 
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
-    """The photograph in a file as red, green and blue of 8 or 16 bit, upright as its EXIF says.
+    """Read a photograph as red, green and blue of 8 or 16 bit, turned upright as its EXIF says.
 
-    Pictures of 16 bit are stretched between percentiles: neither a camera of 12 bit nor a single glint leaves the
-    rest black. Of a file of several pages the first that is not blank is read, of an animation the first frame; what
-    is transparent is laid on white, or on black where the rest is bright. The photograph's notes say so. The pixel's
-    size is taken from the file where it states one in metres or inches that is none of the usual defaults (72,
+    Pictures of 16 bit are stretched between percentiles, so that neither a 12 bit camera nor a single glint leaves
+    the rest black. In a file of several pages the first page that is not blank is read, in an animation the first
+    frame. Transparent pixels are laid on white, or on black where the rest is bright. The photograph's notes say so.
+    The pixel size is taken from the file where it states one in metres or inches that is not a usual default (72 or
     96 dpi).
 
     Raises:
-        FileError: no file, none of these kinds, damaged, cut short, or more work to decode than a photograph takes.
+        FileError: the file is missing, of an unsupported kind, damaged, cut short, or takes more work to decode than a
+            photograph.
     """
     path = Path(path)
     with _opened(path, most=most) as image:

@@ -111,7 +111,7 @@ def map_of_points(
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:
-    """Heights (rows, cols) and distances along x and y of points that lie on a grid; None of others."""
+    """Heights (rows, cols) and distances along x and y of points on a grid; None for points off a grid."""
     places, pitches = [], []
     for along in (points[:, 0], -points[:, 1]):
         gaps = np.diff(np.unique(along))

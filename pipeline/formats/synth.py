@@ -51,29 +51,29 @@ class SynthSpec:
     """Settings of the parts to stamp.
 
     Attributes:
-        format: of the serials.
+        format: format of the serials.
         font: built-in name or font file.
-        seed: of everything random.
+        seed: seed of all random draws.
         height_mm: character height.
-        depth_mm: depth of the mark, from the table of usual depths unless given.
+        depth_mm: depth of the mark (default: from the table of usual depths).
         face: face of the die.
         bevel_deg: slope of its walls.
         raised: raised marks.
-        variation: whether blows and plate differ as they do in a shop; without it all is ideal.
-        practice: who stamps, a name of `glyphs.PRACTICES`; a press unless given.
+        variation: whether blows and plate vary as they do in a shop; without it all are ideal.
+        practice: stamping practice, a name of `glyphs.PRACTICES` (default: a press).
         die: a name of `glyphs.DIES`, in place of a face.
-        plate: a name of `glyphs.PLATES`; a machined one unless given.
-        layout: a name of `glyphs.LAYOUTS`; a straight line unless given. Of two lines the truth is the one of the
+        plate: a name of `glyphs.PLATES` (default: a machined plate).
+        layout: a name of `glyphs.LAYOUTS` (default: a straight line). With two lines, the truth is the line in the
             format.
-        soiling: what lies on the parts; nothing unless given.
-        light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
-        light_elevation_deg: how high it stands; likewise.
-        pixel_mm: size of a pixel of the photographs on the part.
-        lights: photographs of each part, the lamp on another side each time.
+        soiling: dirt on the parts (default: none).
+        light_azimuth_deg: azimuth of the lamp, see `Light` (default: drawn for every part).
+        light_elevation_deg: elevation of the lamp; likewise.
+        pixel_mm: pixel size of the photographs, on the part.
+        lights: number of photographs of each part, each with the lamp on another side.
 
     Raises:
-        SettingsError: a format, font, die, light or pixel that cannot be; a practice without variation.
-        StampError: no practice, die, plate or layout of that name.
+        SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
+        StampError: unknown practice, die, plate or layout.
     """
 
     format: str
@@ -165,13 +165,13 @@ def write_parts(
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
 
     Args:
-        spec: what to make.
-        folder: for them, made if need be.
-        parts: how many.
+        spec: settings of the parts.
+        folder: output folder, made if missing.
+        parts: number of parts.
         photos: whether photographs are taken.
         overwrite: write into a folder that is not empty.
-        each: calls a function with every number and gives the results in order, as `map` does; what is written does
-            not depend on who does it.
+        each: calls a function with every number and gives the results in order, as `map` does; the files written do
+            not depend on it.
         on_part: called with the name of every part when it is written, in order.
 
     Returns:
@@ -180,7 +180,7 @@ def write_parts(
     Raises:
         FileError: the folder is not empty and not to be overwritten, or cannot be written.
         MapError: a photograph too large.
-        SettingsError: a number of parts that cannot be.
+        SettingsError: an impossible number of parts.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")

@@ -27,7 +27,7 @@ _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
 # characters; more than any line of a table has, so that a file without line ends is not loaded whole
 _MOST_LINE = 10_000_000
-# bytes from which the encoding is told, lines from which the delimiter is
+# bytes from which the encoding is detected, and lines from which the delimiter is
 _SAMPLE_BYTES, _SAMPLE_LINES = 4096, 20
 
 
@@ -51,14 +51,14 @@ class TableLine:
 def table_lines(
     path: Path, *, comments: bool = False, delimiter: str = "", skip_lines: int = 0, errors: str = "strict"
 ) -> Iterator[TableLine]:
-    """The lines of a table, its first one with the headings (if any) among them; one line is in memory at a time.
+    """Read the lines of a table, headings (if any) included; one line is in memory at a time.
 
     Args:
         path: the file.
-        comments: pass over lines that begin with #.
-        delimiter: between cells; found unless given.
-        skip_lines: passed over at the start, where the delimiter is given.
-        errors: how bytes that are no text are taken, such as `CP1252`.
+        comments: skip lines that begin with #.
+        delimiter: between cells (default: detected).
+        skip_lines: lines to skip at the start, where the delimiter is given.
+        errors: how to decode invalid bytes, such as `CP1252`.
 
     Raises:
         DataError: a workbook, not text in UTF-8 or UTF-16, or no CSV; names the line.
@@ -172,7 +172,7 @@ def _evenness(lines: Sequence[str], delimiter: str) -> tuple[int, int]:
     """Number of lines with as many cells as the first, and that number of cells; (0, 0) where the first has one."""
     try:
         rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
-    except csv.Error:  # told when the table is parsed
+    except csv.Error:  # reported when the table is parsed
         rows = [line.split(delimiter) for line in lines[:1]]
     cells = len(rows[0]) if rows else 0
     return (sum(len(row) == cells for row in rows), cells) if cells > 1 else (0, 0)

@@ -151,7 +151,7 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
 
 
 def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float] | None:
-    """Heights and steps of a matrix with x in its first row and y in its first column; None of any other."""
+    """Heights and steps of a matrix with x in its first row and y in its first column; None for any other."""
     pitches = []
     for axis in (z[0, 1:], z[1:, 0]):
         steps = np.diff(axis)

@@ -44,11 +44,11 @@ _READERS: dict[str, _Reader] = {
 
 
 def read_height_map(path: str | Path, settings: MapSettings | None = None) -> HeightMap:
-    """The height map in a file, mm, row 0 at the top.
+    """Read the height map in a file, in mm, row 0 at the top.
 
     Args:
         path: the file; its suffix says which format it is.
-        settings: unit, pitch, kind and order of rows that are given; the file's own unless given.
+        settings: unit, pitch, kind and order of rows (default: as the file states them).
 
     Raises:
         FileError: the file cannot be used.

@@ -65,17 +65,17 @@ class TraceTable:
 
 
 def read_trace_table(path: Path, told: TracesFile) -> TraceTable:
-    """The columns that are told of; time stamps become seconds.
+    """Read the columns that the description names; time stamps become seconds.
 
     TDMS channels that begin at other times than the first, or were sampled at another rate, are laid on its samples.
 
     Args:
         path: the file.
-        told: columns, and layout of text.
+        told: description of the columns and of the text layout.
 
     Raises:
-        DataError: a file of another kind, damaged; a column that is not there; a value that is no number.
-        MissingExtraError: TDMS without its library.
+        DataError: a file of another kind or damaged; a missing column; a value that is not a number.
+        MissingExtraError: the library for TDMS is missing.
     """
     if path.suffix.lower() == ".tdms":
         return _tdms(path, told.columns)
@@ -112,7 +112,7 @@ def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:
 
 
 def second_of_day(written: str) -> float | None:
-    """Second of the day of a time stamp, such as 2024-03-01T09:30:00.125 or 9:30:00 PM; None of anything else."""
+    """Second of the day of a time stamp, such as 2024-03-01T09:30:00.125 or 9:30:00 PM; None for any other text."""
     found = _OF_DAY.search(written)
     if found is None:
         return None

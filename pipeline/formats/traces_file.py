@@ -74,20 +74,20 @@ class TracesFile(Strict, strict=True):
 
     Attributes:
         whisker: whisker file.
-        columns: where what stands.
-        moment_unit: of the signals.
-        position_unit: of positions and of nothing else: keys say their own.
-        time_unit: of the column of time, where it has numbers.
+        columns: columns of the quantities.
+        moment_unit: unit of the signals.
+        position_unit: unit of the positions only; the keys name their own units.
+        time_unit: unit of the time column, where it holds numbers.
         sampling_rate_hz: where no column has the time, and no TDMS channel its increment.
         lead_mm: run-in and run-out on bare land; 0 where there is none.
         across_mm: how far beside the stage's position each tip runs: towards +y in passes along x, towards +x in
-            passes along y; all on the position unless given.
+            passes along y (default: all on the position).
         turns: the comb is turned with the direction: across_mm is to the right of the travel.
-        behind_mm: how far behind the position each tip runs; none unless given.
-        part_mm: x0, y0, x1, y1 of the part; a tip beyond it feels nothing; all of the plate unless given.
-        part_id: what the part is called.
+        behind_mm: how far behind the position each tip runs (default: 0).
+        part_mm: x0, y0, x1, y1 of the part; a tip beyond it feels nothing (default: the whole plate).
+        part_id: name of the part.
         start_time: ISO 8601 with zone.
-        csv: how text is written.
+        csv: layout of text files.
     """
 
     whisker: str

@@ -147,7 +147,7 @@ class _Shape:
         return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
 
     def absurdity(self, z_mm: float, xy_mm: float) -> str:
-        """Why no plate with marks has these measures in these units; empty if one may."""
+        """Reason why no plate with marks has these measures in these units; empty if one may."""
         if odd := self.odd_size(xy_mm):
             return odd
         pitch, relief, depth = self.pitch * xy_mm, self.relief * z_mm, self.depth * z_mm
@@ -164,7 +164,7 @@ class _Shape:
         return ""
 
     def odd_size(self, xy_mm: float) -> str:
-        """Why no map of a plate has these distances; empty if one may."""
+        """Reason why no map of a plate has these distances; empty if one may."""
         pitch = self.pitch * xy_mm
         shorter, longer = sorted(n * pitch for n in self.raw.z.shape)
         if pitch > MOST_PITCH_MM:

@@ -73,15 +73,15 @@ class CertificationJournal(Journal[LabelledPart]):
 
 @dataclass(frozen=True)
 class Certification:
-    """What labelled parts have shown.
+    """Result of a certification on labelled parts.
 
     Attributes:
-        certificate: that they earn; None where no threshold is shown to hold the risk.
-        tests: of every threshold.
-        parts: how many there are.
-        errors: of these, that could not be read.
-        without_truth: parts that are in no line of the truth, and were not read.
-        missing: how many more parts would earn a certificate, about; None where it has one, or no number would.
+        certificate: certificate earned; None where no threshold is shown to keep the risk.
+        tests: one test per threshold.
+        parts: number of parts.
+        errors: number of these that could not be read.
+        without_truth: number of parts that are not in the truth, and were not read.
+        missing: about how many more parts would earn a certificate; None where there is one, or no number would do.
     """
 
     certificate: Certificate | None
@@ -103,24 +103,23 @@ def certify(
     confidence: float,
     manifests: Sequence[str] = (),
 ) -> Certification:
-    """Read labelled parts, and test from which confidence on they may be accepted.
+    """Read labelled parts, and test from which confidence on readings may be accepted.
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
         truth: CSV with the columns part and text.
-        settings: of reading; the certificate holds for these.
-        executors: who reads.
-        out: the certificate that is to be written, beside which parts that were read are kept.
-        risk: share of wrong ones among the accepted that is not to be passed.
-        confidence: with which that is to be shown.
+        settings: settings of reading, for which the certificate holds.
+        executors: choice of the executor that reads.
+        out: certificate file to write; the journal of the parts already read is kept beside it.
+        risk: largest share of wrong readings among the accepted.
+        confidence: confidence level of the test.
         manifests: tables of parts.
 
     Raises:
-        FileError: a table that cannot be used, or that names none of the parts; another certification was broken off
-            there.
+        FileError: a table is unusable or names no part of the inputs; another, unfinished certification is there.
         SettingsError: settings that cannot be certified.
         NothingFoundError: no part.
-        ValueError: a risk or confidence that is none, settings that cannot be used.
+        ValueError: an invalid risk or confidence, or unusable settings.
     """
     if settings.certificate is not None:
         raise SettingsError("a certificate is set, which keeps parts from acceptance", hint="leave it away")
@@ -149,7 +148,7 @@ def certify(
 
 
 def _description(inputs: Sequence[str], settings: ReadSettings, manifests: Sequence[str]) -> dict[str, Any]:
-    """What the readings depend on."""
+    """Settings, inputs and versions that the readings depend on."""
     return {
         "settings": settings_described(settings),
         "mode": settings.mode,
@@ -194,7 +193,7 @@ def _certification(
     confidence: float,
     least: float,
 ) -> Certification:
-    """What the parts show of confidences from the least that the settings accept."""
+    """Test the confidences from the least that the settings accept."""
     accepted = [part for part in parts if part.record.decision == "accept"]
     tests = threshold_tests(
         [part.record.confidence for part in accepted],
@@ -229,6 +228,6 @@ def _certification(
 
 
 def _hash_of(parts: Sequence[LabelledPart]) -> str:
-    """Of all files and labels, by the names of the parts."""
+    """Hash of all names, labels and files of the parts."""
     lines = (f"{part.record.part}\t{part.truth}\t{part.sha256}\n" for part in parts)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -45,21 +45,21 @@ _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 class Journal(Generic[Kept]):
-    """What is kept of the parts of one run.
+    """Stored results of the parts of one run.
 
-    A part that was kept outlives any end of the process. One process has the journal at a time.
+    A stored result survives any end of the process. One process has the journal at a time.
 
     Attributes:
-        kind: what is run, in a word.
-        version: of the form of what is kept.
-        keeps: type of what is kept of a part; pydantic writes and reads it.
+        kind: kind of run, in one word.
+        version: version of the stored form.
+        keeps: type stored for a part; pydantic writes and reads it.
         file: name of the journal in the folder of its run; empty where the run's place is the journal.
-        shared: other connections may have it at the same time.
-        path: the file.
-        description: what is run: plain JSON values.
-        names: of the parts that are done.
-        again: of those that are done a second time.
-        resumed: whether a run that broke off is taken up.
+        shared: whether other connections may have it open at the same time.
+        path: journal file.
+        description: description of the run, in plain JSON values.
+        names: names of the parts that are done.
+        again: names of the parts that are done a second time.
+        resumed: whether an interrupted run is resumed.
     """
 
     kind: ClassVar[str]
@@ -76,16 +76,16 @@ class Journal(Generic[Kept]):
         output: Path | None = None,
         make_place: Callable[[], None] = lambda: None,
     ) -> None:
-        """Take up the journal, or begin it.
+        """Resume the journal, or begin a new one.
 
         Args:
-            path: of the file.
-            description: what is run; None to read whatever there is, and change nothing.
-            output: file that errors name; the journal unless given.
+            path: journal file.
+            description: description of the run; None to read any run and change nothing.
+            output: file that errors name (default: the journal).
             make_place: called before a new run is begun.
 
         Raises:
-            FileError: it is of another run, another process has it, or it cannot be used.
+            FileError: the journal is of another run, another process has it, or it cannot be used.
         """
         self.path, self._output = path, output or path
         self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
@@ -127,10 +127,10 @@ class Journal(Generic[Kept]):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """What the journal in a folder holds; the journal itself is closed again.
+        """Read the journal in a folder, and close it.
 
         Raises:
-            FileError: there is none.
+            FileError: there is no journal.
         """
         path = folder / cls.file
         if not path.is_file():
@@ -147,7 +147,7 @@ class Journal(Generic[Kept]):
 
     @cached_property
     def done(self) -> dict[str, Kept]:
-        """What is kept, by the part's name; grows with `keep`."""
+        """Stored results by part name; grows with `keep`."""
         rows = self._db.execute("select name, kept from parts order by number")
         return {_text(name): self._parsed(kept) for name, kept in rows}
 
@@ -184,10 +184,10 @@ class Journal(Generic[Kept]):
             self.done.pop(name, None)
 
     def entries(self, order: Iterable[str] = ()) -> Iterator[tuple[Kept, Kept | None]]:
-        """What is kept of every part, and of its second time, streamed.
+        """Stream the stored result of every part, with that of its second time.
 
         Args:
-            order: names of the parts that come first; those that are not kept are passed over.
+            order: names of the parts that come first; names without a stored result are skipped.
         """
         with self._faults():
             self._db.execute("create table if not exists temp.asked (name blob unique)")
@@ -315,16 +315,16 @@ def resumable(
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Kept]]:
-    """Do the parts that the journal lacks, keep what came of each, and yield it as it is done.
+    """Do the parts that the journal lacks, store the result of each, and yield it as it is done.
 
     Args:
-        journal: what is done.
-        parts: all of them.
-        executor: who works.
+        journal: journal of the parts that are done.
+        parts: all parts.
+        executor: executor of the work.
         work: makes a result of (order, part).
-        order: for all parts.
+        order: order for all parts.
         lost: makes the result of a part whose work failed or whose worker was lost.
-        kept: makes what is kept of a result; the result unless given.
+        kept: makes the stored form of a result (default: the result itself).
         name: attribute that names a part.
         again: whether the parts are done a second time.
     """

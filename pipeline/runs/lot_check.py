@@ -1,4 +1,4 @@
-"""A run's serials among each other: those that its production order lacks, and those that two parts bear."""
+"""Checks among the serials of a run: serials that are not in the production order, and duplicates."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from pipeline.common.texts import without_blanks
 
 @dataclass
 class LotCheck:
-    """Sends to a person what was read surely and cannot be so.
+    """Send parts with impossible serials to review, although they were read surely.
 
-    Of two parts with one serial the second is sent, and its message names the first. Where parts stand in a row is not
-    asked: a run reads them in any order.
+    If two parts have one serial, the second is sent, and its message names the first. The sequence is not checked,
+    since a run reads parts in any order.
 
     Attributes:
-        order: the serials that are to come.
-        bearers: part that bears each serial read surely so far.
+        order: production order.
+        bearers: first part with each serial that was read surely so far.
     """
 
     order: ProductionOrder
     bearers: dict[str, str] = field(default_factory=dict)
 
     def known(self, record: ReadingRecord) -> None:
-        """Take a record of an earlier sitting into account."""
+        """Add a record from an earlier part of the run."""
         if record.decision == "accept":
             self.bearers.setdefault(without_blanks(record.text), record.part)
 
     def checked(self, record: ReadingRecord) -> ReadingRecord:
-        """The record, to be reviewed where something speaks against its serial."""
+        """Return the record, changed to review where its serial fails a check."""
         if record.decision != "accept":
             return record
         if not self.order.holds(record.text):

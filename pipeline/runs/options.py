@@ -1,4 +1,4 @@
-"""What a run is asked for, beside settings of reading and who works."""
+"""Options of a run other than the settings of reading and the executor."""
 
 from __future__ import annotations
 

@@ -63,21 +63,21 @@ def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
 
 
 def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
-    """Read parts, and print what came of it.
+    """Read parts, and print the results.
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
-        settings: of reading.
-        options: what to check, and where the rows go.
-        executor: who reads.
+        settings: settings of reading.
+        options: checks and outputs.
+        executor: executor that reads.
 
     Returns:
-        0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
+        0; 1 where a part could not be read, or its expected text is not confirmed.
 
     Raises:
         FileError: a table, list or lexicon that cannot be used.
         NothingFoundError: no part.
-        ClusterError: a cluster that cannot be used.
+        ClusterError: an unusable cluster.
         ValueError: settings, a font, format or database that cannot be used.
     """
     options.check()
@@ -164,7 +164,7 @@ def _description(
     learning: bool,
     certificate: Certificate | None,
 ) -> dict[str, Any]:
-    """What the rows depend on."""
+    """Settings, options and versions that the rows depend on."""
     told = {
         "learn_die": learning,
         "files": {str(path): file_sha256(path) for path in files_of(settings)},

@@ -53,7 +53,7 @@ class Progress:
             self._bar.stop()
 
     def more(self, parts: int) -> None:
-        """So many parts more are to be read."""
+        """Add parts that are to be read."""
         self._total += parts
         if self._bar is not None:
             self._bar.update(self._task, total=self._total)

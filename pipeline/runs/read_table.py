@@ -1,4 +1,4 @@
-"""What was read, as a table on the terminal: serials whole, remarks on a line of their own."""
+"""Table of the readings on the terminal: serials in full, remarks on a line of their own."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _cells(record: ReadingRecord) -> dict[str, str]:
 
 
 def notes(record: ReadingRecord) -> str:
-    """What a person should know of a part that was read."""
+    """Notes for a person on a part that was read."""
     found = list(record.messages)
     if not record.verdict:  # a verification names its places itself
         # a place that the messages ask about is not asked about twice

@@ -41,21 +41,21 @@ if TYPE_CHECKING:
 
 @dataclass
 class Run:
-    """Where the rows of a run go.
+    """A run with the outputs of its rows.
 
     Attributes:
         journal: the run on the disk.
         quarantine: list of the parts that could not be read.
-        store: keeps them as well.
-        second: has the lot teach itself.
-        lot: sends to a person what cannot be a serial of this lot.
-        watch: compares the parts that are read now with those of a certificate.
-        progress: shows how far it is.
-        on_row: called with every row that counts in the end, also those of an earlier sitting.
-        summary: of all these rows.
-        read_now: parts read in this sitting.
-        known: of these, parts that the store had already.
-        finished: whether every part has been.
+        store: store that keeps the parts as well.
+        second: second pass, in which the lot teaches itself.
+        lot: check that sends impossible serials of this lot to review.
+        watch: compares the parts read now with those of a certificate.
+        progress: progress display.
+        on_row: called with every final row, also those from before a resumption.
+        summary: summary of all these rows.
+        read_now: number of parts read since the run was opened.
+        known: number of these that the store had already.
+        finished: whether every part has been read.
     """
 
     journal: RunJournal
@@ -74,7 +74,7 @@ class Run:
     def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
         """Read every part that the journal does not hold, and put the table in the order of the parts.
 
-        Beside a store the table is no result: it stays, unfinished, until whoever opened the run is done with it.
+        With a store the table is not the result: it stays unfinished until the caller that opened the run is done.
 
         Raises:
             FileError: the table cannot be written.

@@ -41,7 +41,7 @@ class RunJournal(Journal[ReadingRecord]):
     keeps: ClassVar[Any] = ReadingRecord
 
     def __init__(self, table: Path, description: Mapping[str, Any] | None) -> None:
-        """Begin a run or take one up.
+        """Begin a run or resume one.
 
         Raises:
             FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
@@ -63,11 +63,11 @@ class RunJournal(Journal[ReadingRecord]):
 
     @classmethod
     def open(cls, place: Path, description: Mapping[str, Any]) -> Self:
-        """Begin a run or take one up; as the class."""
+        """Begin a run or resume one, like the class."""
         return cls(place, description)
 
     def add(self, record: ReadingRecord) -> None:
-        """Keep a record; of two of one part the first counts.
+        """Store a record; if a part has two, the first counts.
 
         Raises:
             FileError: it cannot be written; the records before stay.
@@ -75,7 +75,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.keep(record.part, record)
 
     def keep(self, name: str, kept: ReadingRecord, *, again: bool = False) -> ReadingRecord:
-        """Keep a record, and append its line; what no table holds is a fault, and its record says so."""
+        """Store a record and append its line; a value that no table can hold makes it a record with an error."""
         if name in (self.again if again else self.names):
             return kept
         try:
@@ -124,7 +124,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.remove()
 
     def keep_private(self) -> None:
-        """Let nobody but the owner read what is kept; for records that are no table of the user's.
+        """Make the files readable by their owner only; for records that are not a table of the user's.
 
         Raises:
             FileError: the disk refuses.
@@ -145,7 +145,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.remove()
 
     def close(self) -> None:
-        """Let go of the table; a run that is not finished can be taken up again."""
+        """Close the table; an unfinished run can be resumed."""
         self._close_table()
         super().close()
 

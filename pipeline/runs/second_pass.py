@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 
 def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFiles]) -> bool:
-    """Whether a lot is to teach itself: as it is asked for, or where it may and is large enough.
+    """Whether a lot is to teach itself: as the options say (default: where it may and is large enough).
 
     Raises:
-        SettingsError: it is asked for, and cannot.
+        SettingsError: the options ask for it, and the lot cannot.
     """
     why_not = _why_not(options, settings)
     if options.learn_die and why_not is not None:
@@ -43,7 +43,7 @@ def learns(options: RunOptions, settings: ReadSettings, parts: Sequence[PartFile
 
 
 def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | None:
-    """Why a lot cannot teach itself, and what to do about it."""
+    """Reason why a lot cannot teach itself, and a hint; None where it can."""
     if settings.font or settings.database is not None:
         return "is for a die whose font nobody knows", "leave --font and --database away"
     if settings.certificate is not None:
@@ -84,16 +84,16 @@ class SecondPass:
         executor: Executor,
         say: Callable[[str], None],
     ) -> tuple[Sequence[PartFiles], RunOrder]:
-        """Learn from the first readings; the parts that are to be read again, and how.
+        """Learn from the first readings, and return the parts to read again with their order.
 
-        Parts whose second reading the journal holds are not among them.
+        Parts whose second reading is in the journal are left out.
 
         Args:
             journal: first readings.
-            parts: of the lot.
-            order: of the first readings.
-            executor: who cuts out characters.
-            say: called with what is learned, or why nothing is.
+            parts: parts of the lot.
+            order: order of the first readings.
+            executor: executor that cuts out characters.
+            say: called with a message: what was learned, or why nothing was.
         """
         from pipeline.reading.enrolment import ReviewedPart, enrol  # slow to import
 
@@ -140,7 +140,7 @@ class SecondPass:
 
 
 def _learns_or_teaches(part: PartFiles) -> bool:
-    """Whether a part is felt, and of the die that nobody named."""
+    """Whether a part has touch data, no problem and no font of its own."""
     return bool(part.height_map or part.scan) and not part.font and part.problem is None
 
 
@@ -149,7 +149,7 @@ def _path(name: str | Path) -> Path | None:
 
 
 def _font_name(parts: Sequence[PartFiles]) -> str:
-    """What the lot's die is called: after the folder that the first of its parts lies in."""
+    """Name of the lot's die: that of the folder of its first part, with -die."""
     first = min(parts, key=lambda part: part.name)
     file = first.scan or first.height_map or first.photo
     folder = split_name(file if is_url(file) else os.path.abspath(file))[0]

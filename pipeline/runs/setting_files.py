@@ -51,7 +51,7 @@ def _folder() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def _copy(name: str, content: bytes) -> Path:
-    """Under a name of what it holds, so that one file is written once; its own name stays, fonts are called by it."""
+    """Write a file once, in a folder named by its hash; its own name stays, since fonts are named by it."""
     folder = Path(_folder().name) / sha256(content).hexdigest()[:32]
     folder.mkdir(exist_ok=True)
     path = folder / name

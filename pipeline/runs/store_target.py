@@ -21,22 +21,22 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that takes the parts of a run, each once however often and whenever the same run is given again.
+    """A store that takes each part of a run once, however often the same run is repeated.
 
-    A part is known by the run, its name and what its files hold. Its key is kept in the store for as long as the part.
+    A part is identified by the run, its name and the content of its files. The store keeps its key as long as the part.
     """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
-        """Open it.
+        """Open the store.
 
         Args:
-            url: of the store.
-            run: by which the same run is known again: a hash of what its readings depend on.
+            url: URL of the store.
+            run: identity of the run: a hash of all that its readings depend on.
             evidence: the service's folder of files; without it no pictures are kept.
 
         Raises:
-            StoreError: it cannot be opened.
-            FileError: a folder that cannot be made.
+            StoreError: the store cannot be opened.
+            FileError: a folder cannot be made.
             MissingExtraError: the extra `service` is not installed.
         """
         from glyphs.errors import MissingExtraError
@@ -59,7 +59,7 @@ class RunStore:
         self._store.close()
 
     def add(self, read: ReadPart) -> bool:
-        """Keep a part, and say whether it is new; one that could not be read is passed over.
+        """Store a part, and return whether it is new; a part that could not be read is skipped.
 
         Raises:
             StoreError: the database does not answer.

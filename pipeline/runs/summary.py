@@ -1,4 +1,4 @@
-"""What a run has come to: decisions, reasons, rate and slowest parts, counted as the rows come."""
+"""Summary of a run: decisions, reasons, rate and slowest parts, counted as the rows come."""
 
 from __future__ import annotations
 

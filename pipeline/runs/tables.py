@@ -36,7 +36,7 @@ from pipeline.common.texts import harmless
 CSV_COLUMNS = tuple(row_of(ReadingRecord.failed("", "")))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
 COLUMNS = (*_FIRST, *(f.name for f in fields(ReadingRecord) if f.name not in _FIRST))
-"""Of JSON lines and Parquet."""
+"""Columns of JSON lines and Parquet."""
 MOST_TEXT = 100_000
 """Characters of one text, escaped; Python's own reader of CSV takes up to 131,072."""
 _GROUP_RECORDS = 500  # of Parquet; some megabytes while they are made
@@ -164,7 +164,7 @@ LINE_FORMS = {
     ".jsonl": LineForm(b"", _json_line),
 }
 WORKBOOK = ".xlsx"
-"""Made at the end of a run, see `pipeline.runs.workbook`."""
+"""Suffix of a workbook, which is made at the end of a run; see `pipeline.runs.workbook`."""
 SUFFIXES = (*LINE_FORMS, ".parquet", WORKBOOK)
 
 

@@ -1,4 +1,4 @@
-"""What a worker does with one part of a run. Order, part and answer are words and can be sent anywhere."""
+"""Reading of one part of a run by a worker. Order, part and answer are plain data that any worker can receive."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunOrder:
-    """How the parts of a run are read.
+    """Order to read the parts of a run.
 
     Attributes:
-        settings: of reading; a part's own format and font go before theirs.
-        verify: whether texts are expected; of a part without one its row then says so.
-        pictures: whether pictures of parts that a person is to review are wanted.
-        digests: whether a hash of what the parts' files hold is wanted.
-        measures: whether measures of the parts are wanted.
+        settings: settings of reading; a part's own format and font override them.
+        verify: whether texts are expected; the row of a part without one then says so.
+        pictures: whether to make pictures of the parts to review.
+        digests: whether to hash the contents of the parts' files.
+        measures: whether to return measures of the parts.
         sent: contents of files that the settings name, for workers on machines of their own; see
             `pipeline.runs.setting_files`.
     """
@@ -49,7 +49,7 @@ class RunOrder:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a part, for a person who reviews it: a `MadeFile` of `pipeline.reading` with its content."""
+    """A picture of a part for its review: a `MadeFile` of `pipeline.reading` with its content."""
 
     kind: EvidenceKind
     name: str
@@ -161,7 +161,7 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
 
 
 def _pictures(reading: Reading) -> tuple[Picture, ...]:
-    """As the service keeps them of a part."""
+    """Pictures of a part, as the service keeps them."""
     from pipeline.reading.part_pictures import pictures_of
 
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:

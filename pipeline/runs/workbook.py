@@ -150,11 +150,11 @@ def _characters(record: ReadingRecord) -> Iterator[tuple[Any, ...]]:
 
 
 def _about(about: Mapping[str, Any], times: Sequence[datetime]) -> Iterator[tuple[str, str]]:
-    """What is told of the run, line by line.
+    """Facts about the run as (name, value), line by line.
 
     Args:
         about: as `write_workbook`.
-        times: of the first and the last reading.
+        times: times of the first and the last reading.
     """
     settings = about.get("settings", {})
     for name, at in zip(("first part read", "last part read"), times, strict=False):

@@ -1,1 +1,1 @@
-"""Who executes: worker processes of this machine, and of a cluster."""
+"""Executors: worker processes of this machine, and of a cluster."""

@@ -22,7 +22,7 @@ from pipeline.workers.executors import Executor, Outcome, WorkerLostError
 
 _CONNECT_S = 10.0
 _START_S = 120.0
-"""How long the connection's thread may take to start: the library allows ten seconds a try, a frozen machine more."""
+"""Seconds that the connection's thread may take to start: the library allows ten a try, a frozen machine needs more."""
 _LOOK_S = 2.0
 _AHEAD = 3
 _LEAST_AHEAD = 8

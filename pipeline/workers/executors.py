@@ -110,7 +110,7 @@ class Executor:
             else:
                 outcome = lost.pop()
                 error = outcome.error
-                # one that was blamed by itself, by who tries again, has killed each of its workers
+                # a task lost by itself, in an executor that retries, has killed each of its workers
                 if alone or lost or not (isinstance(error, WorkerLostError) and error.tried):
                     alone = True
                     hand_over([outcome.task])

@@ -46,10 +46,10 @@ _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
 
 
 class BusyError(MarksError):
-    """As many jobs wait as may.
+    """The queue of jobs is full.
 
     Attributes:
-        retry_after_s: when a place may be free, about.
+        retry_after_s: about how many seconds until a place may be free.
     """
 
     def __init__(self, retry_after_s: float) -> None:
@@ -138,15 +138,15 @@ class WorkPool(Executor):
         """Have a worker call the function.
 
         Args:
-            function: to be called.
+            function: function to call.
             args: its arguments.
-            timeout_s: it may take; as any job of the pool unless given.
+            timeout_s: seconds that the job may take (default: the limit of the pool).
 
         Returns:
-            Its future: the function's result or exception, or WorkerLostError. It cannot be cancelled.
+            Future with the function's result or exception, or WorkerLostError. It cannot be cancelled.
 
         Raises:
-            BusyError: as many jobs wait as may.
+            BusyError: the queue is full.
             WorkerLostError: the pool is closed.
         """
         job = _Job(function, args, timeout_s or self.timeout_s)
@@ -197,7 +197,7 @@ class WorkPool(Executor):
 
     @property
     def trouble(self) -> str:
-        """Why no worker is ready, where one has failed to start; empty otherwise."""
+        """Reason why no worker is ready, where one has failed to start; empty otherwise."""
         slot = max(self._slots, key=lambda slot: slot.failed)
         if slot.failed == 0 or any(slot.warm for slot in self._slots):
             return ""
@@ -347,7 +347,7 @@ def _no_jobs() -> queue.Queue[_Job | None]:
 
 
 def _cause(error: Exception) -> str:
-    """Why a worker cannot start, without paths of this machine."""
+    """Reason why a worker cannot start, without paths of this machine."""
     if isinstance(error, OSError) and error.strerror:
         return f"{type(error).__name__}: {error.strerror}"
     return error.what if isinstance(error, MarksError) else describe_fault(error)

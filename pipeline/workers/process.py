@@ -37,7 +37,7 @@ _FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.
 
 @dataclass(frozen=True)
 class Answer:
-    """What a function returned."""
+    """Value that a function returned."""
 
     value: Any
 
@@ -119,7 +119,7 @@ class Worker:
             self.process.kill()
 
     def end(self, grace_s: float = 0.0) -> None:
-        """End the process, which ends by itself once nobody asks it any more."""
+        """Close the pipe, on which the process ends by itself, and kill it after the grace period."""
         self._pipe.close()
         if self.is_alive:
             self.process.join(grace_s)
