@@ -165,7 +165,7 @@ def stamp(
         line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch; default: a hundredth of the height.
         variation: how blows and plate differ; `StampingVariation.none()` for an ideal part; or
-        practice: who stamps, a name of `PRACTICES`.
+        practice: stamping practice, a name of `PRACTICES`.
         die: a name of `DIES`, in place of a face.
         plate: a name of `PLATES`, or a plate, in place of the variation's.
         layout: a name of `LAYOUTS`, or a layout; of two lines the first is `text`.

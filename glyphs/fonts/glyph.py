@@ -75,12 +75,12 @@ class Glyph(OneLine):
         contours: closed polygons (n, 2), n >= 3, non-zero winding, not repeating the first point; empty for
             a stroke glyph. A space has neither.
         advance: distance to the next character's origin, cap heights.
-        stroke: width of the stroke the centre lines were set in for, cap heights; 0 for contours.
+        stroke: stroke width for which the centre lines were inset, cap heights; 0 for contours.
         relief: of a character learned by touch, (rows, cols) float32, both odd, RELIEF_PIXELS to the cap height,
             in cap heights, negative in the mark; its middle pixel is the middle of the ink across and half the cap
-            height up, row 0 the top. Templates are made of it, where the contours only draw its outline. None of
-            any other glyph.
-        guessed: whether a learned font has this character from another font's likeness only.
+            height up, row 0 the top. Templates are made from it; the contours only draw its outline. None for any
+            other glyph.
+        guessed: whether a learned font has this character only from a similar font.
 
     Raises:
         FontError: both strokes and contours, wrong shapes, values not finite or beyond MOST_CAP_HEIGHTS, stroke

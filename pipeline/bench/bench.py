@@ -89,15 +89,15 @@ class Bench:
         y_mm: float = 0.0,
         region_mm: tuple[float, float, float, float] | None = None,
     ) -> BenchSession:
-        """The part under the whiskers; homes first where that is needed.
+        """Open a session with the part under the whiskers; home first if needed.
 
         Args:
-            part_id: what it is called.
-            x_mm, y_mm: by which the plate's coordinates are greater than those of the session.
-            region_mm: of the field what may be felt, in the session's frame; all of it unless given.
+            part_id: name of the part.
+            x_mm, y_mm: plate coordinates minus session coordinates.
+            region_mm: region of the field that may be felt, in the session's frame (default: the whole field).
 
         Raises:
-            StageError: homing failed, or a region off the field.
+            StageError: homing failed, or the region is off the field.
         """
         fitting = self.settings.fitting(part_id)
         x0, y0, x1, y1 = (
@@ -152,7 +152,7 @@ class Bench:
 
     def _stop(self) -> None:
         self._in_pass = False
-        with contextlib.suppress(StageError):  # what went wrong first is told
+        with contextlib.suppress(StageError):  # the first error is the one to report
             self.stage.stop()
 
     def calibrated(self, order: Pass) -> Calibration:

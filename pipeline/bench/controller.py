@@ -1,10 +1,10 @@
-"""A controller of a stage that takes G-code: the core; each firmware's dialect is data (`grbl`, `marlin`).
+"""Controller of a G-code stage: the core; each firmware's dialect is data (`grbl`, `marlin`).
 
-* Nothing moves before homing but up.
-* The tips are lowered, dragged and lifted by lines that travel in one write: a host that dies in between has already
-  told the firmware to lift.
-* After a reset, an alarm, an error or a silence the controller is `lost`: it is stopped, lifted as far as it lets, and
-  wants homing.
+* Before homing only upward moves are made.
+* The lines that lower, drag and lift the tips are sent in one write: if the host dies in between, the firmware already
+  has the command to lift.
+* After a reset, an alarm, an error or a silence the controller is `lost`: it is stopped, lifted as far as possible, and
+  needs homing.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ class Controller(ABC):
         return StageError(what, hint)
 
     def unknown(self) -> StageError:
-        """Make the error of a controller that is none of this firmware."""
+        """Make the error for a controller that runs another firmware."""
         return self.failed(
             f"the stage's controller does not answer as {self.dialect.name} does",
             "see firmware, port and baud of [stage]",

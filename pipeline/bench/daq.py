@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What was sampled between start and stop.
+    """Samples between start and stop.
 
     Attributes:
-        volts: (samples, whiskers).
+        volts: (samples, whiskers) voltages.
         sync: (samples,) whether the stage's output was set.
-        rate_hz: samples a second.
-        clipped: (samples, whiskers) at an end of the converter's range.
+        rate_hz: samples per second.
+        clipped: (samples, whiskers) whether the sample is at an end of the converter's range.
     """
 
     volts: NDArray[np.float64]
@@ -30,7 +30,7 @@ class Record:
     clipped: NDArray[np.bool_]
 
     def stretches(self) -> list[slice]:
-        """Where the stage's output was set, in time order."""
+        """Stretches where the stage's output was set, in time order."""
         edges = np.flatnonzero(np.diff(np.concatenate([[0], self.sync.astype(np.int8), [0]])))
         return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
@@ -40,23 +40,23 @@ class Daq(Protocol):
 
     @property
     def whiskers(self) -> int:
-        """Channels that are whiskers."""
+        """Number of whisker channels."""
 
     def describe(self) -> str:
-        """What it says it is."""
+        """Identification string of the converter."""
 
     def start(self) -> None:
-        """Begin to sample.
+        """Start sampling.
 
         Raises:
             StageError: it cannot.
         """
 
     def stop(self) -> Record:
-        """End, with all samples since the start.
+        """Stop sampling and return all samples since the start.
 
         Raises:
-            StageError: some were lost, or it does not answer.
+            StageError: samples were lost, or the converter does not answer.
         """
 
     def close(self) -> None:

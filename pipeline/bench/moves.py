@@ -30,16 +30,16 @@ _AXES = "XYZ"
 
 @dataclass(frozen=True)
 class Moves:
-    """One pass as the machine makes it.
+    """Machine moves of one pass.
 
     Attributes:
         begin_mm, end_mm: machine x, y of the move that touches.
         touch_z_mm, lift_z_mm: machine z.
-        turn_deg: of the turning axis.
-        ramp: of the move that touches.
-        first_mm: how far into that move the pass's first sample lies.
+        turn_deg: angle of the turning axis.
+        ramp: speed ramp of the move that touches.
+        first_mm: distance from the start of that move to the pass's first sample.
         whisker: the whisker that runs on each line of the pass.
-        speed_mm_s: while touching.
+        speed_mm_s: speed while touching.
         air_s: time lifted, for the air samples.
     """
 
@@ -56,12 +56,12 @@ class Moves:
 
 
 def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
-    """What the machine does for a pass.
+    """Compute the machine moves of a pass.
 
     Args:
-        order: in the plate's frame.
+        order: the pass, in the plate's frame.
         bench: the bench.
-        preload_mm: where the pass says none.
+        preload_mm: preload if the pass gives none.
 
     Raises:
         StageError: a pass that this comb or stage cannot run, or one beyond a limit.

@@ -20,9 +20,9 @@ class Ramp:
               |__/                \\____
 
     Attributes:
-        distance_mm: how far.
-        speed_mm_s: most speed.
-        acceleration_mm_s2: up and down.
+        distance_mm: length of the move.
+        speed_mm_s: maximum speed.
+        acceleration_mm_s2: acceleration and deceleration.
     """
 
     distance_mm: float
@@ -31,12 +31,12 @@ class Ramp:
 
     @property
     def peak_mm_s(self) -> float:
-        """The speed that is reached."""
+        """Highest speed reached."""
         return min(self.speed_mm_s, math.sqrt(self.distance_mm * self.acceleration_mm_s2))
 
     @property
     def duration_s(self) -> float:
-        """Of the whole move."""
+        """Duration of the whole move."""
         peak = self.peak_mm_s
         return self.distance_mm / peak + peak / self.acceleration_mm_s2 if peak > 0.0 else 0.0
 

@@ -1,4 +1,4 @@
-"""A whole region felt by a bench's comb, by every line of it, without a reader's choice."""
+"""Scan a whole region with a bench's comb, line by line, without active choice of passes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from whisker_array.whisker.passes import Pass
 def raster_passes(
     fitting: Fitting, region_mm: tuple[float, float, float, float], directions: Iterable[TraceDirection]
 ) -> tuple[Pass, ...]:
-    """The usual raster for the characters' height, by the comb that is mounted.
+    """Passes of the default raster for the character height, with the mounted comb.
 
     Args:
-        fitting: of the bench.
+        fitting: fitting of the bench.
         region_mm: (x0, y0, x1, y1).
-        directions: in their order.
+        directions: trace directions, in order.
     """
     usual = default_plan(region_mm, character_height_mm=fitting.height_mm, directions=tuple(directions))
     between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)
@@ -36,15 +36,15 @@ def feel_all(
     *,
     told: Callable[[int, Pass], None] = lambda k, order: None,
 ) -> Scan:
-    """Feel one pass after the other.
+    """Run the passes one after the other.
 
     Args:
-        session: of the part; it stays open.
-        passes: in their order.
-        told: of every pass felt, with its number from 1.
+        session: session of the part; it stays open.
+        passes: passes, in order.
+        told: callback after each pass, with its number from 1 and the pass.
 
     Raises:
-        StageError: one could not be felt.
+        StageError: a pass failed.
     """
     began, felt = datetime.now(UTC).isoformat(timespec="seconds"), []
     for k, order in enumerate(passes, start=1):

@@ -1,7 +1,7 @@
-"""From a converter's record to the samples of a pass, each at its place.
+"""Turn a converter's record into the samples of a pass, each with its position.
 
-The stage sets an output while it drags and the converter samples that too, so both go by one clock; how the stage
-speeds up and slows down is known (`Ramp`). A pass that took longer or shorter than it should is refused: its places are
+The stage sets an output while it drags, and the converter samples that output too, so both share one clock. The speed
+profile of the stage is known (`Ramp`). A pass that took longer or shorter than planned is refused: its positions are
 not known.
 """
 
@@ -16,13 +16,13 @@ from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.passes import Pass
 
 _LATE_S = 0.03
-"""By which the output may be set longer than the move takes: planning in the firmware, and a sample or two."""
+"""Tolerance of the time the output is set beyond the duration of the move: firmware planning and a sample or two."""
 _LONGER = 0.02
-"""Of the move's time, likewise."""
+"""Further tolerance, as a share of the duration of the move."""
 
 
 def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
-    """(lines, samples) what lies beyond the field; run-in and run-out may."""
+    """(lines, samples) mask of samples beyond the field; run-in and run-out may lie there."""
     x0, y0, x1, y1 = field_mm
     along, across = ((x0, x1), (y0, y1)) if order.direction.along_x else ((y0, y1), (x0, x1))
     plan, tolerance = order.sweep_plan(), 0.5 * order.sample_pitch_mm

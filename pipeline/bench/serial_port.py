@@ -1,4 +1,4 @@
-"""Lines over a serial port, each within its time; whatever goes wrong with the port is a `StageError`."""
+"""Lines over a serial port, with timeouts; every failure of the port raises a `StageError`."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _WRITE_S = 5.0
 
 
 class SerialPort:
-    """A port that is open."""
+    """An open port."""
 
     def __init__(self, name: str, *, baud: int, what: str) -> None:
-        """Open it, for nobody else.
+        """Open the port for exclusive use.
 
         Args:
-            name: of the port, or socket://HOST:PORT.
-            baud: of a serial port.
-            what: hangs on it, for messages.
+            name: name of the port, or socket://HOST:PORT.
+            baud: baud rate of a serial port.
+            what: name of the connected device, for messages.
 
         Raises:
             MissingExtraError: pyserial is not installed.
-            StageError: it cannot be opened.
+            StageError: the port cannot be opened.
         """
         try:
             import serial
@@ -47,22 +47,22 @@ class SerialPort:
         self._rest = b""
 
     def write(self, data: bytes) -> None:
-        """Send all of it at once.
+        """Send all data at once.
 
         Raises:
-            StageError: it is gone.
+            StageError: the port is gone.
         """
         try:
             self._port.write(data)
             self._port.flush()
-        except (OSError, TypeError) as error:  # pyserial's own of a port that is closed meanwhile
+        except (OSError, TypeError) as error:  # pyserial raises TypeError if the port is closed meanwhile
             raise self._gone(error) from error
 
     def line(self, *, wait_s: float) -> str | None:
-        """The next line without its end; None where none has come in that time.
+        """Return the next line without its line end; None on timeout.
 
         Raises:
-            StageError: it is gone.
+            StageError: the port is gone.
         """
         until = time.monotonic() + wait_s
         while not self._lines:
@@ -77,14 +77,14 @@ class SerialPort:
         return self._lines.popleft()
 
     def quiet(self, *, for_s: float = 0.1) -> list[str]:
-        """What still comes until nothing has come for so long: late answers to earlier questions."""
+        """Read lines until none comes for `for_s` seconds: late answers to earlier questions."""
         late = []
         while (line := self.line(wait_s=for_s)) is not None:
             late.append(line)
         return late
 
     def close(self) -> None:
-        """Let it go; closing again does nothing."""
+        """Close the port; closing again does nothing."""
         self._port.close()
 
     def _gone(self, error: Exception) -> StageError:

@@ -1,4 +1,4 @@
-"""What a bench is made of, as bench.toml tells it; lengths in mm, positions in the machine's own coordinates."""
+"""Settings of a bench, read from bench.toml; lengths in mm, positions in the machine's own coordinates."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ class StageSettings(Strict):
     """The stage and its controller.
 
     Attributes:
-        firmware: what the controller runs.
+        firmware: firmware of the controller.
         port: serial port, or socket://HOST:PORT.
-        baud: of a serial port.
+        baud: baud rate of a serial port.
         origin_mm: machine x, y at which the turning axis (the middle of the comb, without one) is over the plate's
             (0, 0), its upper left corner.
         flip_x, flip_y: the machine's axis runs against the plate's, whose y points down.
         flip_turn: the turning axis turns the other way than from the plate's x to its y.
         turn_axis: letter of the axis that turns the comb; without one only passes along +x can be felt.
-        tip_mm: from the turning axis to the middle tip, along the trace and across, at 0 degrees.
+        tip_mm: offset from the turning axis to the middle tip, along the trace and across, at 0 degrees.
         land_z_mm: machine z at which tips without load just reach the land; greater z is higher.
-        lift_mm: how far above the land the tips are carried.
-        travel_mm: least and greatest x, y, z: nothing is ever sent beyond.
-        most_preload_mm: nothing is pressed on harder.
-        acceleration_mm_s2: of x and y, as the firmware is set.
+        lift_mm: height above the land at which the tips are carried.
+        travel_mm: least and greatest x, y, z: no move goes beyond.
+        most_preload_mm: largest preload.
+        acceleration_mm_s2: acceleration of x and y, as set in the firmware.
         rapid_mm_s, lower_mm_s: speeds of moves without touch, and down to the land.
         answer_s: longest silence of the controller.
         home_s: longest time of homing.
@@ -74,10 +74,10 @@ class CombSettings(Strict):
     """The whiskers.
 
     Attributes:
-        n_whiskers: of one row.
-        pitch_mm: from one to the next.
-        character_height_mm: that they are built for.
-        whisker: file as `design --out` writes it, beside this one; the usual whisker for the height without.
+        n_whiskers: number of whiskers in a row.
+        pitch_mm: distance from one whisker to the next.
+        character_height_mm: character height that they are built for.
+        whisker: file written by `design --out`, beside this one (default: the default whisker for the height).
     """
 
     n_whiskers: int = Field(default=8, ge=1, le=256)
@@ -87,7 +87,7 @@ class CombSettings(Strict):
 
 
 class PlateSettings(Strict):
-    """What is felt: the field from the plate's corner, and where a camera's axis meets it."""
+    """The field on the plate, from its corner, and the point where a camera's axis meets the plate."""
 
     field_mm: tuple[Finite, Finite, Finite, Finite]
     camera_mm: Span | None = None
@@ -155,12 +155,12 @@ class BenchSettings(Strict):
 
     @property
     def gains_v_per_n_mm(self) -> tuple[float, ...]:
-        """Of every whisker."""
+        """Gain of every whisker."""
         gains = self.daq.volt_per_n_mm
         return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
 
     def touch(self) -> Touch:
-        """The whiskers that are mounted.
+        """The mounted whiskers.
 
         Raises:
             FileError: their file cannot be used.
@@ -170,7 +170,7 @@ class BenchSettings(Strict):
         return default_touch(self.comb.character_height_mm)
 
     def fitting(self, part_id: str = "") -> Fitting:
-        """What is mounted, its field in the plate's frame; the gains are told by the session."""
+        """The mounted comb and its field in the plate's frame; the session supplies the gains."""
         return Fitting(
             touch=self.touch(),
             array=WhiskerArray(self.comb.n_whiskers, self.comb.pitch_mm),

@@ -16,11 +16,11 @@ PracticeName = Literal["press", "hand", "ideal"]
 LayoutName = Literal["straight", "turned", "arc", "two-lines"]
 FidelityName = Literal["pointwise", "contact"]
 Flag = Annotated[bool, Parameter(negative="")]
-"""A flag that is off unless given, without a negative."""
+"""A flag without a negative form (default: off)."""
 Positive = Annotated[int | None, Parameter(validator=Number(gte=1))]
 Jobs = Annotated[int, Parameter(validator=Number(gte=1))]
 
 
 def listed(text: str) -> tuple[str, ...]:
-    """The items of a flag that takes several, separated by commas."""
+    """Items of a comma-separated flag."""
     return tuple(item.strip() for item in text.split(",") if item.strip())

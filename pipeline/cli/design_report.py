@@ -1,4 +1,4 @@
-"""A design in words and tables, for the engineer who builds it."""
+"""Report of a design in words and tables, for the engineer building it."""
 
 from __future__ import annotations
 

@@ -73,14 +73,14 @@ def _print_stability(found: Statistics) -> None:
 
 
 def screen() -> Console:
-    """A console that is no wider than 80 columns where nobody looks on."""
+    """Console, 80 columns wide if the output is not a terminal."""
     from rich.console import Console
 
     return Console() if sys.stdout.isatty() else Console(width=COLUMNS)
 
 
 def plain_table(headings: Sequence[str], left: Sequence[str]) -> Table:
-    """Columns without lines; those named in `left` are words, and are folded if they must be."""
+    """Table without rules; columns named in `left` hold words and are wrapped if needed."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")

@@ -213,8 +213,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0; 1 where something failed; 2 for bad usage; 70 for a fault of the program; 130 when interrupted; 141 where
-        nobody reads the output.
+        0; 1 on failure; 2 for bad usage; 70 for a fault of the program; 130 when interrupted; 141 if the output
+        pipe is closed.
     """
     _open_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
@@ -236,7 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         return _complain(_explained(error), USAGE)
     except CommandError as error:
-        # nobody reads the output any more: end as other programs of a pipe do
+        # the output pipe is closed: end as other programs in a pipe do
         return BROKEN_PIPE if error.status == BROKEN_PIPE else _complain(str(error), error.status)
     except Exception as error:
         if is_machine_error(error):  # a full disk, say, wherever it was met

@@ -1,4 +1,4 @@
-"""`tactile-marks tokens` and `store`: who may use the service; backup, restore and check of its data."""
+"""`tactile-marks tokens` and `store`: access tokens of the service; backup, restore and check of its data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well a mixed array tells height, slope and friction: known grooves felt with noisy sensors, and the errors."""
+"""Errors of a mixed array's estimates of height, slope and friction, on known grooves with noisy sensors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ DEPTH_MM = 0.5
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
 ANGLES_DEG = (30.0, 45.0, 60.0)
 BENCH_GAIN_SD = 0.001
-"""What a bench leaves unknown of a gain."""
+"""Relative standard deviation of a gain after calibration on a bench."""
 _MAP_PITCH_MM = 0.02
 _LINE_PITCH_MM = 0.04
 _STRAIGHT_BETA_DEG = 25.0

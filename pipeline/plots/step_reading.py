@@ -34,19 +34,19 @@ _STEEPER = 3.0
 
 
 class StepError(MarksError):
-    """A trace no step can be read off."""
+    """A trace from which no step can be read."""
 
 
 @dataclass(frozen=True)
 class StepReading:
-    """What was read off a trace.
+    """Step parameters read from a trace.
 
     Attributes:
         factor: F, the step at the edge over the land level.
         land_n_mm: moment on the land, N mm.
         line: moment over the land's on the slope as (rise per mm, value at x = 0).
-        edge_mm: commanded place where the line stands at h = 0.
-        foot_mm: commanded place where the slope ends on the floor.
+        edge_mm: commanded position where the line reaches h = 0.
+        foot_mm: commanded position where the slope ends on the floor.
         peak: the highest moment over the land's.
     """
 
@@ -128,11 +128,11 @@ def _find_foot(
     floor: float,
     run_mm: float,
 ) -> tuple[float, float]:
-    """Where the line ends, by least squares, and the rms that is left.
+    """End of the line, fitted by least squares, and the residual rms.
 
     In contact the tip waits in the corner while the base walks on, until friction points as on the floor: the
-    moment goes over from the line to the floor along a short ramp, whose width is fitted as well. It is much
-    steeper than the line, or it could not be told from it.
+    moment changes from the line to the floor along a short ramp, whose width is fitted as well. The ramp is much
+    steeper than the line; otherwise the two could not be separated.
     """
     rise, start = line
     slope = start + rise * x

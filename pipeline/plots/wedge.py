@@ -45,12 +45,12 @@ class Wedge:
 
     @property
     def run_mm(self) -> float:
-        """How far the slope reaches along the trace, mm."""
+        """Length of the slope along the trace, mm."""
         return self.depth_mm / math.tan(self.alpha_rad)
 
     @property
     def length_mm(self) -> float:
-        """Land, slope and floor, mm."""
+        """Total length of land, slope and floor, mm."""
         return self.land_mm + self.run_mm + self.floor_mm
 
     def height_mm(self, x_mm: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -81,5 +81,5 @@ def read_actively(
 
 
 def note_of(found: ActiveReading, stage_s: float) -> str:
-    """What a reading cost, and why no more was felt, for a row or a page."""
+    """Describe the stage time of a reading and why scanning stopped, for a table row or a page."""
     return f"felt in {len(found.passes)} passes, {stage_s:.1f} s of stage time: {found.stop.describe()}"

@@ -1,4 +1,4 @@
-"""One part from whatever files there are of it, in one call."""
+"""Read a part from any of its files in one call."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
 
         reading = pipeline.read("part.npz", font="gothic", format="AA999999")
 
-    Soil in an `.npz` is used. Of several files all are read: touch and a photograph are fused. Readers and their
-    templates are kept for the next call with the same settings.
+    Soil in an `.npz` is used. Several files are all read: touch and a photograph are fused. Readers and their
+    templates are cached for the next call with the same settings.
 
     Args:
-        file: of the part.
-        more: others of the same part, one of a kind.
-        expected: text that the part should bear; the verdict is `reading.trace.verification`.
+        file: a file of the part.
+        more: further files of the same part, at most one of each kind.
+        expected: expected text of the part; the verdict is `reading.trace.verification`.
         settings: fields of `ReadSettings`, such as font, format, height_mm, mode.
 
     Raises:
         FileError: a file that cannot be used, or two of a kind.
-        SettingsError: a setting that there is not, or that cannot be.
+        SettingsError: an unknown or invalid setting.
         MarksError: a font or an expected text that cannot be used.
     """
     from pipeline.reading.part_reader import Mode, PartReader

@@ -1,4 +1,4 @@
-"""Watches what recordings say of whiskers and bench: a fault is told while part after part shows it."""
+"""Monitor recordings for faults of whiskers and bench; report a fault while several recent parts show it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 ALERT = "bench"
 LATEST = 3
-"""Felt parts that are looked at."""
+"""Number of most recent felt parts that are checked."""
 SHOWN_BY = 2
-"""Of them, how many show a fault before it is told: one part's dirt may look like one."""
+"""Number of these parts that must show a fault before it is reported: dirt on one part may look like a fault."""
 
 
 class BenchWatch:
-    """Remembers the faults of the latest felt parts.
+    """Faults of the most recent felt parts.
 
     Attributes:
-        parts: felt parts that were looked at.
+        parts: number of felt parts checked so far.
     """
 
     def __init__(self) -> None:
@@ -24,10 +24,10 @@ class BenchWatch:
         self.parts = 0
 
     def add(self, faults: Sequence[str]) -> bool:
-        """Take one more felt part; whether it is with this one that there is something to be told.
+        """Add one felt part; return whether it triggers a new alert.
 
         Args:
-            faults: of its recording, "whisker 3, dead whisker: gives ..." or "spikes: ..."; nothing where it is sound.
+            faults: faults in its recording: "whisker 3, dead whisker: gives ..." or "spikes: ..."; empty if none.
         """
         before = self.message()
         self._latest.append({text.partition(":")[0]: text for text in faults})
@@ -35,11 +35,11 @@ class BenchWatch:
         return bool(self.message()) and not before
 
     def told(self) -> str | None:
-        """The message; None before anything was felt."""
+        """The message; None before the first felt part."""
         return self.message() if self.parts else None
 
     def message(self) -> str:
-        """What is wrong, for a person, as the latest part showed it; empty where nothing is."""
+        """Message about the current faults, as in the latest part that shows each; empty if there is no fault."""
         names = {name for part in self._latest for name in part}
         told = [name for name in sorted(names) if sum(name in part for part in self._latest) >= SHOWN_BY]
         return "; ".join(next(part[name] for part in reversed(self._latest) if name in part) for name in told)

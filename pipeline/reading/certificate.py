@@ -38,24 +38,24 @@ _AGAIN = "make a new one with: tactile-marks certify"
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """What labelled parts have shown.
+    """Error rate of a reader, shown on labelled parts.
 
     Attributes:
-        made_at: when, UTC.
-        risk: share of wrong ones among the accepted that is not passed.
-        confidence: with which that is shown.
+        made_at: time of creation, UTC.
+        risk: largest permitted share of wrong readings among the accepted.
+        confidence: confidence level of that statement.
         threshold: least confidence for acceptance.
-        sources: of the readings: "tactile", "vision", "fused".
-        parts: parts with a truth, accepted or not.
-        accepted: of these.
-        wrong: of the accepted.
-        bound: upper bound of the share of wrong ones among the accepted, by itself.
-        tests: of every threshold.
-        kind: what was measured of the parts.
-        data_sha256: of the parts' files and their truth.
-        settings: of reading, as far as they are not the usual ones; of files a hash.
-        versions: of program and libraries, and hashes of the networks.
-        format_version: of the file.
+        sources: sources of the readings: "tactile", "vision", "fused".
+        parts: number of parts with a known truth, accepted or not.
+        accepted: number of these that were accepted.
+        wrong: number of accepted parts that were read wrong.
+        bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
+        tests: test result of every threshold.
+        kind: measures of the parts.
+        data_sha256: hash of the parts' files and their truth.
+        settings: read settings that differ from the defaults; files are given by their hash.
+        versions: versions of program and libraries, and hashes of the networks.
+        format_version: version of the file format.
 
     Raises:
         ValueError: numbers that contradict each other.
@@ -102,11 +102,11 @@ class Certificate:
 
     @property
     def acceptance(self) -> CertifiedAcceptance:
-        """What it vouches for."""
+        """Threshold and sources that the certificate covers."""
         return CertifiedAcceptance(self.threshold, self.sources)
 
     def thresholds(self) -> dict[str, Any]:
-        """What a reader accepts that reads as the certified one did, as options of `recognition.Reader`."""
+        """Acceptance options of `recognition.Reader` for a reader with the certified settings."""
         own = {
             name: self.settings[name]
             for name in ("accept_confidence", "orientation")
@@ -115,7 +115,7 @@ class Certificate:
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
-        """In a sentence."""
+        """One-sentence summary."""
         return (
             f"accepted from confidence {self.threshold:g}: at most {self.risk:g} of the accepted are wrong, with "
             f"{self.confidence:.0%} confidence ({self.wrong} of {self.accepted:,} were, at most {self.bound:.3%}; "
@@ -191,10 +191,12 @@ def checked(path: Path) -> Certificate:
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """What a reader of these settings may accept; nothing where they are not those that were certified.
+    """Certified acceptance of a reader with these settings; None without a certificate.
+
+    It covers no sources if the settings differ from the certified ones.
 
     Raises:
-        FileError: a file that is no certificate.
+        FileError: the file is not a certificate.
         SettingsError: it was made with another program or other networks.
     """
     if settings.certificate is None:
@@ -205,7 +207,7 @@ def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
 
 
 def settings_described(settings: ReadSettings) -> dict[str, Any]:
-    """The settings that a certificate holds for, in plain JSON values; files by what they hold.
+    """Settings that a certificate covers, as plain JSON values; files are given by a hash of their content.
 
     Raises:
         FileError: a file that cannot be read.

@@ -1,7 +1,7 @@
-"""Watches whether the parts that are read are of the kind that was certified.
+"""Monitor whether the parts being read are of the kind that was certified.
 
-Every EVERY parts the last WINDOW of them are compared with the certificate's; what differs is told once, until they
-are alike again.
+After every EVERY parts, the last WINDOW parts are compared with those of the certificate. A difference is reported
+once, until the parts are alike again.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from recognition.decision.evidence import Measure
 
 EVERY = 20
-"""Parts between two comparisons."""
+"""Number of parts between two comparisons."""
 WINDOW = 200
-"""Latest parts that are compared; older ones would hide what has changed since."""
+"""Number of most recent parts that are compared; older ones would hide a recent change."""
 
 
 class DriftWatch:
-    """Compares parts as they are read with a certificate's.
+    """Running comparison of the parts being read with those of a certificate.
 
     Attributes:
-        found: how the parts differ, as of the last comparison; empty where they do not.
-        parts: parts that were looked at.
-        first: what was said when the parts were first found to differ; empty where they never were.
+        found: differences at the last comparison; empty if there are none.
+        parts: number of parts checked so far.
+        first: message of the first difference found; empty if there was none.
     """
 
     def __init__(self, certificate: Certificate) -> None:
@@ -40,11 +40,11 @@ class DriftWatch:
         self.first = ""
 
     def add(self, source: str, measures: Mapping[Measure, float]) -> bool:
-        """Look at one more part; whether it is with this one that the parts are found to differ.
+        """Add one part; return whether it triggers a new difference.
 
         Args:
-            source: of its reading; one that was not certified is not looked at.
-            measures: of the part; empty where it could not be read.
+            source: source of its reading; a source that was not certified is ignored.
+            measures: measures of the part; empty if it could not be read.
         """
         if not measures or source not in self._certificate.sources:
             return False
@@ -54,7 +54,7 @@ class DriftWatch:
         return self._waiting >= EVERY and self.compare()
 
     def compare(self) -> bool:
-        """Compare now, unless it was done with the last part; whether the parts are now first found to differ."""
+        """Compare now, unless no part was added since; return whether a difference is new."""
         if not self._waiting:
             return False
         before, self._waiting = self.found, 0
@@ -63,7 +63,7 @@ class DriftWatch:
         return bool(self.found) and not before
 
     def message(self) -> str:
-        """How the parts differ, for a person; empty where they do not."""
+        """Message about the differences; empty if there are none."""
         if not self.found:
             return ""
         return (

@@ -3,8 +3,8 @@
     reviewed part --text forced--> cuts --+
     exemplars already in the database ----+--learn_font--> font NAME, beside the fonts that were there
 
-All exemplars are kept and the font is made of them anew each time: the order in which parts are enrolled does not
-matter, and the same part twice is enrolled once.
+All exemplars are kept and the font is rebuilt from them each time: the order in which parts are enrolled does not
+matter, and a part that is enrolled twice counts once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from recognition.learning.learned_shapes import Learned
 
 MOST_EXEMPLARS = 30
-"""Of one character in one font; the eldest go first: a die wears."""
+"""Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class ReviewedPart:
     """A part whose text a person has confirmed or corrected.
 
     Attributes:
-        name: of the part.
-        text: what stands on it.
-        scan: its recorded scan, which goes before a height map.
+        name: name of the part.
+        text: its text.
+        scan: its recorded scan, preferred to a height map.
         height_map: its height map.
     """
 
@@ -49,11 +49,11 @@ class ReviewedPart:
 
 @dataclass(frozen=True)
 class Refused:
-    """What was not taken, and why.
+    """A part that could not be enrolled, with the reason.
 
     Attributes:
         part: name of the part.
-        why: in words.
+        why: reason in words.
     """
 
     part: str
@@ -81,20 +81,20 @@ _Cuts = tuple[Cut, ...] | Refused
 
 @dataclass(frozen=True)
 class EnrolReport:
-    """What an enrolment did.
+    """Result of an enrolment.
 
     Attributes:
         font: name of the font.
         enrolled: (part, characters taken) of each part that was new.
         known: parts that were enrolled before.
-        refused: parts of which nothing was taken.
+        refused: parts that could not be enrolled.
         set_aside: exemplars kept but not used.
-        exemplars: exemplars that the font is made of now.
-        felt: characters that it has from touch.
-        never_felt: letters and figures that it has from the nearest known font.
-        trusted: whether that one is so near that they are no guesses.
-        like: the known font that comes nearest to it.
-        likeness: mean correlation with that one's shapes, changed to come near.
+        exemplars: number of exemplars in the font now.
+        felt: characters learned from touch.
+        never_felt: letters and figures taken from the nearest known font.
+        trusted: whether that font is near enough for these not to count as guesses.
+        like: the nearest known font.
+        likeness: mean correlation with the shapes of that font after they are fitted.
         agreement: share of exemplars that agree with their siblings (`recognition.learning.lot.agreement`).
     """
 
@@ -223,7 +223,7 @@ def _sha256(part: ReviewedPart) -> str | Refused:
 
 
 def _cuts(settings: ReadSettings, named: _Named) -> _Cuts:
-    """The characters of a part that bears a text, or why there are none."""
+    """Cut the characters of a part with a known text; the refusal if that fails."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.tactile_part import cut_height_map, cut_scan

@@ -1,4 +1,4 @@
-"""What parts should read, and readings held against it."""
+"""Expected texts of parts, and the comparison of readings with them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expected:
-    """The text that each part should read.
+    """Expected text of each part.
 
     Attributes:
-        text: of every part; empty where `by_part` tells.
+        text: text of every part; empty if `by_part` is used.
         by_part: text by name of the part.
     """
 
@@ -28,21 +28,21 @@ class Expected:
     by_part: PartTexts = field(default_factory=PartTexts)
 
     def of(self, part: str) -> str | None:
-        """The text of a part; None where none is known."""
+        """Expected text of a part; None if unknown."""
         return self.text or self.by_part.text_of(part)
 
     def not_among(self, parts: Iterable[str]) -> tuple[str, ...]:
-        """Parts of the table that are none of these."""
+        """Parts of the table that are not in `parts`."""
         named = {self.by_part.name_of(part) for part in parts}
         return tuple(name for name in self.by_part if name not in named)
 
 
 def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
-    """What a command line's `--verify` says: a text, or the name of a CSV table with the columns part and text.
+    """Load the value of `--verify`: a text, or the name of a CSV table with the columns part and text.
 
     Args:
-        given: a name that ends in .csv, or that there is a file of, is a table's.
-        grammar: that every text must be of.
+        given: a name that ends in .csv, or the name of an existing file, is read as a table.
+        grammar: grammar that every text must match.
 
     Raises:
         FileError: no such table, or a text in it that does not fit the format.

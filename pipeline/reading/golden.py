@@ -13,7 +13,7 @@ from pipeline.formats.touch_file import read_scan
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """As `measure_golden`, of a file that its sender calls something else.
+    """Call `measure_golden`, naming the file in errors as its sender does.
 
     Raises:
         FileError: of the scan, by the sender's name.
@@ -28,16 +28,16 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
 
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
-    """What a scan of a part of known relief tells of the whiskers.
+    """Measure the state of the whiskers from a scan of a part of known relief.
 
     Args:
         scan: recording, .h5.
-        relief: the part's height map, or the TOML of a test piece, with its corner where the scan's frame begins.
+        relief: the part's height map, or the TOML of a test piece, with its corner at the origin of the scan's frame.
 
     Raises:
         FileError: either cannot be used, or the scan does not fit the relief.
     """
-    # a service, whose workers measure, needs none of it
+    # imported here: the service itself does not measure, its workers do
     from whisker_array.identification.bench import WORN_TIP, Unknown
     from whisker_array.identification.fit import identify
 

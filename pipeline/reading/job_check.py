@@ -42,10 +42,10 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
 
 
 def check_line(line_format: str, text: str) -> tuple[str, ...]:
-    """What speaks against a text as one of a format, in words; nothing where it fits.
+    """Reasons why a text does not match a format, in words; empty if it matches.
 
     Raises:
-        FormatError: a format that cannot be.
+        FormatError: an invalid format.
     """
     from recognition.language.grammar import Grammar
 

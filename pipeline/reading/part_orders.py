@@ -1,4 +1,4 @@
-"""What a worker process of the service does: read one part from its files. Arguments and results can be pickled.
+"""Read one part from its files in a worker process of the service. Arguments and results can be pickled.
 
 photo                    -> vision           and a plan for touch where the camera is unsure
 scan or height map       -> tactile
@@ -8,9 +8,9 @@ earlier photo + stage      -> fused          felt pass by pass, see `read_on_sta
 
 Several photographs of a part are read as one.
 
-Whatever is wrong with a file that was sent is a `FileError` that calls the file as its sender did. What is wrong with
-this machine (a glyph database, a lexicon, a full disk, too little memory) is an `OwnFileError`: the sender cannot mend
-it, and the same order may be read later. Neither message holds a path of the server.
+A problem with a file that was sent raises a `FileError` that names the file as its sender did. A problem with this
+machine (a glyph database, a lexicon, a full disk, too little memory) raises an `OwnFileError`: the sender cannot fix
+it, and the same order may be read later. Neither message contains a path of the server.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ class PartOrder:
     """One part to be read.
 
     Attributes:
-        folder: for the files that are made; it is there, and the order's own.
-        photos: photographs, the one that the others are laid over first.
+        folder: folder for output files; it exists and belongs to this order alone.
+        photos: photographs; the first is the one to which the others are registered.
         scan: recording (HDF5).
-        height_map: surface; the suffix of its name says its format.
-        earlier_photos: photographs of an earlier order, which has given its reading and its picture: fused with touch.
-        part_name: what the line calls the part.
-        expected: text it should read; empty where none is.
-        database: glyph database to read with; the settings' unless given.
-        names: what their sender calls the files; their paths' own unless given.
+        height_map: surface; the suffix of its name gives its format.
+        earlier_photos: photographs of an earlier order, whose reading and picture exist: fused with touch.
+        part_name: the line's name of the part.
+        expected: expected text; empty if there is none.
+        database: glyph database to read with (default: that of the settings).
+        names: the sender's names of the files (default: the names in their paths).
     """
 
     folder: Path
@@ -73,7 +73,7 @@ class PartOrder:
 
     @property
     def files(self) -> dict[Path, str]:
-        """All files, each with what it is, in words."""
+        """All files, each with its kind in words."""
         told = (
             *((self.scan, "scan"), (self.height_map, "height map")),
             *((photo, "photo") for photo in (*self.photos, *self.earlier_photos)),
@@ -89,12 +89,12 @@ class PartOrder:
 
     @property
     def name(self) -> str:
-        """Of the part: the line's, or the stem of its first file's."""
+        """Name of the part: the line's, or the stem of its first file's name."""
         first = next(iter(self.files), Path("scan"))
         return self.part_name or Path(self.name_of(first)).stem
 
     def names_by_path(self) -> dict[Path, str]:
-        """What its sender calls each file."""
+        """The sender's name of each file."""
         names = {path: self.name_of(path) for path in self.files}
         if self.height_map is not None:
             name = self.name_of(self.height_map)
@@ -104,13 +104,13 @@ class PartOrder:
 
 @dataclass(frozen=True)
 class Done:
-    """What became of an order.
+    """Result of an order.
 
     Attributes:
-        readings: in the order they were made; the last one counts.
-        made: files to be kept.
-        plan: what to feel; None where touch is not needed.
-        measures: of the last reading, where a certificate asks for them.
+        readings: readings in the order they were made; the last one counts.
+        made: output files to keep.
+        plan: plan for touch; None if touch is not needed.
+        measures: measures of the last reading, if a certificate needs them.
     """
 
     readings: tuple[ReadingRecord, ...]
@@ -120,7 +120,7 @@ class Done:
 
     @property
     def state(self) -> PartState:
-        """State of the part by its last reading."""
+        """State of the part after its last reading."""
         return state_after(self.readings[-1])
 
 
@@ -283,16 +283,16 @@ def _with_suffix(order: PartOrder) -> Path:
 
 @contextlib.contextmanager
 def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
-    """Turn whatever goes wrong with a file into an error of the name that its sender gave it.
+    """Translate every problem with a file into an error under the sender's name of the file.
 
     Args:
-        order: no error tells of its folder.
-        names: of the files, by path; the first is named where an error names none.
+        order: its folder is kept out of the messages.
+        names: names of the files by path; the first is used if an error names no file.
 
     Raises:
-        FileError: something is wrong with one of the files.
-        OwnFileError: with this machine, or a file that is none of them.
-        FaultError: with this program.
+        FileError: a problem with one of the files.
+        OwnFileError: a problem with this machine, or with any other file.
+        FaultError: a fault of this program.
     """
     from recognition.decision.verify import VerifyError
 

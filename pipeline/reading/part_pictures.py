@@ -52,7 +52,7 @@ class MadeFile:
 
 
 def pictures_of(reading: Reading, folder: Path, *, photo: bool = True) -> list[MadeFile]:
-    """Of a part: its photograph, if wanted, and the edge map of touch, as far as it has them."""
+    """Pictures of a part: its photograph, if wanted, and the edge map of touch, as far as available."""
     taken, touch = reading.trace.photo, reading.touch
     made = [photo_picture(taken, folder)] if photo and taken is not None else []
     return made + edges_picture(touch.trace.edge_map if touch is not None else None, folder)

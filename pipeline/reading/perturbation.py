@@ -1,13 +1,13 @@
 """Small changes that should not matter: a part measured again is the same part.
 
-    shift  the traced lines lie half a line pitch beside those of before
+    shift  the traced lines lie half a line pitch beside the original ones
     noise  sensors as from the bench, in place of ideal ones; the camera's sensor a little noisier
     light  the photograph 6 % brighter or darker
-    scale  the part 1 % larger or smaller: a stage or a lens that is out by so much
+    scale  the part 1 % larger or smaller: a scale error of stage or lens
     order  directions and passes stored the other way round
 
-Each reaches touch, the camera or both. The signs and the noise are drawn from a seed, so that a part is perturbed in
-the same way whoever does it.
+Each affects touch, the camera or both. The signs and the noise are drawn from a seed, so that a part is perturbed in
+the same way by every process.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from whisker_array.simulation.traces import Fidelity
 
 CAMERA_NOISE = 0.01
-"""Standard deviation of the noise that is added to a photograph, of full scale; it has its own already."""
+"""Standard deviation of the noise added to a photograph, besides its own, as a share of full scale."""
 _UNKNOWN_NOISE = 1e-3
-"""Of a recording without samples in the air: noise that is added, of the median moment."""
+"""Noise added to a recording without air samples, as a share of the median moment."""
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What is changed, and by how much.
+    """A kind of perturbation and its size.
 
     Attributes:
         name: one word.
-        shift: of the traced lines, in line pitches, along x and y.
+        shift: shift of the traced lines, in line pitches, along x and y.
         noise: whether sensors are noisy.
         light: share by which the photograph is brighter or darker.
         scale: share by which the part is larger or smaller.
-        reordered: whether directions and passes come the other way round.
-        drawn: shift, light and scale are drawn, at most these.
+        reordered: whether directions and passes are in reverse order.
+        drawn: whether shift, light and scale are drawn at random, with these as the largest values.
 
     Raises:
         ValueError: it changes nothing, a shift below 0, or a share that is not below 1.
@@ -96,9 +96,9 @@ class Retake:
     """One part measured again.
 
     Attributes:
-        how: what is changed.
-        seed: of what is drawn.
-        array: seed of the sensors' gains and offsets, where one array measures several times; the seed unless given.
+        how: the perturbation.
+        seed: seed of the random draws.
+        array: seed of the sensors' gains and offsets, if one array measures several times (default: `seed`).
     """
 
     how: Perturbation
@@ -107,11 +107,11 @@ class Retake:
 
     @property
     def grown(self) -> float:
-        """How many times as large the part is."""
+        """Scale factor of the part."""
         return 1.0 + self._either_way(0) * self.how.scale
 
     def surface(self, height_map: HeightMap) -> HeightMap:
-        """The part larger or smaller; depths stay."""
+        """Scale the part; depths are unchanged."""
         return replace(height_map, pitch_mm=height_map.pitch_mm * self.grown)
 
     def photo(self, photo: Photo) -> Photo:
@@ -134,7 +134,7 @@ class Retake:
         return replace(photo, pixels=pixels, centre_mm=centre, others=others)
 
     def feel(self, *, fidelity: Fidelity, soil: Soil | None, part_id: str) -> Feel:
-        """How touch scans the surface again."""
+        """Function that scans the perturbed surface by touch."""
         from pipeline.reading.simulated_scan import feel
         from whisker_array.whisker.array import default_plan
 

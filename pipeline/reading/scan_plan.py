@@ -1,4 +1,4 @@
-"""From what the camera saw to what the whisker stage is asked to feel, and back to a raster.
+"""Plan a touch scan from the camera's reading, and turn the plan into a raster.
 
 ::
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
-"""Land scanned around the line, character heights: dirt may have hidden a character at an end."""
+"""Land scanned around the line, in character heights: dirt may have hidden a character at an end."""
 TRUSTED_SHARE = 0.8
-"""Mean belief in the characters seen, from which the line is taken to lie where the camera says; below it the whole
-picture is scanned: half a line, scanned well, would be worse than a longer scan."""
+"""Mean confidence in the characters from which the camera's line position is trusted. Below it the whole picture is
+scanned: half a line, scanned well, would be worse than a longer scan."""
 USUAL_HEIGHT_MM = 5.0
-"""Of characters, where neither camera nor settings tell."""
+"""Character height assumed if neither camera nor settings give one."""
 STAGE_FIELD_MM = (60.0, 25.0)
 
 
@@ -138,7 +138,10 @@ def _mean_belief(vision: Reading) -> float:
 
 
 def _most_height_mm(field_mm: float) -> float:
-    """Of characters in a picture so high: dirt that fills it is soon taken for one line as high as it."""
+    """Largest plausible character height in a picture of this height.
+
+    Dirt that fills the picture is easily taken for one line as high as the picture.
+    """
     return 0.5 * field_mm
 
 

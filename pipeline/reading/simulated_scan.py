@@ -53,24 +53,24 @@ def feel(
     friction: float | None = None,
     soil: Soil | None = None,
 ) -> Scan:
-    """Scan the map; with noise the bench is as it is: sensors and a stage that are out by a little.
+    """Simulate a scan of the map; with noise, sensors and stage have realistic small errors.
 
     Args:
         height_map: the part.
-        plan: the raster; with two kinds of whiskers the second are profilers.
+        plan: the raster; of two kinds of whiskers the second are profilers.
         height_mm: character height.
         fidelity: how touch is simulated.
-        noise: sensors with gains, offsets, drift, vibration and a 16 bit converter; ideal ones otherwise.
-        memory: of those, too, creep and hysteresis, and play and errors of the stage.
-        sensor_seed: of gains, offsets, noise and all else of the bench.
-        noise_seed: of the noise, where the same sensors measure again.
-        part_id: what the part is called.
-        touch: of the first row; the default one for the height unless given.
-        friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
-        soil: dirt on the part, of which the map is the top; none unless given.
+        noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
+        memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
+        sensor_seed: seed of gains, offsets, noise and everything else on the bench.
+        noise_seed: seed of the noise, if the same sensors measure again.
+        part_id: name of the part.
+        touch: whisker of the first row (default: the default one for the height).
+        friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
+        soil: dirt on the part, whose top surface is the map (default: no dirt).
 
     Raises:
-        MapError: a map that cannot be scanned, or soil on another grid.
+        MapError: the map cannot be scanned, or soil on another grid.
     """
     touch = touch if touch is not None else default_touch(height_mm)
     n_whiskers = plan.array.n_whiskers * plan.array.kinds
@@ -118,25 +118,25 @@ def open_session(
     friction: float | None = None,
     soil: Soil | None = None,
 ) -> SimulatedSession:
-    """The part mounted on the simulated stage, to be felt pass by pass; the comb is that of the default plan.
+    """Mount the part on the simulated stage, to be felt pass by pass; the comb is that of the default plan.
 
-    With noise sensors and stage are as `feel` draws them, and the gains are known as from a bench.
+    With noise, sensors and stage are drawn as in `feel`, and the gains are known as on a bench.
 
     Args:
         height_map: the part.
         height_mm: character height that the whiskers are built for.
-        n_whiskers: of the comb.
+        n_whiskers: number of whiskers on the comb.
         fidelity: how touch is simulated.
-        noise: sensors with gains, offsets, drift, vibration and a 16 bit converter; ideal ones otherwise.
-        memory: of those, too, creep and hysteresis, and play and errors of the stage.
-        sensor_seed: of gains, offsets, noise and all else of the bench.
-        part_id: what the part is called.
-        touch: the default one for the height unless given.
-        friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
-        soil: dirt on the part, of which the map is the top; none unless given.
+        noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
+        memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
+        sensor_seed: seed of gains, offsets, noise and everything else on the bench.
+        part_id: name of the part.
+        touch: the whisker (default: the default one for the height).
+        friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
+        soil: dirt on the part, whose top surface is the map (default: no dirt).
 
     Raises:
-        MapError: a map that cannot be felt, or soil on another grid.
+        MapError: the map cannot be felt, or soil on another grid.
     """
     touch = touch if touch is not None else default_touch(height_mm)
     usual = default_plan(

@@ -1,11 +1,11 @@
-"""How far a reading takes a part: done, to be scanned, or to be looked at by a person.
+"""State of a part after a reading: accepted, touch needed, or review by a person.
 
 camera sure -----------------------------> accepted
 camera unsure --> touch needed --> sure --> accepted
                                \\-> unsure, nothing read, or another text than expected --> review
 
-In shadow mode a part is done with as it comes: it is compared with what the line's own reader says, and nothing is
-decided.
+In shadow mode a part is finished as soon as it is read: it is compared with the result of the line's own reader, and
+nothing is decided.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from pipeline.common.texts import same_text
 
 
 def state_after(reading: ReadingRecord) -> PartState:
-    """Where a part stands after a reading.
+    """State of a part after a reading.
 
-    The reader's own decision holds the thresholds of confidence and margin; with a text expected, only a part that
-    bears it is accepted.
+    The reader's own decision applies the thresholds of confidence and margin. If a text is expected, only a part with
+    that text is accepted.
     """
     sure = reading.decision == "accept" and reading.verdict in ("", "confirmed")
     if sure:
@@ -28,11 +28,11 @@ def state_after(reading: ReadingRecord) -> PartState:
 
 
 def compared(reading: ReadingRecord, expected: str) -> ShadowRecord:
-    """What comes of a part in shadow mode.
+    """Result of a part in shadow mode.
 
     Args:
-        reading: made without knowing the text expected, so that the two readers know nothing of each other.
-        expected: what the line's own reader has said; empty where it has said nothing.
+        reading: made without the expected text, so that the two readers are independent.
+        expected: result of the line's own reader; empty if it has none.
     """
     if not expected.strip():
         agreement = Agreement.ALONE
@@ -44,7 +44,7 @@ def compared(reading: ReadingRecord, expected: str) -> ShadowRecord:
 
 
 def why_touch(reading: ReadingRecord) -> str:
-    """Why the camera's word is not enough, for the person at the line."""
+    """Reason why the camera's reading is not accepted, for the operator."""
     if not reading.text:
         return "the camera has found no characters"
     if reading.verdict in ("refuted", "undecided"):

@@ -17,17 +17,17 @@ from pipeline.bench.emulator.world import Amplifier, World
 from pipeline.bench.settings import BenchSettings
 
 _RANGE_LAND_MOMENTS = 3.0
-"""Over what the converter's range reaches, whatever the bench file says of gains: these are for the driver to find."""
+"""Range of the converter, in moments on the land. Gains in the bench file are ignored: the driver must find them."""
 _GAIN_SD, _OFFSET_SD, _NOISE = 0.03, 0.01, 1e-4
-"""Of gains, of offsets and noise as shares of the converter's range: as `draw_sensor_chain` has them."""
+"""Spread of gains; spread of offsets and noise, as shares of the converter's range; as in `draw_sensor_chain`."""
 
 
 class EmulatedBench:
-    """Switched on within its block.
+    """Emulated bench as a context manager; it runs within its `with` block.
 
     Attributes:
-        settings: those given, at the pseudo-terminals' names.
-        world, stage, daq: what it is made of.
+        settings: the settings given, with the pseudo-terminals' names as ports.
+        world, stage, daq: its components.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""What emulated firmware has in common: a pseudo-terminal, a planner, and moves that are run slice by slice.
+"""Common base of emulated firmware: a pseudo-terminal, a planner, and moves that are run slice by slice.
 
-Its thread reads what has come, answers what must be answered at once, takes lines in as there is room, and lets the
-world's clock go on by a slice of the move at hand.
+Its thread reads the input, answers real-time commands at once, queues lines while there is room, and advances the
+world's clock by one slice of the current move.
 """
 
 from __future__ import annotations
@@ -41,12 +41,15 @@ class Terminal:
         self.silent = self._unheard = False
 
     def read(self, *, wait_s: float) -> bytes:
-        """What has come; empty where nothing has."""
+        """Read the bytes received; empty if there are none."""
         ready, _, _ = select.select([self._fd], [], [], wait_s)
         return os.read(self._fd, 4096) if ready else b""
 
     def write(self, data: bytes) -> None:
-        """Send; what nobody takes for a second is lost, as on a wire, and all after it until somebody does."""
+        """Send data; if it is not read within a second, it is lost, as on a wire.
+
+        All later data is lost as well until the other end reads again.
+        """
         if self.silent:
             return
         until = time.monotonic() + (0.0 if self._unheard else _FULL_S)

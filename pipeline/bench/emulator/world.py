@@ -1,7 +1,7 @@
-"""The world in which an emulated bench works: a clock of its own, the stage's place, the plate and its moments.
+"""Simulated world of an emulated bench: its clock, the stage's position, the plate and the moments on the whiskers.
 
-The clock goes on only while the stage is at work, so that nothing depends on how busy this machine is; `pace`
-seconds of ours pass for one of the world's.
+The clock advances only while the stage works, so that results do not depend on the load of this machine; `pace` real
+seconds pass for one simulated second.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _BEYOND_HEIGHTS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Amplifier:
-    """Of all whiskers: what a moment becomes, V.
+    """Amplifiers of all whiskers, from moment to volts.
 
     Attributes:
         gain_v_per_n_mm: (whiskers,) true gains.
@@ -53,12 +53,12 @@ class World:
     Attributes:
         place_mm: machine coordinates; A in degrees.
         touching: the stage's spare output.
-        now_s: of the world's clock.
-        amplifier: of the whiskers.
-        pace: seconds of ours for one of the world's; 0: as fast as may be.
-        lock: held while the world goes on.
-        sampler: told of every slice of time: begin, end, volts at times since the begin.
-        watch: called after every slice, for faults to be made; may raise nothing.
+        now_s: simulated time, s.
+        amplifier: amplifiers of the whiskers.
+        pace: real seconds per simulated second; 0: as fast as possible.
+        lock: held while the clock advances.
+        sampler: called with every time slice: begin, end, volts at times since the begin.
+        watch: called after every slice, to inject faults; must not raise.
         touched: whether tips are on the plate.
     """
 
@@ -102,7 +102,7 @@ class World:
         return self.place_mm["Z"] < self._bench.stage.land_z_mm
 
     def felt_along(self, to: Place) -> Volts:
-        """What the whiskers feel on the way to a place: distances run (n,) to volts (n, whiskers)."""
+        """Whisker signals on a move to a place: a function of distances run (n,) that returns volts (n, whiskers)."""
         begin, x, y = dict(self.place_mm), to.get("X"), to.get("Y")
         start, end = (
             self._plate(begin),
@@ -117,12 +117,12 @@ class World:
         return lambda run_mm: self._volts(np.column_stack([np.interp(run_mm, grid, m) for m in moment]))
 
     def standing(self) -> Volts:
-        """What they feel at rest, likewise."""
+        """Whisker signals at rest, as the same kind of function."""
         still = self._still(self._bench.stage.land_z_mm - self.place_mm["Z"])
         return lambda run_mm: self._volts(np.full((run_mm.size, self._n), still))
 
     def pass_time(self, seconds: float, volts: Volts) -> None:
-        """Let the clock go on by a slice."""
+        """Advance the clock by one slice."""
         with self.lock:
             if self.sampler is not None:
                 self.sampler(self.now_s, self.now_s + seconds, self.touching, volts)

@@ -18,11 +18,11 @@ from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
-"""Elevation of the lamp, degrees; its direction is drawn for every part."""
+"""Elevation of the lamp, degrees; its direction is drawn at random for every part."""
 SEVERAL = 4
-"""Lights, evenly all round, for the mode that reads several photographs of a part."""
+"""Number of lights, evenly spaced around the part, for the mode that reads several photographs."""
 COUNTS = ("parts", "parts_a_cell")
-"""Settings of a design that no part depends on."""
+"""Settings of a design that do not affect its parts."""
 _SPECIAL = ("soil", "severity", "light")
 _MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
 _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
@@ -33,15 +33,15 @@ class DesignedParts:
     """Parts of a design.
 
     Attributes:
-        design: which.
-        first: so many of its parts, of every section its share; all unless given.
+        design: the design.
+        first: number of its parts to use, in proportion from every section (default: all).
 
     Raises:
-        FontError: a font that is not there, or another than the design's.
-        FormatError: a format that no serial meets.
-        SettingsError: a factor that no part has, a level of another type, a light that there is not, more parts than
-            the design has.
-        StampError: a die, plate, layout or soil that cannot be.
+        FontError: a font is missing or differs from the design's.
+        FormatError: a format that no serial matches.
+        SettingsError: an unknown factor, a level of the wrong type, an unknown light, or more parts than the design
+            has.
+        StampError: an invalid die, plate, layout or soil.
     """
 
     design: Design

@@ -34,17 +34,17 @@ class FolderParts:
 
     @classmethod
     def load(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> FolderParts:
-        """The parts of folders, globs or files that a table tells the truth of.
+        """Load the parts of folders, globs or files whose truth is in a table.
 
         Args:
             inputs: folders, globs or files.
             truth: CSV with the columns part and text.
-            condition: what the parts have in common, as far as known.
+            condition: condition shared by the parts, as far as known.
 
         Raises:
-            FileError: no such table, or none of its parts is there.
-            NothingFoundError: no part at all.
-            SettingsError: a format or severity that cannot be.
+            FileError: the table is missing, or no part in it was found.
+            NothingFoundError: no parts at all.
+            SettingsError: an invalid format or severity.
         """
         if condition.format:
             allowed_characters(condition.format)

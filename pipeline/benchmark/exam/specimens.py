@@ -51,16 +51,16 @@ class Specimen:
         part: its name.
         truth: what was stamped.
         height_map: its top surface.
-        soil: dirt and friction; None of a clean part.
+        soil: dirt and friction; None for a clean part.
         take_photo: photographs it; None without a camera.
-        line_mm: (x0, y0, x1, y1) around the line, plate frame; None where it is not known.
-        boxes_mm: around each character of the truth; empty where they are not known.
-        height_mm: of the characters, for which a stage is set; None where it is not known.
-        beside_mm: around another line, which is not asked for; None without one.
+        line_mm: box (x0, y0, x1, y1) around the line, plate frame; None if unknown.
+        boxes_mm: box around each character of the truth; empty if unknown.
+        height_mm: character height for which a stage is set; None if unknown.
+        beside_mm: box around a second line that is not to be read; None without one.
         rows_known: whether the order of the map's rows is known.
-        feel: scans it; by the default plan unless given.
+        feel: scans it (default: by the default plan).
         take_lights: photographs it as `take_photo`, with others under other lights; None without.
-        number: of its item.
+        number: number of its item.
     """
 
     part: str

@@ -1,1 +1,1 @@
-"""The exam as files, for whoever reads it elsewhere."""
+"""Export of the exam as files, for use with other programs."""

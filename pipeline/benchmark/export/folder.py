@@ -1,10 +1,10 @@
-"""An exam as a folder of files, for readers that are no part of this program.
+"""Export an exam as a folder of files, for readers outside this program.
 
     design --export_part, by many workers--> parts/ photos/ felt/ ideal/ lines/ labels/ --labels--> label files, card
                                                                                           --hashes--> manifest.json
 
-A part's label is written after its files and holds their hashes: an export that was broken off goes on with the parts
-whose label is missing or does not agree with the files.
+A part's label is written after its files and holds their hashes: an interrupted export goes on with the parts
+whose label is missing or does not match the files.
 """
 
 from __future__ import annotations
@@ -59,20 +59,20 @@ def export(
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[str], None] | None = None,
 ) -> int:
-    """Write the exam; what the folder holds already, and is whole, stays. More parts later go on from there.
+    """Write the exam; complete parts already in the folder are kept, so that a later call can add more parts.
 
     Args:
         order: what to write.
-        folder: for it; made if need be.
-        executor: who works; this process unless given.
-        on_start: called with how many parts there are and how many of these are there already.
-        on_part: called with the name of every part when it is written.
+        folder: output folder; created if needed.
+        executor: executor that runs the work (default: this process).
+        on_start: called with the number of parts and the number of these already written.
+        on_part: called with the name of each part after it is written.
 
     Returns:
-        How many parts the folder holds now.
+        Number of parts that the folder holds now.
 
     Raises:
-        ExportError: parts that could not be made; the others are written.
+        ExportError: some parts could not be made; the others are written.
         FileError: the folder holds something else, or cannot be written.
     """
     items = order.parts.items()
@@ -158,7 +158,7 @@ def _prepare(order: ExportOrder, folder: Path) -> None:
 
 
 def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
-    """The label of a part whose files are all there and as it says; None of another."""
+    """Label of a part whose files all exist and match their hashes; None otherwise."""
     label = _json_of(folder / label_path(item.part))
     if label is None or not isinstance(label.get("files"), dict):
         return None

@@ -1,11 +1,11 @@
-"""The truth of an exported exam in the layouts that people who read text in pictures use.
+"""Write the truth of an exported exam in the label formats common in text recognition.
 
     rec_gt.txt     PaddleOCR, recognition: lines/NAME-VIEW.png <TAB> text
     det_gt.txt     PaddleOCR, detection: photos/NAME.png <TAB> [{"transcription": "AB12", "points": [[x, y] * 4]}]
     truth.jsonl    a picture a line: file, part, polygon, transcription, characters with a polygon each
     truth.csv      a part a line: part, text, all levels of its factors
 
-A line that is not asked for has the transcription "###", which both kinds of scorer pass over.
+A line that is not to be read has the transcription "###", which both kinds of scorer ignore.
 """
 
 from __future__ import annotations

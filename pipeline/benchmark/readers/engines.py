@@ -1,7 +1,8 @@
-"""Programs of others that read one line of text: RapidOCR's recognition network, and Tesseract.
+"""Third-party programs that read one line of text: RapidOCR's recognition network and Tesseract.
 
-Both come with the extra `peers`; nothing is fetched at run time. RapidOCR's network is decoded under the format by the
-code that decodes our own; Tesseract gives no probabilities, so it knows the characters of the format alone.
+Both come with the extra `peers`; nothing is downloaded at run time. RapidOCR's network is decoded under the format by
+the same code as our own network. Tesseract gives no probabilities, so only its set of characters is limited to those
+of the format.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ class Engine(Protocol):
         """Read a picture (rows, cols, 3) of one line.
 
         Args:
-            picture: dark on light.
-            places: the characters that each place of the format may bear; empty: no format is known.
+            picture: dark text on a light ground.
+            places: characters allowed at each place of the format; empty if no format is known.
         """
 
 
 def open_engine(name: str, chars: str) -> Engine:
-    """The engine of that name: "rapidocr" or "tesseract".
+    """Open the engine "rapidocr" or "tesseract".
 
     Args:
-        name: which.
-        chars: all characters that there may be.
+        name: name of the engine.
+        chars: all possible characters.
 
     Raises:
         ModeUnavailableError: the engine or its data are not installed.
@@ -113,15 +114,15 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
 
 
 def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
-    """The likeliest character of every place of a format, with its posterior.
+    """Most likely character at each place of a format, with its posterior.
 
     Args:
         beliefs: (steps, classes) probabilities; class 0 is the blank.
         classes: their characters.
-        places: the characters that each place may bear.
+        places: characters allowed at each place.
 
     Returns:
-        A character a place; nothing where the steps have no room for so many.
+        One character per place; empty if there are too few steps for so many places.
     """
     chars = "".join(sorted(set("".join(places))))
     index = {name: k for k, name in enumerate(classes)}

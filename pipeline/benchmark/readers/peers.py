@@ -1,4 +1,4 @@
-"""Programs of others as modes: what they are shown (`pictures`), who reads (`engines`), when they are accepted."""
+"""Third-party readers as modes: their input (`pictures`), the engine (`engines`) and the rule of acceptance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans of touch as modes: one that chooses its passes and stops, uniform ones, ones drawn at random, the whole one.
+"""Touch plans as modes: active, uniform, random and whole.
 
 mode         level                           passes                            stops
 active L     worth of a serial, stage s      chosen one step ahead             when sure, or not worth it
@@ -6,7 +6,7 @@ uniform L    lines to half a height          along x, evenly                   n
 random L     budget, stage s                 ways drawn at random              never before its end
 whole L      lines to a height               four directions, as usual         never before its end
 
-All are read by touch alone, on one bench with the sensors and the stage that `BENCH_SEED` draws.
+All are read by touch alone, on one bench whose sensors and stage are drawn with `BENCH_SEED`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ WORTHS_S = (30.0, WORTH_S, 1000.0)
 UNIFORM_LINES = (4, 8, 16)
 RANDOM_BUDGETS_S = (8.0, 24.0)
 BUDGET_S = 90.0
-"""Most stage seconds of a part that is felt actively."""
+"""Maximum stage time of a part in active mode, seconds."""
 BENCH_SEED = 1
 _NO_LIMIT_S = 1e6
 _LEVELS = {
@@ -47,7 +47,7 @@ class TouchPlan:
 
     Attributes:
         name: active, uniform, random or whole.
-        level: what makes it longer or shorter; see the module.
+        level: parameter that sets its length; see the module.
     """
 
     name: str
@@ -65,12 +65,12 @@ class TouchPlan:
 
     @classmethod
     def of(cls, mode: str) -> TouchPlan | None:
-        """The plan of a mode's name; None of another mode."""
+        """Plan for the name of a mode; None if the mode is not a touch plan."""
         name, _, level = mode.partition(" ")
         return cls(name, float(level)) if name in _LEVELS and level.replace(".", "", 1).isdigit() else None
 
     def settings(self, number: int) -> ActiveSettings:
-        """Policy and budget on the part of that number."""
+        """Policy and budget for the part with this number."""
         if self.name == "active":
             return ActiveSettings(budget_s=BUDGET_S, policy=Greedy(worth_s=self.level))
         if self.name == "uniform":
@@ -88,7 +88,7 @@ PLANS = (
 
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
-    """Touch by one plan; the stage's time, passes and waits go into the trial."""
+    """Mode that reads by touch with one plan; the stage time, passes and waits go into the trial."""
     from pipeline.reading.simulated_scan import feel, open_session
 
     touch = reader.touch
@@ -104,7 +104,7 @@ def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
         session = open_session(part.height_map, part_id=part.part, **bench)
         found = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()
-        # after the last pass nobody waits: the part can be taken away
+        # the time after the last pass is no wait: the part can be taken away
         waits = sorted(p.thought_s for p in found.passes[:-1] if p.thought_s > 0.0)
         return found.reading, _on_stage(found.stage_s, len(found.passes), found.stop.value, waits or [0.0])
 

@@ -46,13 +46,13 @@ def write_comparison(
     Args:
         before: folder A.
         after: folder B.
-        folder: for the page and the table; made if need be.
-        pictures: how many flips are drawn at most, the gravest first.
-        executor: who draws; this process unless given.
+        folder: output folder for the page and the table; created if needed.
+        pictures: maximum number of flips to draw, the most serious first.
+        executor: executor that draws (default: this process).
 
     Raises:
         FileError: a folder holds no benchmark, or cannot be written.
-        NotComparableError: not the same parts, or no reader in both.
+        NotComparableError: the parts differ, or no reader is in both.
     """
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)

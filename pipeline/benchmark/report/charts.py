@@ -1,4 +1,4 @@
-"""The charts of a benchmark's report: drawn for screen and paper, told apart without colour as well."""
+"""Charts of a benchmark's report, for screen and paper; series can be distinguished without colour."""
 
 from __future__ import annotations
 

@@ -72,12 +72,12 @@ def write_report(
     """Write the page, the table and the figures.
 
     Args:
-        benchmark: what was tried.
-        trials: of all parts and modes, in order.
-        folder: for them.
-        command: how to do it again, as typed.
-        certificate: that the parts were read with, if any.
-        executor: who draws the worst parts; this process unless given.
+        benchmark: the benchmark.
+        trials: trials of all parts and modes, in order.
+        folder: output folder.
+        command: command line that repeats the run.
+        certificate: certificate that the parts were read with, if any.
+        executor: executor that draws the worst parts (default: this process).
 
     Raises:
         FileError: the folder cannot be written.

@@ -55,17 +55,17 @@ class Agreement:
 
 
 def agreements(ratings: Ratings, truth: Mapping[str, str] | None = None) -> list[Agreement]:
-    """All comparisons that the ratings allow.
+    """Compute all comparisons that the ratings allow.
 
-    Within takes an appraiser with several trials; between and pairs take the parts that the appraisers have in
-    common, and against truth those whose truth is known.
+    Within needs an appraiser with several trials. Between and pairs use the parts that the appraisers have in common.
+    Against truth uses the parts whose truth is known.
 
     Args:
         ratings: see `Ratings`.
-        truth: right rating by part, as far as known.
+        truth: correct rating by part, as far as known.
 
     Raises:
-        ValueError: an appraiser who did not rate every part equally often, and at least once.
+        ValueError: an appraiser did not rate every part equally often, and at least once.
     """
     for who, by_part in ratings.items():
         if len({len(trials) for trials in by_part.values()}) != 1 or not all(by_part.values()):

@@ -109,14 +109,14 @@ def measure(
     journal: StudyJournal,
     on_part: Callable[[], None] = lambda: None,
 ) -> list[Trial]:
-    """Every trial of every part, in their order; what fails is in the trial.
+    """Measure every trial of every part, in order; failures are recorded in the trial.
 
     Args:
-        plan: how they are measured.
-        parts: which.
-        executor: who measures.
-        journal: what is measured already, and is kept.
-        on_part: told of every part as it is done.
+        plan: plan of the measurements.
+        parts: parts to measure.
+        executor: executor that runs the measurements.
+        journal: journal of finished measurements, which are kept.
+        on_part: called after each part.
     """
 
     def lost(part: StudiedPart, error: Exception) -> tuple[Trial, ...]:

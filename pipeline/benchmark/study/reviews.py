@@ -33,11 +33,11 @@ class Reviews:
 
 
 def load_reviews(path: Path, parts: Collection[str]) -> Reviews:
-    """The answers of a table on some parts.
+    """Load the reviewers' answers for some parts from a table.
 
     Raises:
-        FileError: not such a table, a line without a reviewer, no part of the study, or a reviewer who did not read
-            every part equally often.
+        FileError: a table of another kind, a line without a reviewer, no part of the study, or a reviewer
+            that did not read every part equally often.
     """
     answers: dict[str, dict[str, tuple[str, ...]]] = {}
     unknown: dict[str, None] = {}

@@ -34,23 +34,23 @@ def run_study(
     executors: ExecutorOptions | None = None,
     command: str = "",
 ) -> tuple[Study, tuple[Path, ...]]:
-    """Measure every part several times, write the report, and return what was found with the files.
+    """Measure every part several times, write the report, and return the study with the files written.
 
     Args:
-        settings: of reading.
+        settings: read settings.
         inputs: parts, folders, globs and manifests.
-        out: folder of the report; the journal of a study that was broken off is in it.
-        repeats: trials of every part.
-        arrays: virtual arrays that each measure every height map.
-        reviewers: table of what people read.
-        truth: table of what is stamped; of parts in a manifest the text expected unless given.
-        executors: who works.
-        command: how to do it again, as typed.
+        out: folder of the report; it also holds the journal of an interrupted study.
+        repeats: number of trials of every part.
+        arrays: number of virtual arrays; each measures every height map.
+        reviewers: table of the texts that people read.
+        truth: table of the stamped texts (default for parts in a manifest: the expected text).
+        executors: options of the executors that run the work.
+        command: command line that repeats the study.
 
     Raises:
-        MarksError: inputs or tables that cannot be used, or a folder that cannot be written.
+        MarksError: unusable inputs or tables, or a folder that cannot be written.
     """
-    reader_of(settings)  # settings that cannot be, before anything is read
+    reader_of(settings)  # reject invalid settings before anything is read
     listed = list_parts(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
     parts = studied_parts(listed)
     names = {part.name for part in parts}

@@ -74,7 +74,7 @@ class TruthParts:
 
 
 def designed_items(parts: DesignedParts) -> list[Item]:
-    """The parts of a design with their truth; none of them is made."""
+    """Items of a design with their truth, without making the parts."""
     return [replace(item, truth=parts.truth_of(item)) for item in parts.items()]
 
 

@@ -104,17 +104,17 @@ def run_benchmark(
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[Sequence[Trial]], None] | None = None,
 ) -> list[Trial]:
-    """Try every part that the folder does not hold yet.
+    """Run the trials of every part that is not in the folder yet.
 
     Args:
-        benchmark: what to try.
-        folder: where the trials are kept; made if need be.
-        executor: who works; this process unless given.
-        on_start: told how many parts there are and how many of these are done already.
-        on_part: told of every part as it is done.
+        benchmark: the benchmark to run.
+        folder: folder for the trials; created if needed.
+        executor: executor that runs the work (default: this process).
+        on_start: called with the number of parts and the number of these already done.
+        on_part: called with the trials of each part after it is done.
 
     Returns:
-        The trials in the order of the parts, then of what was given, the perturbations and the modes.
+        The trials, ordered by part, then by given knowledge, perturbation and mode.
 
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
@@ -141,7 +141,10 @@ def run_benchmark(
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
-    """Make one part and read it by every mode, perturbed too; what fails is told in the trial, and the run goes on."""
+    """Make one part and read it by every mode, perturbed too.
+
+    A failure is recorded in the trial, and the run goes on.
+    """
     try:
         specimen = benchmark.parts.make(item)
     except Exception as error:
