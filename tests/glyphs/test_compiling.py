@@ -21,8 +21,9 @@ import sys
 from contextlib import nullcontext
 from numba.core.registry import CPUDispatcher
 from pipeline.cli.main import main
-from pipeline.workers import options
-options.PoolExecutor = lambda jobs, **_: nullcontext(options.InlineExecutor())  # here, where kernels are counted
+from pipeline.workers.executors import InlineExecutor
+from pipeline.workers.options import ExecutorOptions
+ExecutorOptions.opened = lambda *_, **__: nullcontext(InlineExecutor())  # here, where kernels are counted
 for name in sys.argv[1:]:
     assert main(["read", name, "--font", "gothic", "--format", "AA99"]) == 0
 modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]

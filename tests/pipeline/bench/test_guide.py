@@ -23,7 +23,7 @@ from pipeline.formats.piece_file import read_piece
 from pipeline.formats.synth import SynthSpec, make_part
 from tests.support.bench import a_pass, bench_settings, stamped
 
-GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "guides" / "bench.md"
+GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "how-to" / "bench.md"
 PROGRAM = (sys.executable, "-m", "pipeline")
 COME_S = 60.0
 

@@ -98,7 +98,7 @@ def test_at_a_rounding_edge_noise_moves_a_sample_by_one_step_and_no_more() -> No
 @pytest.fixture
 def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A design of two parts, made in this process."""
-    monkeypatch.setattr(edition_digest, "PoolExecutor", lambda _: nullcontext(InlineExecutor()))
+    monkeypatch.setattr(edition_digest, "WorkPool", lambda _: nullcontext(InlineExecutor()))
     path = tmp_path / "tiny.toml"
     path.write_text(TINY, encoding="utf-8")
     return str(path)
