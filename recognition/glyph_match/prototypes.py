@@ -39,8 +39,8 @@ BESIDE_STEPS = 2.0
 MOVED_STEPS, MOVE_COST = 3, 0.007
 """By which a place may lie off, and the cosine that a step costs."""
 SHARPNESS = 28.0
-"""Belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less what it keeps out (320
-characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the recogniser 0.071 (alone 0.075).
+"""Belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less what it keeps out
+(320 characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the recogniser 0.071 (alone 0.075).
 """
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Under which photographs are predicted: lamps from four sides, and one that stands high."""
