@@ -25,9 +25,9 @@ from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS
 
 CANDIDATES = 5
-LEAST_READ, LEAST_MEAN = 0.52, 0.3
+LEAST_READ, LEAST_MEAN = 0.52, 0.35
 """Probability of the surest character, with the format and without it, and mean over the places under the format: below
-both there is no line. Pictures of something else reach 0.51 and 0.28."""
+both there is no line. Pictures of something else reach 0.51 and 0.34."""
 LEAST_VALID_MASS = 0.02
 """Belief in all serials of the format together below which another one stands there."""
 LEAST_PLACES = 4
