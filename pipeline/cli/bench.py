@@ -140,7 +140,7 @@ def scan(
     dry_run
         Move nothing: print the moves and draw them into this picture (.svg, .png).
     region
-        x0 y0 x1 y1 in mm from the plate's corner; the bench's field unless given.
+        x0 y0 x1 y1 in mm from the plate's corner (default: the bench's field).
     directions
         Trace directions in degrees; all four where the comb turns, else 0.
     part_id

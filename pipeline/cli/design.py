@@ -59,7 +59,7 @@ def design(
     section
         Section of the whisker.
     speed_mm_s
-        Scan speed to reach, mm/s; the usual one for the height unless given.
+        Scan speed to reach, mm/s (default: the usual one for the height).
     beta_deg
         Setting angles that the holder allows, least:greatest, degrees; 0 keeps l1 level.
     sensitive_to
@@ -82,7 +82,7 @@ def design(
     dirt
         Of --array: severity of the dirt that this is wanted at, one that was measured.
     length_mm
-        Of --array: length of the line, mm; that of eight characters unless given.
+        Of --array: length of the line, mm (default: that of eight characters).
     speed_error
         Of --array: what speed may make wrong of the edge map, a share of the signal.
     whiskers

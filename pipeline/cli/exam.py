@@ -59,8 +59,8 @@ def run(
         Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
         file of your own. In place of the flags that say what parts are, but for --parts.
     parts
-        Number of parts for every soil, dirt, font and format; 200 unless given. Of a design: the first so many; all
-        unless given.
+        Number of parts for every soil, dirt, font and format (default: 200). Of a design: the first so many
+        (default: all).
     mode
         What reads, separated by commas: tactile, vision, fused, lights (vision of four photographs, the lamp on another
         side each time), a reader of your own, module:function, that takes a pipeline.ExamPart and gives its text, or
@@ -75,19 +75,19 @@ def run(
     jobs
         Worker processes.
     soil
-        What the dirt is, several separated by commas, each on parts of its own: workshop unless given, caked, rust,
+        Soils, separated by commas, each on parts of its own (default: workshop): caked, rust,
         paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
     dirt
         How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
     font
-        Built-in names or TTF/OTF files, separated by commas; gothic unless given. Of --inputs: those that may be
+        Built-in names or TTF/OTF files, separated by commas (default: gothic). Of --inputs: those that may be
         theirs, all built-in ones unless given.
     format
-        Masks of the serials, separated by commas; AA999999 unless given. Of --inputs: theirs, if known.
+        Masks of the serials, separated by commas (default: AA999999). Of --inputs: theirs, if known.
     height_mm
-        Character height, mm; 5 unless given.
+        Character height, mm (default: 5).
     seed
-        Of everything random: the same seed gives the same parts; 1 unless given.
+        Seed of everything random: the same seed gives the same parts (default: 1).
     inputs
         Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
     truth
@@ -97,7 +97,7 @@ def run(
         light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
         one. Takes about five times as long.
     experts
-        Which experts are combined, separated by commas: network, templates; both unless given. Templates alone read by
+        Which experts are combined, separated by commas: network, templates (default: both). Templates alone read by
         touch only.
     ablate
         Rules of the decision, separated by commas: each of tactile, vision, lights and fused is also decided without
@@ -179,7 +179,7 @@ def gate(
     raise_floors
         Tighten the floors to what is found; none is ever loosened. Commit the file by itself.
     out
-        Keep the trials in this folder, for `benchmark compare`; they are thrown away unless given.
+        Keep the trials in this folder, for `benchmark compare` (default: they are not kept).
     """
     from pipeline.benchmark.analysis import gate as floor
     from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -230,7 +230,7 @@ def export(
     folder
         For the files; made if it is not there.
     parts
-        The first so many parts; all unless given. The first of a design are balanced, too.
+        The first so many parts (default: all). The first of a design are balanced, too.
     felt
         Write what touch feels; it takes a third of the time.
     jobs
@@ -285,9 +285,9 @@ def score(
     truth
         a CSV with the columns part and text, and a column for each factor, as truth.csv of an export.
     parts
-        The first so many parts of the design; all unless given. A part without an answer counts as read empty.
+        The first so many parts of the design (default: all). A part without an answer counts as read empty.
     name
-        What the readers are called, separated by commas; as their files unless given.
+        Names of the readers, separated by commas (default: those of their files).
     give
         What the readers were given beside the part: font, height, format, or nothing.
     out
@@ -349,7 +349,7 @@ def compare(
     after
         Folder of the benchmark after it.
     out
-        Folder for the page and the table; that of the second benchmark unless given.
+        Folder for the page and the table (default: that of the second benchmark).
     pictures
         How many flips are drawn at most, the gravest first.
     jobs

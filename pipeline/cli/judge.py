@@ -148,11 +148,11 @@ def study(
         CSV with the columns part, reviewer and text: what people read; several lines of one reviewer and part are
         trials.
     truth
-        CSV with the columns part and text; of parts in a manifest the text expected unless given.
+        CSV with the columns part and text (default: the expected texts of a manifest).
     out
         Folder for the page and the tables.
     jobs
-        Worker processes; one for each core unless given, or none for a few parts.
+        Worker processes (default: one for each core), or none for a few parts.
     """
     if not inputs:
         raise UsageError("study: name parts, folders, globs or manifests")

@@ -65,7 +65,7 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     address
         Address of the scheduler, such as tcp://HOST:8786.
     jobs
-        Worker processes; one for each core unless given.
+        Worker processes (default: one for each core).
     memory_gb
         Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
     """

@@ -69,7 +69,7 @@ JobPath = Annotated[
     ),
 ]
 StoreAddress = Annotated[
-    str | None, Parameter(help="Address of the store; the one of the service's settings unless given.")
+    str | None, Parameter(help="Address of the store (default: the one of the service's settings).")
 ]
 READING, SERVICE, MAPS = ReadSettings(), ServiceSettings(), MapSettings()
 

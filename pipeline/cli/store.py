@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
 ScopeName = Literal["read", "write", "review"]
 Days = Annotated[int | None, Parameter(validator=Number(gte=1, lte=36_500))]
-Folder = Annotated[
-    Path | None, Parameter(help="Folder of the service; the one of its settings unless given.")
-]
+Folder = Annotated[Path | None, Parameter(help="Folder of the service (default: the one of its settings).")]
 _MOST_SHOWN = 20
 
 
@@ -49,7 +47,7 @@ def add(
     scope
         What it allows: read, write (send parts) or review. May be repeated.
     days
-        Days for which it is valid; for ever unless given.
+        Days for which it is valid (default: for ever).
     """
     with opened_store(store, service) as opened:
         from pipeline.common.records import Scope

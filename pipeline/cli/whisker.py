@@ -48,8 +48,8 @@ def scan(
     out
         Recording to write, .h5.
     height_mm
-        Character height in mm, which sets the scale of array and raster; measured unless given, which takes as long as
-        to read the part.
+        Character height in mm, which sets the scale of array and raster (default: measured, which takes as long as
+        to read the part).
     fidelity
         How touch is simulated.
     noise
@@ -59,9 +59,9 @@ def scan(
     seed
         Of all that: the same seed gives the same scan.
     whisker
-        Whisker to scan with, as `design --out` writes it; one for the character height unless given.
+        Whisker to scan with, as `design --out` writes it (default: one for the character height).
     friction
-        True friction of the part, 0 to 1; what the file says, or the whisker's nominal one, unless given.
+        True friction of the part, 0 to 1 (default: the file's, or the whisker's nominal one).
     profilers
         Add a second row of whiskers that measures the profile; it separates slopes from heights.
     two_way

@@ -332,7 +332,7 @@ class ReadSettings(MapSettings):
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
-    """Character height in mm; measured unless given."""
+    """Character height in mm (default: measured)."""
     fidelity: Literal["pointwise", "contact"] = "contact"
     """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
     database: Path | None = None
@@ -344,7 +344,7 @@ class ReadSettings(MapSettings):
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
     """Least depth of the marks in mm. A part with a shallower mark goes to review."""
     accept_confidence: Share | None = None
-    """Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given."""
+    """Least confidence, 0 to 1, for a reading to be accepted (default: the reader's own)."""
     accept_risk: float | None = Field(default=None, gt=0.0, lt=1.0)
     """Share of wrong readings among the accepted that is to be expected at most, such as 0.005, in place of a
     confidence; see certify for your own parts."""

@@ -22,7 +22,7 @@ class ExecutorOptions:
     """Who works.
 
     Attributes:
-        jobs: Worker processes; one for each core unless given. Files are opened by workers alone: one that crashes the
+        jobs: Worker processes (default: one for each core). Files are opened by workers alone: one that crashes the
             library that opens it then costs its own part, and not the run.
         cluster: Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster.
         part_timeout_s: Seconds after which a process of this machine gives a part up.
