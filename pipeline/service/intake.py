@@ -123,6 +123,7 @@ class Intake:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         draining: the service is stopping and accepts no more parts.
+        policy: rules of agreement and of blind reading.
         targets: targets of results: webhook, mqtt; none in shadow mode.
     """
 
@@ -166,7 +167,7 @@ class Intake:
         )
         self.bench = BenchWatch()
         self.targets = () if settings.shadow else tuple(targets)
-        self._watch, self._policy = watch, policy
+        self._watch, self.policy = watch, policy
         serials = settings.serials
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
@@ -389,7 +390,7 @@ class Intake:
             StoreError: as `Store.review`.
         """
         targets = self._targets_of(self.store.part(part_id))
-        part = self.store.review(part_id, targets=targets, readers=self._policy.readers, **said)
+        part = self.store.review(part_id, targets=targets, readers=self.policy.readers, **said)
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
@@ -449,7 +450,7 @@ class Intake:
                 evidence=files,
                 targets=() if decision.shadow is not None else self.targets,
                 shadow=decision.shadow,
-                audit=self._policy.draw_audit(),
+                audit=self.policy.draw_audit(),
                 rules=self._rules,
             )
 

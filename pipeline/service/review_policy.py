@@ -52,3 +52,10 @@ class ReviewPolicy:
             return ReviewMode.AUDIT
         others = self.readers > 1 and part.state is PartState.REVIEW and bool(opinions)
         return ReviewMode.SECOND if others and not any(map(person.said, opinions)) else ReviewMode.OPEN
+
+    def hidden(
+        self, part: PartRecord, person: Person, opinions: Sequence[ReviewRecord]
+    ) -> tuple[ReviewRecord, ...]:
+        """Opinions that a person does not see before reading the part."""
+        mode = self.mode(part, person, opinions=opinions, audit=False)
+        return tuple(opinions) if mode is ReviewMode.SECOND else ()

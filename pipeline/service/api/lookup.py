@@ -11,7 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
-from pipeline.common.people_records import AuditFigures
+from pipeline.common.people_records import AuditFigures, Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, History, Scope, Statistics
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.api.answers import (
@@ -68,11 +68,14 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
         responses=answered(200, history=HISTORY_EXAMPLE) | problems(404),
     )
     def history(part_id: PartId, caller: Caller = Reads) -> History:
-        """All that happened to a part."""
-        store.part(checked_id(part_id))
-        return History(
-            store.history(part_id), store.readings(part_id), store.reviews(part_id), store.evidence(part_id)
-        )
+        """All that happened to a part.
+
+        Where two people must agree, what the first has read is left out until the second has read it.
+        """
+        part, person = store.part(checked_id(part_id)), Person(caller.token, token=caller.token)
+        hidden = service.policy.hidden(part, person, store.opinions(part_id))
+        reviews = tuple(review for review in store.reviews(part_id) if review not in hidden)
+        return History(store.history(part_id), store.readings(part_id), reviews, store.evidence(part_id))
 
     @router.get(
         "/parts/{part_id}/pictures/{picture}",

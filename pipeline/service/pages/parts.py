@@ -15,7 +15,6 @@ from pipeline.service.pages.frame import Frame, View
 from pipeline.service.pages.passes import felt_passes
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
-from pipeline.service.review_policy import ReviewMode
 
 PARTS_SHOWN = 50
 Wanted = Annotated[str, Field(max_length=200)]
@@ -76,10 +75,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         found, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
         pictures = picture_pair(found, readings, evidence, frame.evidence)
         places = [places_of(reading) for reading in readings]
-        opinions = store.opinions(part_id)
-        # a second reader does not see what the first has read
-        mode = frame.policy.mode(found, view.person, opinions=opinions, audit=False)
-        hidden = opinions if mode is ReviewMode.SECOND else ()
+        hidden = frame.policy.hidden(found, view.person, store.opinions(part_id))
         return view.page(
             "part.html.j2",
             part=found,

@@ -57,6 +57,27 @@ def test_two_must_agree_over_http_too(tmp_path: Path) -> None:
         assert states == ["review", "review", "reviewed"]
 
 
+def test_a_second_reader_does_not_see_over_http_what_the_first_has_read(tmp_path: Path) -> None:
+    options = {"host": "0.0.0.0", "review": {"second_reader": True}}
+    with inline_service(tmp_path, **options) as (service, client):
+        ada, ben = (
+            {"Authorization": f"Bearer {service.store.add_token(name, [Scope.READ, Scope.REVIEW])}"}
+            for name in ("Ada", "Ben")
+        )
+        address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}"
+
+        def said(who: dict[str, str], text: str) -> None:
+            review = {"action": "correct", "text": text}
+            assert client.post(f"{address}/review", json=review, headers=who).status_code == 200
+
+        said(ada, "ZZ11")
+        assert "ZZ11" in client.get(f"{address}/history", headers=ada).text
+        for path in ("", "/history"):
+            assert "ZZ11" not in client.get(f"{address}{path}", headers=ben).text
+        said(ben, "ZZ22")
+        assert "ZZ11" in client.get(f"{address}/history", headers=ben).text
+
+
 def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_path: Path) -> None:
     write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
     photo = {"photo": ("clean.png", (tmp_path / "clean.png").read_bytes())}
