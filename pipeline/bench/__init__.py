@@ -1,4 +1,4 @@
-"""A bench of iron: a stage that is moved by G-code, a converter that samples the whiskers, and emulators of both.
+"""A real bench: a stage that is moved by G-code, and a converter that samples the whiskers.
 
 bench.toml --read_bench--> Bench --open--> BenchSession --feel(pass)--> Sweep      (the protocol of `StageSession`)
                              |

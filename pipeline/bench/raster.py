@@ -34,14 +34,14 @@ def feel_all(
     session: StageSession,
     passes: Sequence[Pass],
     *,
-    told: Callable[[int, Pass], None] = lambda k, order: None,
+    on_pass: Callable[[int, Pass], None] = lambda k, order: None,
 ) -> Scan:
     """Run the passes one after the other.
 
     Args:
         session: session of the part; it stays open.
         passes: passes, in order.
-        told: callback after each pass, with its number from 1 and the pass.
+        on_pass: callback after each pass, with its number from 1 and the pass.
 
     Raises:
         StageError: a pass failed.
@@ -49,5 +49,5 @@ def feel_all(
     began, felt = datetime.now(UTC).isoformat(timespec="seconds"), []
     for k, order in enumerate(passes, start=1):
         felt.append(session.feel(order))
-        told(k, order)
+        on_pass(k, order)
     return replace(scan_of(session.fitting, felt), start_time=began)

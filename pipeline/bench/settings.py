@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.common.parsed import Finite, Strict, read_toml, write_toml
+from pipeline.common.parsed import Finite, Strict, read_toml
 from pipeline.formats.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
@@ -195,12 +195,3 @@ def read_bench(path: Path) -> BenchSettings:
         return settings
     comb = settings.comb.model_copy(update={"whisker": path.resolve().parent / settings.comb.whisker})
     return settings.model_copy(update={"comb": comb})
-
-
-def write_bench(path: Path, settings: BenchSettings) -> None:
-    """Write a bench file; it appears whole or not at all.
-
-    Raises:
-        FileError: it cannot be written.
-    """
-    write_toml(path, settings)

@@ -1,4 +1,4 @@
-"""`tactile-marks bench`: a bench of iron brought up, calibrated and scanned with, and one that is emulated."""
+"""`tactile-marks bench`: bring up, calibrate and use a real bench."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import CommandError, UsageError
 
 if TYPE_CHECKING:
+    from pipeline.bench.bench import Bench
     from pipeline.bench.settings import BenchSettings
     from whisker_array.whisker.passes import Pass
 
@@ -22,8 +23,9 @@ _CALIBRATED_HEIGHTS = 3.0
 
 
 @contextlib.contextmanager
-def _lifting_at_the_end() -> Iterator[None]:
-    """Take a request to end as an interrupt, so that whatever is open is closed, and lifts."""
+def _opened(settings: BenchSettings) -> Iterator[Bench]:
+    """Open a bench; SIGTERM and hang-up end it as an interrupt does, so that it lifts and is closed."""
+    from pipeline.bench.bench import Bench
 
     def end(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -32,13 +34,13 @@ def _lifting_at_the_end() -> Iterator[None]:
     if threading.current_thread() is threading.main_thread():
         before = {one: signal.signal(one, end) for one in (signal.SIGTERM, signal.SIGHUP)}
     try:
-        yield
+        with Bench(settings) as bench:
+            yield bench
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
 
 
-@_lifting_at_the_end()
 def check(bench: Path) -> int:
     """Ask stage and converter who they are; nothing moves.
 
@@ -47,15 +49,13 @@ def check(bench: Path) -> int:
     bench
         The bench, bench.toml.
     """
-    from pipeline.bench.bench import Bench
     from pipeline.bench.settings import read_bench
 
-    with Bench(read_bench(bench)) as opened:
+    with _opened(read_bench(bench)) as opened:
         print(f"stage: {opened.greeting}\nconverter: {opened.daq.describe()}")
     return 0
 
 
-@_lifting_at_the_end()
 def home(bench: Path) -> int:
     """Lift the comb, find the ends of all axes, and carry it lifted; also after a crash or an alarm.
 
@@ -64,17 +64,15 @@ def home(bench: Path) -> int:
     bench
         The bench, bench.toml.
     """
-    from pipeline.bench.bench import Bench
     from pipeline.bench.settings import read_bench
 
-    with Bench(read_bench(bench)) as opened:
+    with _opened(read_bench(bench)) as opened:
         opened.home()
         x, y, z = opened.stage.place_mm()
         print(f"homed; the stage stands at x {x:.2f}, y {y:.2f}, z {z:.2f} mm, lifted")
     return 0
 
 
-@_lifting_at_the_end()
 def calibrate(bench: Path) -> int:
     """Find every whisker's gain on a bare plate, and print the lines for bench.toml.
 
@@ -84,7 +82,6 @@ def calibrate(bench: Path) -> int:
         The bench, bench.toml; under the comb lies a plate without marks.
     """
     from glyphs.surface.maps import TraceDirection
-    from pipeline.bench.bench import Bench
     from pipeline.bench.settings import read_bench
     from whisker_array.whisker.passes import Pass
 
@@ -92,23 +89,22 @@ def calibrate(bench: Path) -> int:
     x0, y0, x1, y1 = settings.plate.field_mm
     height, comb = settings.comb.character_height_mm, settings.comb
     reach = min(0.5 * _CALIBRATED_HEIGHTS * height, 0.4 * (x1 - x0))
+    wide = comb.pitch_mm * (comb.n_whiskers - 1)
+    if wide > y1 - y0:
+        raise CommandError(
+            f"the comb is {wide:.1f} mm wide, the field {y1 - y0:.1f} mm high",
+            hint="lay a wider bare plate under it and say so in field_mm",
+        )
+    first = 0.5 * (y0 + y1 - wide)
     order = Pass(
         TraceDirection.FORWARD_X,
-        tuple(
-            0.5 * (y0 + y1) + comb.pitch_mm * (i - 0.5 * (comb.n_whiskers - 1))
-            for i in range(comb.n_whiskers)
-        ),
+        tuple(first + comb.pitch_mm * i for i in range(comb.n_whiskers)),
         (0.5 * (x0 + x1) - reach, 0.5 * (x0 + x1) + reach),
         sample_pitch_mm=height / 80.0,
         speed_mm_s=5.0 * height,
         air_samples=256,
     )
-    if min(order.line_mm) < y0 or max(order.line_mm) > y1:
-        raise CommandError(
-            f"the comb is {max(order.line_mm) - min(order.line_mm):.1f} mm wide, the field {y1 - y0:.1f} mm high",
-            hint="lay a wider bare plate under it and say so in field_mm",
-        )
-    with Bench(settings) as opened:
+    with _opened(settings) as opened:
         opened.home()
         found = opened.calibrated(order)
     print("gains_known = true")
@@ -116,7 +112,6 @@ def calibrate(bench: Path) -> int:
     return 0
 
 
-@_lifting_at_the_end()
 def scan(
     bench: Path,
     *,
@@ -153,9 +148,12 @@ def scan(
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
     from glyphs.atomic import check_writable
-    from pipeline.bench.bench import Bench
+    from glyphs.surface.maps import TraceDirection
+    from pipeline.bench.raster import feel_all, raster_passes
     from pipeline.bench.settings import read_bench
     from pipeline.cli.whisker import check_recording, scan_actively
+    from whisker_array.scan.recording import save_scan
+    from whisker_array.whisker.array import ALL_DIRECTIONS
 
     if (out is None) == (dry_run is None):
         raise UsageError("bench scan: give --out, or --dry-run")
@@ -164,26 +162,24 @@ def scan(
             "bench scan: --active chooses its passes", "leave out --dry-run, --region and --directions"
         )
     settings = read_bench(bench)
+    fitting = settings.fitting()
+    possible = ALL_DIRECTIONS if settings.stage.turn_axis else ALL_DIRECTIONS[:1]
+    passes = raster_passes(
+        fitting, region or fitting.field_mm, [TraceDirection(d) for d in directions or possible]
+    )
     if dry_run is not None:
-        return _drawn(_raster(settings, region, directions), settings, dry_run)
+        return _draw(passes, settings, dry_run)
     assert out is not None
     check_recording(out)
     check_writable(out)
-    if active:
-        with Bench(settings) as opened:
-            session = opened.session(part_id)
-            height_mm = settings.comb.character_height_mm
-            return scan_actively(session, out, height_mm=height_mm, budget_s=budget_s, format=format)
-    from pipeline.bench.raster import feel_all
-    from whisker_array.scan.recording import save_scan
-
-    passes = _raster(settings, region, directions)
-    with Bench(settings) as opened:
+    with _opened(settings) as opened:
         session = opened.session(part_id)
+        if active:
+            return scan_actively(session, out, height_mm=fitting.height_mm, budget_s=budget_s, format=format)
         made = feel_all(
             session,
             passes,
-            told=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
+            on_pass=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
         )
         session.close()
     save_scan(made, out)
@@ -191,71 +187,11 @@ def scan(
     return 0
 
 
-@_lifting_at_the_end()
-def emulate(bench: Path, *, out: Path, part: Path | None = None, seed: int = 0, pace: float = 0.0) -> int:
-    """Stand in for a bench: controller and converter answer at pseudo-terminals, until Ctrl-C.
-
-    Parameters
-    ----------
-    bench
-        The bench to stand in for, bench.toml.
-    out
-        Bench file to write: the same bench, at the pseudo-terminals.
-    part
-        Height map of the part in the middle of the field; a bare plate without.
-    seed
-        Of gains, offsets and noise: the same seed is the same bench.
-    pace
-        Seconds of ours for one of the bench; 0 is as fast as it goes, 1 is real.
-    """
-    import numpy as np
-
-    from glyphs.surface.maps import HeightMap
-    from pipeline.bench.emulator.bench import EmulatedBench
-    from pipeline.bench.settings import read_bench, write_bench
-    from pipeline.formats.npz import read_soil
-    from pipeline.formats.touch_file import read_height_map
-
-    settings = read_bench(bench)
-    if part is not None:
-        surface = read_height_map(part)
-        soil = read_soil(part)
-    else:
-        surface, soil = (
-            HeightMap(np.zeros((8, 8), np.float32), settings.comb.character_height_mm / 40.0),
-            None,
-        )
-    with EmulatedBench(surface, settings, seed=seed, soil=soil, pace=pace) as emulated:
-        write_bench(out, emulated.settings)
-        print(
-            f"a {settings.stage.firmware} stage at {emulated.settings.stage.port} and a converter at "
-            f"{emulated.settings.daq.port}; use {out}, end with Ctrl-C",
-            flush=True,
-        )
-        threading.Event().wait()
-    return 0
-
-
-def _raster(
-    settings: BenchSettings, region: Region | None, directions: tuple[Literal[0, 90, 180, 270], ...]
-) -> tuple[Pass, ...]:
-    """The whole plan for the bench's comb."""
-    from glyphs.surface.maps import TraceDirection
-    from pipeline.bench.raster import raster_passes
-    from whisker_array.whisker.array import ALL_DIRECTIONS
-
-    ways = tuple(TraceDirection(d) for d in directions)
-    if not ways:
-        ways = ALL_DIRECTIONS if settings.stage.turn_axis else ALL_DIRECTIONS[:1]
-    fitting = settings.fitting()
-    return raster_passes(fitting, region or fitting.field_mm, ways)
-
-
-def _drawn(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> int:
-    """The moves of passes, printed and drawn."""
-    from glyphs.atomic import replacing
+def _draw(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> int:
+    """Print and draw the moves of passes."""
     from pipeline.bench.moves import moves_of
     from pipeline.plots.moves_picture import moves_figure
+    from pipeline.plots.pictures import save_figure
 
     preload = settings.touch().preload_mm
     moves = [moves_of(order, settings, preload_mm=preload) for order in passes]
@@ -266,8 +202,6 @@ def _drawn(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> 
             f"z {one.lift_z_mm:.2f} down to {one.touch_z_mm:.2f} mm, {one.speed_mm_s:.1f} mm/s, "
             f"{one.ramp.duration_s:.2f} s"
         )
-    figure = moves_figure(moves, settings)
-    with replacing(picture) as temporary:
-        figure.savefig(temporary, format=picture.suffix.lstrip(".") or "svg")
+    save_figure(moves_figure(moves, settings), picture)
     print(f"{len(moves)} passes, all within the stage's travel; wrote {picture}; nothing has moved")
     return 0

@@ -66,7 +66,7 @@ app = App(
 )
 _GROUPS = (
     ("glyphs", "Teach", "List, show and collect the fonts of steel stamps."),
-    ("bench", "Whisker", "Drive a bench of iron: stage by G-code, converter, and emulators of both."),
+    ("bench", "Whisker", "Drive a real bench: a stage by G-code, and a converter."),
     ("tokens", "Serve", "Make, list and revoke tokens of the service."),
     ("store", "Serve", "Back up, restore and check the service's store and files."),
     ("benchmark", "Exam", "Measure how well dirty marks are read, by this reader and by others."),
@@ -98,7 +98,6 @@ _COMMANDS = (
     ("bench home", "Whisker", "bench:home", "Lift the comb and find the axes' ends.", ""),
     ("bench calibrate", "Whisker", "bench:calibrate", "Find the whiskers' gains on a bare plate.", ""),
     ("bench scan", "Whisker", "bench:scan", "Scan the part under the comb, or draw the moves.", "out dry-run active"),
-    ("bench emulate", "Whisker", "bench:emulate", "Stand in for a bench, at pseudo-terminals.", "out part"),
     ("serve", "Serve", "serve:serve", "Run the service: camera first, touch when unsure.",
      "port folder format tokens init-config"),
     ("worker", "Serve", "serve:worker", "Lend this machine's cores to a cluster.", "jobs"),

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.bench.bench import Bench
-from pipeline.bench.emulator.bench import EmulatedBench
-from pipeline.bench.emulator.grbl import EmulatedGrbl
-from pipeline.bench.emulator.marlin import EmulatedMarlin
-from pipeline.bench.emulator.world import World, on_plate
 from recognition.views.levelling import level
 from tests.support.bench import FIRMWARE, HEIGHT_MM, PITCH_MM, a_pass, bench_settings, stamped
+from tests.support.emulator.bench import EmulatedBench
+from tests.support.emulator.grbl import EmulatedGrbl
+from tests.support.emulator.marlin import EmulatedMarlin
+from tests.support.emulator.world import World, on_plate
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.array import WhiskerArray

@@ -11,17 +11,20 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import PieceKind
 from pipeline.bench.bench import Bench
-from pipeline.bench.emulator.bench import EmulatedBench
-from pipeline.bench.emulator.world import World
-from pipeline.bench.settings import read_bench, write_bench
+from pipeline.bench.settings import read_bench
 from pipeline.cli.main import main
+from pipeline.common.parsed import write_toml
 from pipeline.formats.piece_file import read_piece
 from pipeline.formats.synth import SynthSpec, make_part
 from tests.support.bench import a_pass, bench_settings, stamped
+from tests.support.emulator.bench import EmulatedBench
+from tests.support.emulator.world import World
 
 GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "how-to" / "bench.md"
 PROGRAM = (sys.executable, "-m", "pipeline")
@@ -49,8 +52,8 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
     commands = [
         line for block in blocks("bash") for line in block.splitlines() if line.startswith("tactile-marks")
     ]
-    assert [c.split()[1:3] for c in commands[:5]] == [
-        ["bench", word] for word in ("emulate", "scan", "check", "home", "calibrate")
+    assert [c.split()[1:3] for c in commands[:4]] == [
+        ["bench", word] for word in ("scan", "check", "home", "calibrate")
     ]
     part = make_part(SynthSpec("AA99", seed=4, height_mm=3.0), 0)
 
@@ -60,34 +63,31 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
         assert main(at) == 0
         return capsys.readouterr().out
 
-    bare = subprocess.Popen([*PROGRAM, *shlex.split(commands[0])[1:]], stdout=subprocess.DEVNULL)
-    until(Path("emulated.toml").exists)
-    try:
-        assert "all within the stage's travel" in said(commands[1])
+    bare = HeightMap(np.zeros((8, 8), np.float32), 0.075)
+    with EmulatedBench(bare, read_bench(bench), seed=0) as emulated:
+        write_toml(Path("emulated.toml"), emulated.settings)
+        assert "all within the stage's travel" in said(commands[0])
         assert "<svg" in Path("moves.svg").read_text()
-        assert "Grbl 1.1" in said(commands[2])
-        assert "homed" in said(commands[3])
-        gains = said(commands[4])
-    finally:
-        bare.terminate()
-        bare.wait(COME_S)
+        assert "Grbl 1.1" in said(commands[1])
+        assert "homed" in said(commands[2])
+        gains = said(commands[3])
     assert re.fullmatch(r"gains_known = true\nvolt_per_n_mm = \[.*\]\n", gains)
     bench.write_text(toml + gains, encoding="utf-8")  # [daq] is the last table
     with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
-        write_bench(Path("emulated.toml"), marked.settings)
-        said(commands[5])
-        rows = said(commands[6]).splitlines()[2:-1]
+        write_toml(Path("emulated.toml"), marked.settings)
+        said(commands[4])
+        rows = said(commands[5]).splitlines()[2:-1]
     assert ["never on the land" in row for row in rows] == [False] * 6 + [True] * 2
     assert [float(row.split()[1]) for row in rows] == pytest.approx([1.0] * 8, abs=0.02)
     # passes over the piece and the fit to them take a minute; tests/pipeline/cli/test_identify.py has few of them
     assert "all within the stage's travel" in said(
-        commands[7].replace("--out piece.h5", "--dry-run piece.svg")
+        commands[6].replace("--out piece.h5", "--dry-run piece.svg")
     )
-    assert commands[8].split()[1:] == ["identify", "piece.h5", "--piece", "piece.toml"]
+    assert commands[7].split()[1:] == ["identify", "piece.h5", "--piece", "piece.toml"]
     assert read_piece(Path("piece.toml")).kind is PieceKind.PITS
     with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
-        write_bench(Path("emulated.toml"), marked.settings)
-        told = said(commands[9])
+        write_toml(Path("emulated.toml"), marked.settings)
+        told = said(commands[8])
     assert f"{part.text}, accepted" in told
     assert re.search(rf"{part.text} +accept", said(commands[-1]))
 
@@ -97,7 +97,7 @@ def test_a_host_that_dies_in_a_pass_leaves_the_tips_lifted(
     tmp_path: Path, firmware: str, ended_by: signal.Signals
 ) -> None:
     with EmulatedBench(stamped(), bench_settings(firmware), seed=1) as emulated:
-        write_bench(tmp_path / "bench.toml", emulated.settings)
+        write_toml(tmp_path / "bench.toml", emulated.settings)
         world = emulated.world
 
         def slow(now: World) -> None:

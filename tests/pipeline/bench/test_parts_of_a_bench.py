@@ -16,7 +16,8 @@ from glyphs.errors import FileError
 from pipeline.bench.moves import moves_of
 from pipeline.bench.ni_daq import NiDaq
 from pipeline.bench.ramp import Ramp
-from pipeline.bench.settings import DaqSettings, read_bench, write_bench
+from pipeline.bench.settings import DaqSettings, read_bench
+from pipeline.common.parsed import write_toml
 from tests.support.bench import a_pass, bench_settings
 from whisker_array.scan.stage_error import StageError
 
@@ -33,7 +34,7 @@ def test_a_ramp_is_its_speed_summed_up(distance: float, speed: float, accelerati
 
 
 def test_a_bench_file_is_read_as_written(tmp_path: Path) -> None:
-    write_bench(tmp_path / "bench.toml", bench_settings("marlin"))
+    write_toml(tmp_path / "bench.toml", bench_settings("marlin"))
     assert read_bench(tmp_path / "bench.toml") == bench_settings("marlin")
 
 
@@ -49,7 +50,7 @@ def test_a_bench_file_is_read_as_written(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_with_a_bench_file_is_told(tmp_path: Path, was: str, is_now: str, told: str) -> None:
     path = tmp_path / "bench.toml"
-    write_bench(path, bench_settings())
+    write_toml(path, bench_settings())
     text = path.read_text()
     assert was in text
     path.write_text(text.replace(was, is_now, 1))

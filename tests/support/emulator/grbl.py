@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.bench.emulator.firmware import WORD, Firmware
-from pipeline.bench.emulator.world import AXES
+from tests.support.emulator.firmware import WORD, Firmware
+from tests.support.emulator.world import AXES
 
 _RECEIVES = 128
 _AT_ONCE = b"?!~\x18"

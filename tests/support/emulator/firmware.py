@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.bench.emulator.world import AXES, SLICE_S, Place, Volts, World, ramp_to
 from pipeline.bench.settings import StageSettings
+from tests.support.emulator.world import AXES, SLICE_S, Place, Volts, World, ramp_to
 
 WORD = re.compile(r"([A-Z])([-+]?[\d.]+)")
 _PLANNER = 15

@@ -7,9 +7,9 @@ import time
 from functools import reduce
 from operator import xor
 
-from pipeline.bench.emulator.firmware import WORD, Firmware
-from pipeline.bench.emulator.world import World
 from pipeline.bench.settings import StageSettings
+from tests.support.emulator.firmware import WORD, Firmware
+from tests.support.emulator.world import World
 
 _BUSY_S = 2.0
 _SHARED = ("G0", "G1", "G4", "G21", "G90", "G91", "M106", "M107", "M110", "M400")

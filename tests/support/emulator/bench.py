@@ -9,12 +9,12 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.bench.emulator.daq import EmulatedDaq
-from pipeline.bench.emulator.firmware import Firmware
-from pipeline.bench.emulator.grbl import EmulatedGrbl
-from pipeline.bench.emulator.marlin import EmulatedMarlin
-from pipeline.bench.emulator.world import Amplifier, World
 from pipeline.bench.settings import BenchSettings
+from tests.support.emulator.daq import EmulatedDaq
+from tests.support.emulator.firmware import Firmware
+from tests.support.emulator.grbl import EmulatedGrbl
+from tests.support.emulator.marlin import EmulatedMarlin
+from tests.support.emulator.world import Amplifier, World
 
 _RANGE_LAND_MOMENTS = 3.0
 """Range of the converter, in moments on the land. Gains in the bench file are ignored: the driver must find them."""

@@ -7,9 +7,9 @@ import threading
 
 import numpy as np
 
-from pipeline.bench.emulator.firmware import Terminal
-from pipeline.bench.emulator.world import Volts, World
 from pipeline.bench.line_daq import crc16
+from tests.support.emulator.firmware import Terminal
+from tests.support.emulator.world import Volts, World
 
 
 class EmulatedDaq:
