@@ -59,7 +59,7 @@ COMMANDS = (
         "import",
     ),
     *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
-    *("bench check", "bench home", "bench calibrate", "bench scan", "bench emulate"),
+    *("bench check", "bench home", "bench calibrate", "bench scan"),
     *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),
     *("benchmark run", "benchmark compare", "benchmark export", "benchmark score", "benchmark gate"),
 )
