@@ -16,6 +16,7 @@ from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import draw_camera
 from glyphs.errors import MarksError
+from glyphs.fonts.dots import dotted_font
 from glyphs.fonts.glyph import Font, transform_glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.part import Part, stamp
@@ -23,7 +24,6 @@ from glyphs.stamping.dies import DIES
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.plates import PLATES
 from recognition.experts.recogniser import CHARACTERS
-from recognition.learning.dots import dotted_font
 from recognition.learning.training_fonts import has_small_letters
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan

@@ -1,11 +1,10 @@
-"""Read parts of a second generator, and keep the readings as a benchmark does::
+"""Read parts of the second generator with its own dirt and camera, and keep the readings as a benchmark does::
 
     python tests/benchmarks/sketched_parts.py FONTS ... --parts 240 --out sketched
 
-FONTS are folders; of their fonts those are used that the recogniser never learns from. Marks, plates and soils are
-the sketches of `recognition.learning.sketches`, which share no code with the generator of parts; the whiskers feel
-them by the same contact. A score that is to hold on parts of any kind is judged by them as well
-(`tests/benchmarks/fit_score.py`).
+FONTS are folders; of their fonts those are used that the recogniser never learns from. Marks and plates are those of
+`glyphs.sketch`, dirt and photographs those of `recognition.learning.sketches`; the whiskers feel them by the same
+contact. A score that is to hold on parts of any kind is judged by them as well (`tests/benchmarks/fit_score.py`).
 """
 
 from __future__ import annotations
@@ -18,23 +17,19 @@ import numpy as np
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.fonts.serials import random_text
+from glyphs.sketch import ROWS_PER_HEIGHT, sketch
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from recognition.decision.evidence import measures_of
-from recognition.learning.sketches import SketchedPart, sketch_part
+from recognition.learning.sketches import photograph
 from recognition.learning.training_fonts import find_fonts
 from recognition.reader import Reader
+from recognition.views.view import GREY
 
 FORMAT = "AA999999"
 HEIGHTS_MM = (2.0, 12.0)
-
-
-def part_of(made: SketchedPart, height_mm: float) -> tuple[HeightMap, Photo]:
-    """A sketch as a height map and a photograph of the same scale."""
-    pitch_mm = height_mm / made.rows_per_height
-    surface = HeightMap((made.surface * height_mm).astype(np.float32), pitch_mm)
-    return surface, Photo(made.picture, pitch_mm=pitch_mm)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -50,14 +45,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for k in range(given.parts):
         rng = np.random.default_rng((given.seed, k))
         text = random_text(FORMAT, rng=rng)
+        font = fonts[int(rng.integers(len(fonts)))]
+        if rng.random() < 0.2:
+            font = Path(str(rng.choice(BUILTIN_FONTS)))
         try:
-            made = sketch_part([fonts[int(rng.integers(len(fonts)))]], rng, text=text)
+            made = sketch(load_font(str(font)), text, rng)
         except (MarksError, ValueError):  # a font that lacks a character
             continue
+        grey = np.kron(photograph(made, rng)[GREY], np.ones((2, 2)))
         height_mm = float(np.exp(rng.uniform(*np.log(HEIGHTS_MM))))
-        surface, photo = part_of(made, height_mm)
-        touch, vision = reader.touch.read_height_map(surface), reader.vision.read_photo(photo)
-        levels = {"soil": "sketched", "font": made.font, "severity": made.severity, "height_mm": height_mm}
+        pitch_mm, land = height_mm / ROWS_PER_HEIGHT, ROWS_PER_HEIGHT // 2
+        z_mm = np.pad(made.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
+        touch = reader.touch.read_height_map(HeightMap(z_mm, pitch_mm))
+        pixels = np.asarray(np.clip(255.0 * grey, 0.0, 255.0), dtype=np.uint8)
+        vision = reader.vision.read_photo(Photo(pixels, pitch_mm=pitch_mm))
+        levels = {"soil": "sketched", "font": font.name, "severity": made.severity, "height_mm": height_mm}
         name = f"sketched-{k:04d}"
         trials = [
             Trial(
