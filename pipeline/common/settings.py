@@ -114,6 +114,11 @@ def _by_commas(value: Any) -> Any:
     return value
 
 
+def _split(value: tuple[str, ...]) -> tuple[str, ...]:
+    # a flag's several names come as one text
+    return tuple(_by_commas(",".join(value)))
+
+
 def _mode(value: Any) -> Any:
     return _MODES.get(value, value) if isinstance(value, str) else value
 
@@ -198,10 +203,10 @@ def _region(value: Any) -> Any:
     Raises:
         ValueError: they are none.
     """
-    from recognition.belief.part_lines import check_region
-
     if value is None:
         return None
+    from recognition.belief.part_lines import check_region  # slow
+
     try:
         left, top, right, bottom = (float(share) for share in _by_commas(value))
         check_region((left, top, right, bottom))
@@ -225,42 +230,49 @@ def _few(value: Any) -> Any:
     return value
 
 
-def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
+def _formats(value: tuple[str, ...]) -> None:
     from recognition.language.format_text import parts_of
     from recognition.language.grammar import Grammar
 
     parts_of(value)  # together they can have one of each kind: found before any is prepared
     for text in value:
         Grammar.parse(text)
-    return value
 
 
-def _checks(value: tuple[str, ...]) -> tuple[str, ...]:
+def _check_digits(value: tuple[str, ...]) -> None:
     from recognition.language.check_digits import CheckDigit
 
     for text in value:
         CheckDigit.parse(text)
-    return value
+
+
+def _experts(value: tuple[str, ...]) -> None:
+    from recognition.senses.settings import ReaderSettings
+
+    ReaderSettings(experts=value)
+
+
+def _rules(value: tuple[str, ...]) -> None:
+    from recognition.decision.depth_rules import depth_rule
+
+    for text in value:
+        depth_rule(text)
+
+
+def _where_given(check: Callable[[tuple[str, ...]], None]) -> AfterValidator:
+    """Check values by libraries that are slow to import, and that nothing is imported for where there are none."""
+
+    def checked(value: tuple[str, ...]) -> tuple[str, ...]:
+        if value:
+            check(value)
+        return value
+
+    return AfterValidator(checked)
 
 
 def _characters(value: str) -> str:
     if any(c.isspace() or not c.isprintable() for c in value):
         raise ValueError("it has a blank; write the characters one after the other: IOQ")
-    return value
-
-
-def _experts(value: tuple[str, ...]) -> tuple[str, ...]:
-    from recognition.senses.settings import ReaderSettings
-
-    # a flag's several names come as one text
-    return ReaderSettings(experts=tuple(name.strip() for item in value for name in item.split(","))).experts
-
-
-def _rules(value: tuple[str, ...]) -> tuple[str, ...]:
-    from recognition.decision.depth_rules import depth_rule
-
-    for text in value:
-        depth_rule(text)
     return value
 
 
@@ -302,11 +314,11 @@ class ReadSettings(MapSettings):
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
     with the marks, too."""
-    experts: Annotated[Names, AfterValidator(_experts)] = ()
+    experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
     """Who reads, separated by commas: network (any font), templates (the fonts that are named, and the die that a lot
     has taught; alone they read by touch only). By default both."""
     format: Annotated[
-        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), AfterValidator(_formats)
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
     ] = ()
     """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, a small letter, 9
     digit, * A or 9, any other character and what a \\ stands before itself, a blank a word gap), re:EXPRESSION,
@@ -314,7 +326,7 @@ class ReadSettings(MapSettings):
     check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
     """File of all serials that exist, one a line; # starts a comment."""
-    check: Annotated[Names, AfterValidator(_few), AfterValidator(_checks)] = ()
+    check: Annotated[Names, AfterValidator(_few), _where_given(_check_digits)] = ()
     """Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at places 3 to 8. May
     be repeated."""
     exclude: Annotated[str, Field(max_length=MOST_RULE_CHARS), AfterValidator(_characters)] = ""
@@ -337,7 +349,7 @@ class ReadSettings(MapSettings):
     """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
-    depth_rule: Annotated[Names, AfterValidator(_few), AfterValidator(_rules)] = ()
+    depth_rule: Annotated[Names, AfterValidator(_few), _where_given(_rules)] = ()
     """Rule for depth, burr and size of the marks; may be repeated. 27CFR478.92, CONTRAN24/98, MIL-STD-792, 70-16-05,
     or one of your own in mm, NAME=LEAST:MOST@HEIGHTS, such as "press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05
     height=1.6". A part that breaks one is read all the same and goes to review."""
