@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.crossing import fill_from_crossing
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
-from whisker_array.estimation.land import divide_by_land, land_coefficients, remove_drift, whisker_gain
+from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, whisker_gain
 from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.scan.calibration import apply_calibration
@@ -102,8 +102,10 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     land = land_coefficients(lines)
     if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    ratio = remove_drift(divide_by_land(lines, land))
-    return SweptLines(_among(ratio, keep[kept]), places, position, sweep.plan.direction)
+    lines /= land_surface(land, lines.shape)
+    remove_drift(lines)
+    lines -= 1.0
+    return SweptLines(_among(lines, keep[kept]), places, position, sweep.plan.direction)
 
 
 def _among(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:

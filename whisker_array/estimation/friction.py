@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
-from whisker_array.estimation.land import plate_land
+from whisker_array.estimation.land import land_coefficients, land_surface
 from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
@@ -97,7 +97,8 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int) -> _LandLines:
     for w in np.unique(whisker) if not sweep.plan.pushed else ():
         rows = np.flatnonzero((whisker == w) & np.isfinite(lines).any(axis=1))
         if rows.size:
-            off = np.abs(lines[rows] / plate_land(lines[rows]) - 1.0) > LAND_BAND
+            land = land_surface(land_coefficients(lines[rows]), lines[rows].shape)
+            off = np.abs(lines[rows] / land - 1.0) > LAND_BAND
             lines[rows] = np.where(off, np.nan, lines[rows])
     return _LandLines(lines, place, whisker)
 

@@ -14,87 +14,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
-from whisker_array.estimation.land_fit import (
-    fit_quadratic,
-    quadratic,
-    robust_lines,
-    running_median,
-    shortest,
-)
-
-LAND_SHARE = 0.35
-"""Share of samples that must agree on a level to make it land: less than a full line of text leaves."""
-TUKEY_CUT = 0.05
-"""Samples further than this from the expected land, relative to it, have no say: marks are 10 % and more."""
-DAMPING = 1e-9
-"""Damping of the fit's normal equations, as a share of their trace: unseen terms stay zero."""
-MIN_INLIERS = 0.15
-"""A line with fewer land samples than this takes its land from the neighbours alone."""
-NEIGHBOUR_LINES = 9
-MAX_DRIFT = 0.03
-"""Drift of one line against its neighbours, at most: more is surface."""
+from whisker_array.estimation.land_fit import common_level, fit_quadratic, quadratic, robust_lines, shortest
 
 
-def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray[np.float64]:
-    """Centre of the shortest interval that holds a share of the samples of the last axis; NaN are left out.
+def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.float64]:
+    """Centre of the shortest interval that holds a share of each row's samples; NaN are left out.
 
-    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one
-    side.
-    Rows without any sample give NaN.
+    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side.
+
+    Args:
+        values: (rows, samples).
+        share: of the samples; less than a full line of text leaves free.
+
+    Returns:
+        (rows,); NaN for a row without any sample.
     """
-    ordered = np.sort(values, axis=-1)
-    return shortest(ordered.reshape(-1, ordered.shape[-1]), share).reshape(ordered.shape[:-1])
+    return shortest(np.sort(values, axis=-1), share)
 
 
-def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Land of a whole sweep, (lines, samples): a robust quadratic in both directions; NaN are left out."""
-    lines, samples = moment.shape
-    u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
-    return quadratic(land_coefficients(moment), u, v)
+def land_surface(coefficients: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Moment of the land, (lines, samples), by its coefficients."""
+    return quadratic(coefficients, np.linspace(-1.0, 1.0, shape[1]), np.linspace(-1.0, 1.0, shape[0]))
 
 
-def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fit the land of a sweep, (lines, samples): (6,) of 1, u, v, u^2, u v, v^2, each from -1 to 1; NaN are left out.
+def land_coefficients(
+    moment: NDArray[np.float64], *, share: float = 0.35, cut: float = 0.05, damping: float = 1e-9
+) -> NDArray[np.float64]:
+    """Fit the land of a sweep by a robust quadratic in both directions, each from -1 to 1.
 
     The start is flat at the most common level, or tilted as the levels of lines and of columns say, so a tilt
-    of many times the mark's depth does no harm; the fit is then tightened around it. All zero where most samples
-    feel nothing at all.
+    of many times the mark's depth does no harm; the fit is then tightened around it.
+
+    Args:
+        moment: (lines, samples); NaN are left out.
+        share: of the samples that must agree on a level, see `shorth`.
+        cut: relative distance from the land beyond which samples have no weight: marks are 10 % and more.
+        damping: of the normal equations, as a share of their trace: terms without samples stay zero.
+
+    Returns:
+        (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero where most samples feel nothing at all.
     """
     lines, samples = moment.shape
-    u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
-    level = float(shorth(moment.reshape(1, -1))[0])
+    level = common_level(moment, share)
     if level == 0.0:
         return np.zeros(6)  # there is no land to fit
-    best_coefficients, best_inliers = np.zeros(6), -1.0
-    # of the two starts the better explains more samples
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
-    thin, at_u, at_v = moment[::step_l, ::step_s], u[::step_s], v[::step_l]
-    cuts = np.array([0.2, 0.1, 0.07, TUKEY_CUT, TUKEY_CUT]) * abs(level)
-    flat = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
-    for coefficients in (flat, _tilted_start(thin, at_u, at_v, level)):
-        inliers = fit_quadratic(
-            thin, at_u, at_v, level, cuts, DAMPING, 0.5 * TUKEY_CUT * abs(level), coefficients
-        )
-        if inliers > best_inliers + 1e-9:
-            best_inliers, best_coefficients = inliers, coefficients
-    return best_coefficients
-
-
-def divide_by_land(lines: NDArray[np.float64], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Moments over their land's, (lines, samples), in place of the moments."""
-    u, v = np.linspace(-1.0, 1.0, lines.shape[1]), np.linspace(-1.0, 1.0, lines.shape[0])
-    lines /= quadratic(coefficients, u, v)
-    return lines
+    u, v = np.linspace(-1.0, 1.0, samples)[::step_s], np.linspace(-1.0, 1.0, lines)[::step_l]
+    thin = moment[::step_l, ::step_s]
+    cuts = np.array([0.2, 0.1, 0.07, cut, cut]) * abs(level)
+    best, most = np.zeros(6), -1.0
+    # of the two starts the better explains more samples
+    for start in (np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0]), _tilted_start(thin, u, v, level, share)):
+        found, explained = fit_quadratic(thin, u, v, start=start, level=level, cuts=cuts, damping=damping)
+        if explained > most + 1e-9:
+            best, most = found, explained
+    return best
 
 
 def _tilted_start(
-    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float
+    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float, share: float
 ) -> NDArray[np.float64]:
     """Quadratic coefficients from the robust level of each line (across) and of each column (along)."""
-    coefficients = np.zeros(6)
-    coefficients[0] = level
-    across, along = shorth(thin), shorth(thin.T)
-    for levels, at, linear, square in ((along, u, 1, 3), (across, v, 2, 5)):
+    coefficients = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for linear, at, levels in ((1, u, shorth(thin.T, share=share)), (2, v, shorth(thin, share=share))):
         known = np.isfinite(levels)
         if known.sum() < 8:
             continue
@@ -102,9 +84,7 @@ def _tilted_start(
         k = max(1, int(known.sum()) // 3)
         y, x = levels[known], at[known]
         slopes = np.sort((y[k:] - y[:-k]) / (x[k:] - x[:-k]))
-        slope = float(0.5 * (slopes[(slopes.size - 1) // 2] + slopes[slopes.size // 2]))
-        coefficients[linear] = slope
-        coefficients[square] = 0.0
+        coefficients[linear] = 0.5 * (slopes[(slopes.size - 1) // 2] + slopes[slopes.size // 2])
     return coefficients
 
 
@@ -167,36 +147,35 @@ def _log_step(
     return middle, known
 
 
-def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Drift of each line's land against its neighbours', (lines, samples): a robust line along the trace.
+def remove_drift(
+    ratio: NDArray[np.float64],
+    *,
+    cut: float = 0.05,
+    least: float = 0.15,
+    neighbours: int = 9,
+    most: float = 0.03,
+) -> NDArray[np.float64]:
+    """Divide each line, in place, by the drift of its land against its neighbours': a robust line along the trace.
 
     A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of
     the lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.
+
+    Args:
+        ratio: (lines, samples) moments over the land's.
+        cut: as in `land_coefficients`.
+        least: share of land samples below which a line takes its land from the neighbours alone.
+        neighbours: lines of the median.
+        most: offset or slope of the drift, at most: more is surface.
     """
-    offset, slope = _departures(ratio)
-    drift: NDArray[np.float64] = (
-        1.0 + offset[:, None] + slope[:, None] * np.linspace(-1.0, 1.0, ratio.shape[1])
-    )
-    return drift
+    from scipy.ndimage import median_filter
 
-
-def remove_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """ratio / line_drift(ratio) - 1, in place of the ratio."""
-    ratio /= line_drift(ratio)
-    ratio -= 1.0
-    return ratio
-
-
-def _departures(ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offset and slope of each line's drift, (lines,) each."""
     lines, samples = ratio.shape
     t = np.linspace(-1.0, 1.0, samples)
-    offset, slope, few = np.empty(lines), np.empty(lines), np.empty(lines, dtype=np.bool_)
-    robust_lines(read_only(ratio), t, TUKEY_CUT, MIN_INLIERS * samples, 0.05 * samples, offset, slope, few)
-
-    def departure(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        own = values - running_median(values, min(NEIGHBOUR_LINES, values.size))
-        own[few] = 0.0
-        return np.asarray(np.clip(own, -MAX_DRIFT, MAX_DRIFT))
-
-    return departure(offset), departure(slope)
+    fits, few = np.empty((2, lines)), np.empty(lines, dtype=np.bool_)
+    robust_lines(read_only(ratio), t, cut, least * samples, 0.05 * samples, *fits, few)
+    offset, slope = (
+        np.where(few, 0.0, np.clip(own - median_filter(own, neighbours, mode="nearest"), -most, most))
+        for own in fits
+    )
+    ratio /= 1.0 + offset[:, None] + slope[:, None] * t
+    return ratio

@@ -1,4 +1,4 @@
-"""Robust fits of the land: shortest intervals, a quadratic, lines, a running median."""
+"""Robust fits of the land: shortest intervals, a quadratic, lines."""
 
 from __future__ import annotations
 
@@ -20,6 +20,36 @@ def shortest(ordered: Floats, share: float) -> Floats:
         at, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
         middle[rows] = 0.5 * (some[at, first] + some[at, first + reach])
     return middle
+
+
+def common_level(values: Floats, share: float, *, bins: int = 2048) -> float:
+    """Middle of the shortest interval with a share of all samples, NaN left out; NaN without any.
+
+    Equal to `shortest` of all samples in one row, at a third of its time: a histogram tells in which bins the
+    shortest interval may begin and end, and only the samples of these bins are sorted.
+    """
+    known = values[values < np.inf]
+    reach = max(1, int(share * known.size)) - 1
+    rough = np.sort(known[::64])
+    low, high = rough[[rough.size // 50, -1 - rough.size // 50]] if rough.size > 100 else (0.0, 0.0)
+    if not low < high:
+        return float(shortest(np.sort(known)[None], share)[0])
+    bin_of = np.clip((known - low) * ((bins - 2) / (high - low)) + 1.0, 0.0, bins - 1.0).astype(np.int16)
+    before = np.concatenate([[0], np.cumsum(np.bincount(bin_of, minlength=bins))])
+    starts = np.flatnonzero(np.diff(before))
+    starts = starts[before[starts] + reach < known.size]
+    spans = np.searchsorted(before, before[starts] + reach, side="right") - 1 - starts
+    # the outermost bins have no width; an interval is shorter than its bins, and longer than those between its ends
+    whole = (starts > 0) & (starts + spans < bins - 1)
+    near = starts[spans <= spans[whole].min(initial=bins) + 2]
+    ranks = np.array([before[near[0]], min(before[near[-1] + 1], known.size - reach) - 1])
+    last = np.searchsorted(before, ranks + reach, side="right") - 1
+    begin, end = (
+        np.sort(known[(bin_of >= a) & (bin_of <= b)])[rank - before[a] :][: np.ptp(ranks) + 1]
+        for (a, b), rank in ((near[[0, -1]], ranks[0]), (last, ranks[0] + reach))
+    )
+    k = np.argmin(end - begin)
+    return float(0.5 * (begin[k] + end[k]))
 
 
 @kernel(allow=ANY_ORDER)
@@ -57,34 +87,24 @@ PAIRS = POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V
 
 
 def fit_quadratic(
-    target: Floats,
-    u: Floats,
-    v: Floats,
-    level: float,
-    cuts: Floats,
-    damping: float,
-    near: float,
-    coefficients: Floats,
-) -> float:
+    target: Floats, u: Floats, v: Floats, *, start: Floats, level: float, cuts: Floats, damping: float
+) -> tuple[Floats, float]:
     """Robust c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 from a start, a round for each cut; NaN are left out.
 
     Args:
         target: (rows, cols), v runs along the rows, u along the columns.
         u, v: coordinates.
+        start: (6,) coefficients to begin with.
         level: what a fit without enough samples falls back to.
-        cuts: distance from the last fit at which samples lose their say, one a round.
+        cuts: distance from the last fit at which samples lose all weight, one a round.
         damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
-        near: distance within which a sample counts as explained.
-        coefficients: (6,) the start; overwritten by the fit.
 
     Returns:
-        The share of known samples that the fit explains.
+        (6,) coefficients, and the share of known samples within half of the last cut.
     """
     target, u = read_only(target), read_only(u)
-    powers = np.vander(v, 5, increasing=True)
-    sums = np.empty((v.size, 8))
-    expected = coefficients.copy()
-    coefficients[:] = (level, 0.0, 0.0, 0.0, 0.0, 0.0)
+    powers, sums = np.vander(v, 5, increasing=True), np.empty((v.size, 8))
+    expected, found = start, np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
     for cut in cuts:
         _row_sums(target, u, *_by_row(expected, v), float(expected[3]), 1.0 / float(cut), sums)
         of_weights, of_values = sums[:, :5].T @ powers, sums[:, 5:].T @ powers[:, :3]
@@ -92,9 +112,9 @@ def fit_quadratic(
             break
         normal = of_weights[PAIRS]
         normal.flat[::7] += damping * normal.trace()
-        coefficients[:] = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
-    explained = np.abs(target - quadratic(expected, u, v)) < near
-    return float(explained.sum() / max(np.isfinite(target).sum(), 1))
+        found = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
+    explained = np.abs(target - quadratic(expected, u, v)) < 0.5 * cuts[-1]
+    return found, float(explained.sum() / max(np.isfinite(target).sum(), 1))
 
 
 def _by_row(c: Floats, v: Floats) -> tuple[Floats, Floats]:
@@ -136,9 +156,3 @@ def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: igno
             if few[i]:
                 o, s = 1.0, 0.0
         offset[i], slope[i] = o, s
-
-
-def running_median(values: Floats, size: int) -> Floats:
-    """Median of `size` neighbours, the ends repeated; of an even number the upper of the two in the middle."""
-    wide = np.pad(values, (size // 2, size - 1 - size // 2), mode="edge")
-    return np.asarray(np.sort(np.lib.stride_tricks.sliding_window_view(wide, size))[:, size // 2])
