@@ -95,8 +95,9 @@ class ClusterExecutor(Executor):
         # a task like the others, so that it is made anew where the workers that held it are lost
         return self._client.submit(_same, order, pure=False)
 
-    def _begin(self, function: Callable[..., Any], order: Any, task: Any) -> Any:
-        return self._client.submit(_called, self._mark, function, order, task, pure=False)
+    def submit(self, function: Callable[..., Any], *args: Any) -> Any:
+        """Begin a call of the function in a worker, and return its future."""
+        return self._client.submit(_called, self._mark, function, *args, pure=False)
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
         while True:
@@ -122,14 +123,11 @@ class ClusterExecutor(Executor):
         if self.count():
             self._seen_s = now
         elif self._client.status != "running":
-            raise ClusterError(
-                f"the scheduler at {self.address} is lost", hint="start it and run the same command again"
-            )
+            what = f"the scheduler at {self.address} is lost"
+            raise ClusterError(what, hint="start it and run the same command again")
         elif now - self._seen_s > self.patience_s:
-            raise ClusterError(
-                f"no worker has been at {self.address} for {self.patience_s:.0f} s",
-                hint="start some and run the same command again",
-            )
+            what = f"no worker has been at {self.address} for {self.patience_s:.0f} s"
+            raise ClusterError(what, hint="start some and run the same command again")
 
     def _outcome(self, future: Any, task: Any) -> Outcome[Any, Any]:
         from distributed.scheduler import KilledWorker
@@ -158,30 +156,23 @@ class ClusterExecutor(Executor):
                 return connect(self.address, timeout=self._connect_s, set_as_default=False)
             except AssertionError as error:
                 if time.monotonic() >= until:
-                    raise ClusterError(
-                        "the connection to the scheduler does not start: this machine is too busy",
-                        hint="try again, or leave a core free",
-                    ) from error
+                    what = "the connection to the scheduler does not start: this machine is too busy"
+                    raise ClusterError(what, hint="try again, or leave a core free") from error
             except (OSError, ValueError, TypeError) as error:
-                raise ClusterError(
-                    f"no Dask scheduler answers at {self.address} ({_first_line(error)})",
-                    hint="start one with: dask scheduler",
-                ) from error
+                what = f"no Dask scheduler answers at {self.address} ({_first_line(error)})"
+                raise ClusterError(what, hint="start one with: dask scheduler") from error
 
     def _check_programs(self) -> None:
         self._mark = _own_mark()
         try:
             theirs = self._client.run(_own_mark, on_error="return")
         except Exception as error:
-            raise ClusterError(
-                f"the workers of {self.address} do not answer ({_first_line(error)})"
-            ) from error
+            what = f"the workers of {self.address} do not answer ({_first_line(error)})"
+            raise ClusterError(what) from error
         for worker, mark in theirs.items():
             if isinstance(mark, Exception):
-                raise ClusterError(
-                    f"worker {worker} cannot run this program ({_first_line(mark)})",
-                    hint="install tactile-marks there",
-                )
+                what = f"worker {worker} cannot run this program ({_first_line(mark)})"
+                raise ClusterError(what, hint="install tactile-marks there")
             if mark != self._mark:
                 raise ClusterError(_other_program(worker))
 
@@ -194,13 +185,13 @@ def _same(order: Any) -> Any:
     return order
 
 
-def _called(mark: str, function: Callable[[Any, Any], Any], order: Any, task: Any) -> Any:
+def _called(mark: str, function: Callable[..., Any], *args: Any) -> Any:
     """Call the function in a worker, which may have come later than the others, and may have several threads."""
     if _own_mark() != mark:
         raise OtherProgramError(_other_program(socket.gethostname()))
     with _ONE_AT_A_TIME:
         _keep_to_one_core()
-        return function(order, task)
+        return function(*args)
 
 
 def _keep_to_one_core() -> None:

@@ -29,7 +29,6 @@ class WorkerLostError(MarksError):
     """The worker of a task ended before the task did.
 
     Attributes:
-        reason: cause, in words.
         timed_out: whether the task took longer than it may; another try will hardly do better.
         crashed: whether a fault of what it ran ended the worker, and not a kill from outside.
         unstarted: whether no worker has begun the task, since none can start.
@@ -38,15 +37,15 @@ class WorkerLostError(MarksError):
 
     def __init__(
         self,
-        reason: str,
+        what: str,
+        *,
         timed_out: bool = False,
         crashed: bool = False,
         unstarted: bool = False,
         tried: bool = False,
     ) -> None:
-        super().__init__(reason)
-        self.reason, self.timed_out, self.crashed = reason, timed_out, crashed
-        self.unstarted, self.tried = unstarted, tried
+        super().__init__(what)
+        self.timed_out, self.crashed, self.unstarted, self.tried = timed_out, crashed, unstarted, tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +84,11 @@ class Executor:
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         held: dict[Any, T] = {}
         lost: list[Outcome[T, R]] = []
-        alone = False
+        alone = False  # a task is tried again, by itself
 
         def hand_over(given: Iterable[T]) -> None:
             for task in given:
-                future = self._begin(function, shared, task)
+                future = self.submit(function, shared, task)
                 held[future] = task
                 future.add_done_callback(done.put)
 
@@ -100,42 +99,38 @@ class Executor:
                 raise_interrupt()
                 outcome: Outcome[T, R] = self._outcome(future, held.pop(future))
                 error = outcome.error
-                if (
-                    not alone
-                    and isinstance(error, WorkerLostError)
-                    and not (error.timed_out or error.unstarted)
-                ):
+                again = isinstance(error, WorkerLostError) and not (error.timed_out or error.unstarted)
+                if again and not alone:
                     lost.append(outcome)
                     continue
             else:
                 outcome = lost.pop()
-                error = outcome.error
-                # a task lost by itself, in an executor that retries, has killed each of its workers
-                if alone or lost or not (isinstance(error, WorkerLostError) and error.tried):
+                # one lost without others, in an executor that tries again itself, has killed each of its workers
+                if alone or lost or not getattr(outcome.error, "tried", False):
                     alone = True
                     hand_over([outcome.task])
                     continue
-            if not held and not lost:
-                alone = False
+            alone = alone and bool(held or lost)
             if not (alone or lost):
                 hand_over(islice(waiting, max(0, self._ahead() - len(held))))
             yield outcome
+
+    def submit(self, function: Callable[..., Any], *args: Any) -> Any:
+        """Begin a call of the function, and return its future."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*args))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
     def _ahead(self) -> int:
         """Tasks that are handed over at a time, at work or waiting."""
         return 1
 
     def _shared(self, order: Any) -> Any:
+        """The order, to be submitted with every task."""
         return order
-
-    def _begin(self, function: Callable[..., Any], order: Any, task: Any) -> Any:
-        """Hand a task over; the future has `add_done_callback`."""
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(order, task))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
         return done.get()
@@ -145,31 +140,25 @@ class Executor:
         return Outcome(task, future.result()) if error is None else Outcome(task, error=error)
 
 
-class InlineExecutor(Executor):
-    """This process."""
-
-
 def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
     """Yield function(task) of every task, in the order of the tasks.
 
     Raises:
         Exception: what the function raised, or WorkerLostError.
     """
-    done: dict[int, R] = {}
+    done: dict[int, Any] = {}
     following = 0
-    for outcome in executor.calls(_numbered, function, enumerate(tasks)):
+    for outcome in executor.calls(_call, function, enumerate(tasks)):
         if outcome.error is not None:
             raise outcome.error
-        assert outcome.result is not None
-        number, result = outcome.result
-        done[number] = result
+        done[outcome.task[0]] = outcome.result
         while following in done:
             yield done.pop(following)
             following += 1
 
 
-def _numbered(function: Callable[[T], R], task: tuple[int, T]) -> tuple[int, R]:
-    return task[0], function(task[1])
+def _call(function: Callable[[T], R], task: tuple[int, T]) -> R:
+    return function(task[1])
 
 
 def cores() -> int:

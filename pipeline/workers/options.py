@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import ParamSpec, TypeVar, cast
 
 from glyphs.errors import MarksError
 from pipeline.workers.executors import Executor, WorkerLostError, cores
@@ -19,7 +19,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class ExecutorOptions:
-    """Who works.
+    """Choice of the workers.
 
     Attributes:
         jobs: Worker processes (default: one for each core). Files are opened by workers alone: one that crashes the
@@ -66,14 +66,8 @@ def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) ->
         Exception: whatever the function raises.
     """
     with ExecutorOptions(jobs=1).opened() as executor:
-        (outcome,) = executor.calls(_called, partial(function, *args, **options), [None])
-    if isinstance(outcome.error, WorkerLostError):
-        what = f"a file has crashed the library that opens it ({outcome.error})"
-        raise MarksError(what, hint="it is damaged; leave it out") from outcome.error
-    if outcome.error is not None:
-        raise outcome.error
-    return cast(R, outcome.result)
-
-
-def _called(function: Callable[[], Any], _: None) -> Any:
-    return function()
+        try:
+            return cast(R, executor.submit(partial(function, *args, **options)).result())
+        except WorkerLostError as error:
+            what = f"a file has crashed the library that opens it ({error})"
+            raise MarksError(what, hint="it is damaged; leave it out") from error

@@ -18,9 +18,9 @@ from __future__ import annotations
 import atexit
 import logging
 import os
-import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ from typing import Any
 from glyphs.errors import MarksError, describe_fault
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, WorkerLostError
-from pipeline.workers.process import LOOK_S, Answer, Worker
+from pipeline.workers.process import LOOK_S, Answer, Shared, Worker
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
@@ -39,7 +39,7 @@ _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
 _STARTS_TRIED = 3
-"""Starts in a row that fail before jobs are no longer kept waiting."""
+"""Starts in a row, for each worker, that fail before jobs are no longer kept waiting."""
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
@@ -57,7 +57,7 @@ class BusyError(MarksError):
         self.retry_after_s = retry_after_s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Job:
     """A call that someone waits for."""
 
@@ -70,13 +70,12 @@ class _Job:
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker, whichever process it is at the time: failed starts in a row, and why the last one did."""
+    """A worker, whichever process it is at the time, and the thread that feeds it."""
 
     number: int
     worker: Worker | None = None
     warm: bool = False
-    failed: int = 0
-    trouble: str = ""
+    busy: bool = False
     thread: threading.Thread = field(default_factory=threading.Thread)
 
 
@@ -93,7 +92,7 @@ class WorkPool(Executor):
         queue: int | None = None,
         timeout_s: float = PART_TIMEOUT_S,
         memory_mb: int | None = None,
-        warm_up: Callable[[], object] | None = None,
+        warm_up: Callable[[], object] = bool,
         started: int | None = None,
     ) -> None:
         """Start the workers; they warm up by themselves, see `ready`.
@@ -103,7 +102,7 @@ class WorkPool(Executor):
             queue: jobs that may wait beyond those that run (default: enough to keep the workers busy).
             timeout_s: longest time of a job; its process is then replaced.
             memory_mb: of a worker; 0: no limit (default: its share of the machine's).
-            warm_up: called by every worker before its first job; it can be pickled.
+            warm_up: called by every worker before its first job; it can be pickled (default: nothing is done).
             started: processes that start now, the others when there are jobs for them (default: all).
 
         Raises:
@@ -116,13 +115,12 @@ class WorkPool(Executor):
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
         self.memory_mb = _share_mb(workers) if memory_mb is None else memory_mb
-        self._warm_up = warm_up or _nothing
-        self._waiting = _no_jobs()
-        self._lock = threading.Lock()
-        self._closing, self._stopped = threading.Event(), threading.Event()
-        self._jobs = 0
-        self._mean_s = _USUAL_S
+        self._warm_up, self._mean_s = warm_up, _USUAL_S
+        self._failed, self._why_failed = 0, ""  # starts in a row, of whichever worker
+        self._waiting: deque[_Job] = deque()
         self._slots: list[_Slot] = []
+        self._changed = threading.Condition()  # jobs wait, or the pool closes
+        self._closing, self._stopped = threading.Event(), threading.Event()
         for _ in range(workers if started is None else started):
             self._add_slot()
         # before multiprocessing's own, which waits for workers that do not end by themselves
@@ -151,35 +149,35 @@ class WorkPool(Executor):
         """
         job = _Job(function, args, timeout_s or self.timeout_s)
         job.future.set_running_or_notify_cancel()
-        with self._lock:
+        with self._changed:
             if self._closing.is_set():
                 raise WorkerLostError(_STOPPING)
-            busy_s = self.retry_after_s()
-            if busy_s is not None:
+            if (busy_s := self.retry_after_s()) is not None:
                 raise BusyError(busy_s)
-            self._jobs += 1
-            if len(self._slots) < min(self._jobs, self.workers):
+            self._waiting.append(job)
+            if len(self._slots) < min(self.waiting + self.running, self.workers):
                 self._add_slot()
-        self._waiting.put(job)
+            self._changed.notify()
         self._give_up_waiting()
         return job.future
 
     def retry_after_s(self) -> float | None:
         """Estimate when a place may be free; None while there is one."""
-        if self._jobs < self.workers + self.queue:
+        over = self.waiting + self.running - self.workers - self.queue
+        if over < 0:
             return None
-        after_s = self._mean_s * (self._jobs - self.workers + 1) / self.workers
+        after_s = self._mean_s * (over + self.queue + 1) / self.workers
         return min(max(after_s, _LEAST_RETRY_S), _MOST_RETRY_S)
 
     @property
     def waiting(self) -> int:
         """Jobs that no worker has begun."""
-        return max(0, self._waiting.qsize())
+        return len(self._waiting)
 
     @property
     def running(self) -> int:
         """Jobs that workers are at."""
-        return max(0, self._jobs - self.waiting)
+        return sum(slot.busy for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -198,23 +196,21 @@ class WorkPool(Executor):
     @property
     def trouble(self) -> str:
         """Reason why no worker is ready, where one has failed to start; empty otherwise."""
-        slot = max(self._slots, key=lambda slot: slot.failed)
-        if slot.failed == 0 or any(slot.warm for slot in self._slots):
+        if self._failed == 0 or any(slot.warm for slot in self._slots):
             return ""
-        if slot.failed < _STARTS_TRIED:
-            return f"no worker is ready; the last one did not start: {slot.trouble}"
-        return f"no worker can start: {slot.trouble}"
+        if not self._hopeless:
+            return f"no worker is ready; the last one did not start: {self._why_failed}"
+        return f"no worker can start: {self._why_failed}"
 
     def close(self, grace_s: float) -> None:
         """Take no more jobs, let those that there are end, and end the workers; what is not done by then is lost."""
-        with self._lock:
+        with self._changed:
             if self._closing.is_set():
                 return
             self._closing.set()
+            self._changed.notify_all()
         atexit.unregister(self.close)
         until = time.monotonic() + max(0.0, grace_s)
-        for _ in self._slots:
-            self._waiting.put(None)
         for slot in self._slots:
             slot.thread.join(max(0.0, until - time.monotonic()))
         self._stopped.set()
@@ -223,15 +219,18 @@ class WorkPool(Executor):
                 worker.kill()
         for slot in self._slots:
             slot.thread.join()
-        while not self._waiting.empty():
-            if (job := self._waiting.get_nowait()) is not None:
-                self._settle(job, WorkerLostError(_STOPPING))
+        for job in self._waiting:
+            job.future.set_exception(WorkerLostError(_STOPPING))
+
+    @property
+    def _hopeless(self) -> bool:
+        return self._failed >= _STARTS_TRIED * len(self._slots)
 
     def _ahead(self) -> int:
         return _AHEAD * self.workers
 
-    def _begin(self, function: Callable[..., Any], order: Any, task: Any) -> Future[Any]:
-        return self.submit(function, order, task)
+    def _shared(self, order: Any) -> Any:
+        return Shared(order)
 
     def _add_slot(self) -> None:
         slot = _Slot(len(self._slots))
@@ -242,10 +241,8 @@ class WorkPool(Executor):
     def _feed(self, slot: _Slot) -> None:
         """Keep a worker, and give it one job after the other, to the end of the pool."""
         pause_s = _PAUSE_S
-        while not self._stopped.is_set():
+        while not self._not_wanted():
             if not slot.warm:
-                if self._closing.is_set() and not self._jobs_wait():
-                    break
                 if not self._start(slot):
                     # a worker that cannot even start would otherwise keep a core busy with failing
                     self._closing.wait(pause_s)
@@ -253,14 +250,11 @@ class WorkPool(Executor):
                     continue
                 pause_s = _PAUSE_S
             assert slot.worker is not None
-            try:
-                job = self._waiting.get(timeout=LOOK_S)
-            except queue.Empty:
+            job = self._next_job(slot)
+            if job is None:
                 if not slot.worker.is_alive:
                     self._lose(slot)
                 continue
-            if job is None:
-                break
             began_s = time.monotonic()
             late = f"the part took longer than {job.timeout_s:g} s and was stopped"
             outcome: Answer | Exception
@@ -269,11 +263,26 @@ class WorkPool(Executor):
             except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
                 outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
             if isinstance(outcome, WorkerLostError):
-                _log.warning("%s", outcome.reason)
+                _log.warning("%s", outcome)
                 self._lose(slot)
-            self._settle(job, outcome, time.monotonic() - began_s)
+            slot.busy = False
+            if isinstance(outcome, Answer):
+                self._mean_s += _SMOOTHING * (time.monotonic() - began_s - self._mean_s)
+                job.future.set_result(outcome.value)
+            else:
+                job.future.set_exception(outcome)
         if slot.worker is not None:
             slot.worker.end(0.2)
+
+    def _next_job(self, slot: _Slot) -> _Job | None:
+        """The job that has waited longest; None where none comes for a while."""
+        with self._changed:
+            if not self._waiting:
+                self._changed.wait(LOOK_S)
+            if not self._waiting:
+                return None
+            slot.busy = True
+            return self._waiting.popleft()
 
     def _start(self, slot: _Slot) -> bool:
         """Start a worker and wait until it is warm; whether it is."""
@@ -289,13 +298,13 @@ class WorkPool(Executor):
             why = _cause(answer)
             if slot.worker is not None and self.memory_mb:
                 why += f"; it may use {self.memory_mb} MB of memory"
-            if why != slot.trouble and not (self._stopped.is_set() or self._closing.is_set()):
+            if why != self._why_failed and not self._closing.is_set():
                 _log.warning("a worker cannot start and is tried again: %s", why)
             self._lose(slot)
-            slot.failed, slot.trouble = slot.failed + 1, why
+            self._failed, self._why_failed = self._failed + 1, why
             self._give_up_waiting()
         else:
-            slot.failed, slot.trouble = 0, ""
+            self._failed, self._why_failed = 0, ""
         return slot.warm
 
     def _lose(self, slot: _Slot) -> None:
@@ -304,46 +313,21 @@ class WorkPool(Executor):
             worker.end()
 
     def _not_wanted(self) -> bool:
-        """Whether a worker that starts is of no use any more; jobs that wait for it too long are given up."""
+        """Whether a worker is of no use any more; jobs that wait for one too long are given up."""
         self._give_up_waiting()
-        return self._stopped.is_set() or (self._closing.is_set() and not self._jobs_wait())
-
-    def _jobs_wait(self) -> bool:
-        with self._waiting.mutex:
-            return any(job is not None for job in self._waiting.queue)
+        return self._stopped.is_set() or (self._closing.is_set() and not self._waiting)
 
     def _give_up_waiting(self) -> None:
         """Settle the jobs that wait for a worker while none can start."""
-        while not any(slot.warm for slot in self._slots):
-            failed = max((slot.failed for slot in self._slots), default=0)
-            with self._waiting.mutex:
-                waiting = self._waiting.queue
-                job = waiting[0] if waiting else None
-                if job is None or failed == 0:
+        while self._waiting and self._failed and not any(slot.warm for slot in self._slots):
+            with self._changed:
+                if not self._waiting:
                     return
-                if failed < _STARTS_TRIED and time.monotonic() - job.queued_s < job.timeout_s:
+                job = self._waiting[0]
+                if not self._hopeless and time.monotonic() - job.queued_s < job.timeout_s:
                     return
-                waiting.popleft()
-            self._settle(job, WorkerLostError(self.trouble or "no worker is ready", unstarted=True))
-
-    def _settle(self, job: _Job, outcome: Answer | Exception, took_s: float = 0.0) -> None:
-        with self._lock:
-            self._jobs -= 1
-            if isinstance(outcome, Answer):
-                self._mean_s += _SMOOTHING * (took_s - self._mean_s)
-        if isinstance(outcome, Answer):
-            job.future.set_result(outcome.value)
-        else:
-            job.future.set_exception(outcome)
-
-
-def _nothing() -> None:
-    """Warm up where there is nothing to be warmed up."""
-
-
-def _no_jobs() -> queue.Queue[_Job | None]:
-    # `queue` is what the pool calls the number of jobs that may wait
-    return queue.Queue()
+                self._waiting.popleft()
+            job.future.set_exception(WorkerLostError(self.trouble or "no worker is ready", unstarted=True))
 
 
 def _cause(error: Exception) -> str:

@@ -15,6 +15,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -40,6 +41,21 @@ class Answer:
     """Value that a function returned."""
 
     value: Any
+
+
+class Shared:
+    """An argument of many calls: pickled once, and unpickled once by each worker, which then has it itself."""
+
+    def __init__(self, value: Any) -> None:
+        self._data = pickle.dumps(value)
+
+    def __reduce__(self) -> tuple[Callable[[bytes], Any], tuple[bytes]]:
+        return _unpickled, (self._data,)
+
+
+@lru_cache(maxsize=2)
+def _unpickled(data: bytes) -> Any:
+    return pickle.loads(data)
 
 
 class Worker:
@@ -100,15 +116,17 @@ class Worker:
         until = time.monotonic() + timeout_s
         while not stopped():
             left_s = until - time.monotonic()
-            if wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s))):
+            ready = wait([self._pipe, self.process.sentinel], max(0.0, min(LOOK_S, left_s)))
+            if self._pipe in ready:
                 with contextlib.suppress(Exception):  # a message cut short by a kill may be anything
-                    if self._pipe.poll():
-                        answer: Answer | Exception = self._pipe.recv()
-                        return answer
+                    answer: Answer | Exception = self._pipe.recv()
+                    return answer
+            if ready:
                 self.process.join(1.0)
                 code = self.process.exitcode
-                reason = f"the worker has ended (exit code {code})"
-                return WorkerLostError(reason, crashed=code not in _FROM_OUTSIDE)
+                return WorkerLostError(
+                    f"the worker has ended (exit code {code})", crashed=code not in _FROM_OUTSIDE
+                )
             if left_s <= 0.0:
                 return WorkerLostError(too_late, timed_out=True)
         return WorkerLostError("the workers are stopping")
@@ -153,14 +171,7 @@ def _serve(pipe: Connection, memory_mb: int, shows: bool) -> None:
             resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         while True:
-            try:
-                function, args = pipe.recv()
-            except (EOFError, OSError):
-                return
-            except Exception as error:  # a function that cannot be found here
-                pipe.send(_sendable(error))
-                continue
-            pipe.send(_answer(function, args))
+            pipe.send_bytes(_answer(pipe.recv_bytes()))
             end_part()
 
 
@@ -176,15 +187,15 @@ def _end_with_parent() -> None:
     os._exit(0)
 
 
-def _answer(function: Callable[..., Any], args: tuple[Any, ...]) -> Answer | Exception:
+def _answer(message: bytes) -> bytes:
+    """Call the function of a message, and pickle its `Answer` or its exception."""
     try:
-        answer = Answer(function(*args))
-        pickle.dumps(answer)
+        function, args = pickle.loads(message)
+        return pickle.dumps(Answer(function(*args)))
     except Exception as error:
         if not isinstance(error, MarksError):  # of a fault of the program the lines are wanted
             error.add_note("".join(traceback.format_exception(error)))
-        return _sendable(error)
-    return answer
+        return pickle.dumps(_sendable(error))
 
 
 def _sendable(error: Exception) -> Exception:

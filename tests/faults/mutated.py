@@ -248,7 +248,7 @@ def mutants(kinds: Sequence[str], number: int, seed: int, folder: Path) -> Itera
 
 def _lost(error: Exception | None) -> str:
     if isinstance(error, WorkerLostError):
-        return f"{'slow' if error.timed_out else 'crash'}: {error.reason}"
+        return f"{'slow' if error.timed_out else 'crash'}: {error}"
     return f"{type(error).__name__}: {error}"
 
 

@@ -37,7 +37,7 @@ from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store, StoreError
-from pipeline.workers.executors import InlineExecutor
+from pipeline.workers.executors import Executor
 from tests.support.run_tables import read_rows
 from tests.support.store_samples import reading
 
@@ -246,7 +246,7 @@ def _run_into_store(root: Path) -> None:
     with opened(options, RUN) as run:
         parts = [PartFiles(name, height_map=f"{name}.npz") for name in NAMES]
 
-        class Executor(InlineExecutor):
+        class Executor(Executor):
             def calls(self, _function: Any, order: Any, tasks: Any) -> Any:
                 return super().calls(_read, order, tasks)
 

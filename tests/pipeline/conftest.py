@@ -72,10 +72,10 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have commands that are called in this process read here too, where a test can put something in their way."""
-    from pipeline.workers.executors import InlineExecutor
+    from pipeline.workers.executors import Executor
     from pipeline.workers.options import ExecutorOptions
 
-    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_, **__: contextlib.nullcontext(InlineExecutor()))
+    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_, **__: contextlib.nullcontext(Executor()))
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -28,7 +28,7 @@ from pipeline.benchmark.export.exported_part import (
 )
 from pipeline.benchmark.export.label_files import label_files
 from pipeline.common.version import differences
-from pipeline.workers.executors import Executor, InlineExecutor
+from pipeline.workers.executors import Executor
 
 MANIFEST, PAGE = "manifest.json", "README.md"
 FORMAT_VERSION = 1
@@ -82,7 +82,7 @@ def export(
         on_start(len(items), len(labels))
     missing = [item for item in items if item.part not in labels]
     failed: list[str] = []
-    for outcome in (executor or InlineExecutor()).calls(export_part, order, missing):
+    for outcome in (executor or Executor()).calls(export_part, order, missing):
         item, made = outcome.task, outcome.result
         if made is None:
             failed.append(f"{item.part}: {outcome.error}")

@@ -15,7 +15,7 @@ from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remade import remade
-from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, TABLE = "compare.html", "compare.csv"
 SHOWN = 24
@@ -57,7 +57,7 @@ def write_comparison(
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))
-    drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or InlineExecutor())
+    drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or Executor())
     make_folder(folder)
     written = Compared(folder / PAGE, folder / TABLE, found, problem)
     write_table(written.table, _rows(found))

@@ -30,7 +30,7 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
-from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+from pipeline.workers.executors import Executor, ordered_map
 from recognition.decision.evidence import Measure
 
 PAGE, TABLE, FIGURES, DOCUMENT = "report.html", "benchmark.csv", "benchmark.json", "benchmark.md"
@@ -86,7 +86,7 @@ def write_report(
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
-    worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
+    worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
     written = Written(
         folder / PAGE, folder / TABLE, folder / FIGURES, folder / DOCUMENT, found, judged, drift

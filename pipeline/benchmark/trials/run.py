@@ -26,7 +26,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
-from pipeline.workers.executors import Executor, InlineExecutor
+from pipeline.workers.executors import Executor
 from recognition.decision.evidence import measures_of
 from recognition.decision.score import FITTED
 from recognition.reader import Reader
@@ -130,7 +130,7 @@ def run_benchmark(
     with TrialJournal.open(folder, benchmark.description()) as book:
         if on_start is not None:
             on_start(len(items), sum(item.part in book.names for item in items))
-        work = executor or InlineExecutor()
+        work = executor or Executor()
         for _, trials in resumable(
             book, items, work, try_part, benchmark, lost=partial(_failed, benchmark), name="part"
         ):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+from pipeline.workers.executors import Executor, ordered_map
 from pipeline.workers.options import ExecutorOptions
 from pipeline.workers.pool import WorkPool
 from tests.support.executor_calls import (
@@ -32,7 +32,7 @@ def pool() -> Iterator[WorkPool]:
 
 @pytest.fixture(params=["inline", "pool"])
 def executor(request: pytest.FixtureRequest, pool: WorkPool) -> Executor:
-    return pool if request.param == "pool" else InlineExecutor()
+    return pool if request.param == "pool" else Executor()
 
 
 def test_every_task_has_one_outcome(executor: Executor) -> None:

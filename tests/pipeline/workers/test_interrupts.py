@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.workers.executors import InlineExecutor
+from pipeline.workers.executors import Executor
 from pipeline.workers.interrupts import interrupts_noted, raise_interrupt
 
 
@@ -34,7 +34,7 @@ def interrupted_at_three(_: object, task: int) -> int:
 def test_an_interrupt_that_python_forgets_ends_the_run_all_the_same() -> None:
     done = []
     with interrupts_noted(), pytest.raises(KeyboardInterrupt):  # noqa: PT012 - where it is raised is what is tested
-        for outcome in InlineExecutor().calls(interrupted_at_three, None, range(10)):
+        for outcome in Executor().calls(interrupted_at_three, None, range(10)):
             done.append(outcome.task)
     assert done == [0, 1, 2]
 

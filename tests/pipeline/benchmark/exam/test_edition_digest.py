@@ -14,7 +14,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.editions import design_named
 from pipeline.benchmark.exam.specimens import Specimen
-from pipeline.workers.executors import InlineExecutor
+from pipeline.workers.executors import Executor
 from tests.benchmarks import edition_digest
 from tests.benchmarks.edition_digest import (
     STEPS,
@@ -98,7 +98,7 @@ def test_at_a_rounding_edge_noise_moves_a_sample_by_one_step_and_no_more() -> No
 @pytest.fixture
 def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A design of two parts, made in this process."""
-    monkeypatch.setattr(edition_digest, "WorkPool", lambda _: nullcontext(InlineExecutor()))
+    monkeypatch.setattr(edition_digest, "WorkPool", lambda _: nullcontext(Executor()))
     path = tmp_path / "tiny.toml"
     path.write_text(TINY, encoding="utf-8")
     return str(path)

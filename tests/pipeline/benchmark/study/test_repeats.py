@@ -16,7 +16,7 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
-from pipeline.workers.executors import InlineExecutor
+from pipeline.workers.executors import Executor
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.language.box import Box
 from recognition.marks.depth import MarkDepth
@@ -36,7 +36,7 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
 def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Trial]:
     """All trials of a study in a folder, by this process."""
     with StudyJournal.open(folder, {"repeats": plan.repeats}) as journal:
-        return repeats.measure(plan, parts, InlineExecutor(), journal)
+        return repeats.measure(plan, parts, Executor(), journal)
 
 
 @pytest.fixture
