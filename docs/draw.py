@@ -1,7 +1,8 @@
 """Draw the pictures of the documentation with the program as it stands: `python docs/draw.py`, some minutes.
 
-The figure of the page on results is drawn from its table. Screenshots of the service (`review.jpg`, `shadow.jpg`,
-`teach.jpg`) are made by hand from `demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
+The figure of the page on results is drawn from its table, three of the page on physics by the scripts beside this
+one. Screenshots of the service (`review.jpg`, `shadow.jpg`, `teach.jpg`) are made by hand from
+`demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
 """
 
 import contextlib
@@ -10,9 +11,13 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from elastica_figure import elastica_figure
+from estimators_figure import estimators_figure
 from results_figure import draw_results
+from speed_figure import speed_figure
 
 from pipeline.cli.main import main
+from pipeline.plots.pictures import save_figure
 
 PAGES = Path(__file__).parent / "pages"
 DESIGN = "design --alpha 30:60 --mu 0.1:0.5 --depth-mm 0.2 --height-mm 5"
@@ -47,5 +52,12 @@ def draw(folder: Path) -> None:
 
 if __name__ == "__main__":
     draw_results()
+    for name, figure in (
+        ("elastica", elastica_figure),
+        ("estimators", estimators_figure),
+        ("speed", speed_figure),
+    ):
+        print(f"drawing {name}", flush=True)
+        save_figure(figure(), PAGES / "figures" / f"{name}.png")
     with tempfile.TemporaryDirectory() as temporary:
         draw(Path(temporary))

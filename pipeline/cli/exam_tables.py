@@ -6,10 +6,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from pipeline.cli.tables import plain_table, screen
+
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.console import Console
     from rich.table import Table
 
     from pipeline.benchmark.analysis.changes import Row
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from pipeline.benchmark.trials.answers import Answers
     from pipeline.benchmark.trials.journal import Trial
 
-COLUMNS = 80
 _MOST_ROWS = 24
 _MOST_FACTORS = 6
 _MOST_CHANGES = 8
@@ -70,27 +70,6 @@ def _print_stability(found: Statistics) -> None:
     print(
         "how: perturbed; decisions, texts: parts that flip; other text: of the accepted; at most: exact, 95 %\n"
     )
-
-
-def screen() -> Console:
-    """Console, 80 columns wide if the output is not a terminal."""
-    from rich.console import Console
-
-    return Console() if sys.stdout.isatty() else Console(width=COLUMNS)
-
-
-def plain_table(headings: Sequence[str], left: Sequence[str]) -> Table:
-    """Table without rules; columns named in `left` hold words and are wrapped if needed."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
-    for heading in headings:
-        words = heading in left
-        table.add_column(
-            heading, justify="left" if words else "right", no_wrap=not words and " " not in heading,
-            overflow="fold" if words else "ellipsis",
-        )  # fmt: skip
-    return table
 
 
 def _table(groups: Sequence[Group], *, dirt: bool) -> Table:

@@ -87,7 +87,7 @@ def certify(
 
 def _print_tests(found: Certification, confidence: float) -> None:
     """Print what was read, and the thresholds at which anything changes."""
-    from pipeline.cli.exam_tables import plain_table, screen
+    from pipeline.cli.tables import plain_table, screen
 
     words = [f"{found.parts:,} labelled parts"]
     words += [f"{found.errors:,} with an error"] if found.errors else []
@@ -176,7 +176,7 @@ def study(
 
 
 def _print(found: Study) -> None:
-    from pipeline.cli.exam_tables import plain_table, screen
+    from pipeline.cli.tables import plain_table, screen
 
     for note in found.notes:
         print(note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -294,41 +294,41 @@ def import_traces(
 
 
 def figures(
-    *,
-    out: Path = Path("figures-out"),
-    mu: float = 0.2,
-    noise: float = 0.0,
-    seed: int = 0,
-    picture_format: Literal["png", "svg"] = "png",
+    *, out: Path = Path("figures-out"), mu: Annotated[float, Parameter(validator=Number(gte=0, lte=1))] = 0.2
 ) -> int:
-    """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16), and more.
-
-    The linear beam beside the exact one, and the errors of friction, slope and depth as a mixed array finds them.
+    """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16).
 
     Parameters
     ----------
     out
-        Folder for the pictures, figures.csv and estimators.csv; made if it is not there.
+        Folder for the pictures and figures.csv; made if it is not there.
     mu
         Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
-    noise
-        Rms noise of the moment as a share of its value on the land, 0 to 0.02.
-    seed
-        Seed of the noise.
-    picture_format
-        Of the pictures.
     """
-    from pipeline.plots.drawing import FigureSettings
-    from pipeline.plots.gallery import draw_gallery, step_table
+    from pipeline.cli.tables import plain_table, screen
+    from pipeline.plots.paper_figures import draw_figures
+    from whisker_array.simulation.traces import Fidelity
 
-    settings = FigureSettings(mu=mu, noise=noise, seed=seed)
     print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
-    gallery = draw_gallery(out, settings=settings, picture_format=picture_format)
-    print("\n".join(step_table(gallery.rows)))
+    written, rows = draw_figures(out, mu=mu)
+    felt = [heading for fidelity in Fidelity for heading in (fidelity.value, "error", "peak")]
+    table = plain_table(("figure", "l2/l1", "alpha", "mu", "F (16)", *felt), ("figure",))
+    for pair in zip(*[iter(rows)] * len(Fidelity), strict=True):
+        step = pair[0]
+        cells = [
+            f"{step['k']:.3f}",
+            f"{step['alpha_deg']:.0f}",
+            f"{step['mu']:.2f}",
+            f"{step['f_predicted']:.4f}",
+        ]
+        for row in pair:
+            cells += [f"{row['f_read_off']:.4f}", f"{row['error']:+.2%}", f"{row['peak']:.3f}"]
+        table.add_row(step["figure"], *cells)
+    screen().print(table)
     print(
         "peak: highest moment over the land's; the ball rounds the edge, and in contact the tip slides off it"
     )
-    for path in (*gallery.pictures, *gallery.tables):
+    for path in written:
         print(f"wrote {path}")
     return 0
 

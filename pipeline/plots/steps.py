@@ -1,17 +1,32 @@
-"""The paper's experiment: one whisker traces a test piece, in either fidelity, and the step F is read off."""
+r"""The paper's experiment: one whisker traces a test piece, and the step F is read off as off a measured trace.
+
+On the slope m / m_land = F (1 + h/d0), a straight line in the height h. A trace is drawn over the *commanded*
+place, though, and in contact the tip is ahead of that or behind by what the whisker yields along x, which changes
+with the force: the edge is left, and the foot reached, at shifted places. So the heights on the line are taken from
+the trace as well, at two places that need no knowledge of the whisker::
+
+    m/m_land
+             F +         the line ends on the floor at its foot, h = -depth, and would come to no
+               |\        moment at all where the surface no longer holds the tip up, h = -d0.
+    1 ---------+ \       In between h is linear; carried back to h = 0 the line reads F:
+                  \
+                   \ foot      F = line(foot) / (1 - depth/d0)
+                   |____________
+                       .   1 - depth/d0
+    0 . . . . . . . . . .  h = -d0
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.plots.drawing import FigureSettings, StepRow
-from pipeline.plots.step_reading import StepError, StepReading, read_step
-from pipeline.plots.wedge import Wedge
-from whisker_array.scan.sensor import SensorChain, measure
+from glyphs.errors import MarksError
+from glyphs.surface.maps import HeightMap
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface, sample_lines
@@ -20,40 +35,90 @@ from whisker_array.whisker.enhancement import enhancement_factor
 from whisker_array.whisker.sections import Round
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 
+# the paper's bench, mm: length and wire of the whisker, d0, ball of the tip, depth of the test pieces
 L1_MM = 30.0
 WIRE_MM = 0.3
 PRELOAD_MM = 1.0
 TIP_RADIUS_MM = 0.03
 DEPTH_MM = 0.5
+# fine: slopes are central differences, which blur the foot by a sample to either side, and a sample of a 60 degree
+# slope is 0.35 % of what is left of the lift
 SAMPLE_MM = 0.001
-"""Fine: slopes are central differences, which blur the foot by a sample to either side, and a sample of a 60 degree
-slope is 0.35 % of what is left of the lift."""
 _LAND_MM = 0.6
 _VIEW_MM = 1.3
-_SAMPLE_RATE_HZ = 1000.0
+# rms by which line, ramp and floor may miss the trace, of the land's moment, over twice the scatter
+_MOST_MISFIT = 5e-3
+# least steepness of the ramp at the foot over the line's: 8 for the paper's longer arms, 200 for the shortest
+_STEEPER = 3.0
+
+
+class StepError(MarksError):
+    """A trace from which no step can be read."""
 
 
 @dataclass(frozen=True)
-class StepCase:
-    """One whisker on one test piece.
+class Wedge:
+    r"""The paper's test piece, Fig. 5(c): a land, a plane that falls away at the intersection angle, a floor.
+
+    ::
+
+          land_mm       run_mm     floor_mm         side view, alike over the whole width;
+        ------------.                               traced from left to right (0 deg, columns)
+               edge  \ alpha
+                      \____________   depth_mm
+                     foot
+    """
+
+    alpha_rad: float
+    depth_mm: float = DEPTH_MM
+    land_mm: float = _LAND_MM
+    floor_mm: float = 0.5
+
+    @property
+    def run_mm(self) -> float:
+        """Length of the slope along the trace."""
+        return self.depth_mm / math.tan(self.alpha_rad)
+
+    def height_mm(self, x_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height over the land at places along the trace, any shape; x = 0 is the edge."""
+        return np.asarray(-np.clip(x_mm * math.tan(self.alpha_rad), 0.0, self.depth_mm))
+
+    def height_map(self, *, pitch_mm: float, rows: int = 3) -> HeightMap:
+        """The surface; x = 0 is the beginning of the land."""
+        columns = round((self.land_mm + self.run_mm + self.floor_mm) / pitch_mm) + 1
+        line = self.height_mm(np.arange(columns, dtype=np.float64) * pitch_mm - self.land_mm)
+        return HeightMap(np.broadcast_to(line.astype(np.float32), (rows, columns)), pitch_mm)
+
+
+@dataclass(frozen=True)
+class StepReading:
+    """Step parameters read from a trace.
+
+    Attributes:
+        factor: F, the step at the edge over the land level.
+        land_n_mm: moment on the land, N mm.
+        line: moment over the land's on the slope as (rise per mm, value at x = 0).
+        edge_mm: commanded position where the line reaches h = 0.
+        foot_mm: commanded position where the slope ends on the floor.
+        peak: the highest moment over the land's.
+    """
+
+    factor: float
+    land_n_mm: float
+    line: tuple[float, float]
+    edge_mm: float
+    foot_mm: float
+    peak: float
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A trace over a test piece, and the step read off it.
 
     Attributes:
         k: l2 / l1; 0 is the straight whisker.
         alpha_deg: intersection angle, degrees.
         mu: friction coefficient.
-    """
-
-    k: float
-    alpha_deg: float
-    mu: float
-
-
-@dataclass(frozen=True, eq=False)
-class FeltStep:
-    """A trace over a test piece, and what was read off it.
-
-    Attributes:
-        case: what was traced.
         fidelity: how the touch was simulated.
         wedge: the test piece.
         place_mm: (samples,) commanded place of the tip, mm after the edge.
@@ -62,7 +127,9 @@ class FeltStep:
         reading: the step read off.
     """
 
-    case: StepCase
+    k: float
+    alpha_deg: float
+    mu: float
     fidelity: Fidelity
     wedge: Wedge
     place_mm: NDArray[np.float64]
@@ -70,13 +137,18 @@ class FeltStep:
     predicted: float
     reading: StepReading
 
-    def row(self, figure: str) -> StepRow:
-        """The line of the table."""
-        case, reading = self.case, self.reading
-        return StepRow(
-            figure, case.k, case.alpha_deg, case.mu, self.fidelity.value, self.predicted, reading.factor,
-            reading.factor / self.predicted - 1.0, reading.peak,
-        )  # fmt: skip
+    def row(self) -> dict[str, Any]:
+        """Line of figures.csv: the step by eq. (16) and as read off, and the highest moment, over the land's."""
+        return {
+            "k": self.k,
+            "alpha_deg": self.alpha_deg,
+            "mu": self.mu,
+            "fidelity": self.fidelity.value,
+            "f_predicted": self.predicted,
+            "f_read_off": self.reading.factor,
+            "error": self.reading.factor / self.predicted - 1.0,
+            "peak": self.reading.peak,
+        }
 
 
 def paper_whisker(k: float) -> LShaped:
@@ -89,54 +161,129 @@ def paper_whisker(k: float) -> LShaped:
     return LShaped(L1_MM, k * L1_MM, None, 0.0, Round(WIRE_MM))
 
 
-def piece_of(alpha_deg: float) -> Wedge:
-    """The test piece of an angle: land, slope to half the preload, floor to the end of the view."""
-    run = DEPTH_MM / math.tan(math.radians(alpha_deg))
-    return Wedge(math.radians(alpha_deg), DEPTH_MM, _LAND_MM, max(0.3, _VIEW_MM - run))
-
-
 def feel_step(
-    case: StepCase,
-    fidelity: Fidelity,
-    settings: FigureSettings | None = None,
-    *,
-    tip_radius_mm: float = TIP_RADIUS_MM,
-) -> FeltStep:
-    """Trace the test piece once, and read the step off.
+    k: float, alpha_deg: float, mu: float, fidelity: Fidelity, *, tip_radius_mm: float = TIP_RADIUS_MM
+) -> Step:
+    """Trace a test piece once, and read the step off.
 
     Raises:
         StepError: the tip jams or leaves the surface, or no step can be read off.
         WhiskerError: eq. (16) has no answer.
     """
-    settings = settings or FigureSettings()
-    wedge, tip = piece_of(case.alpha_deg), paper_whisker(case.k).tip_model()
-    surface = prepare_surface(
-        wedge.height_map(pitch_mm=SAMPLE_MM), tip_radius_mm=tip_radius_mm, friction=case.mu
-    )
+    run_mm = DEPTH_MM / math.tan(math.radians(alpha_deg))
+    wedge = Wedge(math.radians(alpha_deg), floor_mm=max(0.3, _VIEW_MM - run_mm))
+    tip = paper_whisker(k).tip_model()
+    surface = prepare_surface(wedge.height_map(pitch_mm=SAMPLE_MM), tip_radius_mm=tip_radius_mm, friction=mu)
     line, samples = np.array([SAMPLE_MM]), surface.shape[1]
     if fidelity is Fidelity.POINTWISE:
-        heights, mu, _ = sample_lines(
+        heights, friction, _ = sample_lines(
             surface, lines_mm=line, start_mm=0.0, step_mm=SAMPLE_MM, n_samples=samples
         )
-        traces = trace_pointwise(heights, tip, step_mm=SAMPLE_MM, preload_mm=PRELOAD_MM, friction=mu)
+        traces = trace_pointwise(heights, tip, step_mm=SAMPLE_MM, preload_mm=PRELOAD_MM, friction=friction)
     else:
         traces = trace_contact(
             surface, tip, lines_mm=line, start_mm=0.0, step_mm=SAMPLE_MM, n_samples=samples,
-            preload_mm=PRELOAD_MM, nominal_friction=case.mu,
+            preload_mm=PRELOAD_MM, nominal_friction=mu,
         )  # fmt: skip
     wrong = SampleFlag(int(np.bitwise_or.reduce(traces.flags, axis=None)))
     if wrong:
-        raise StepError(f"k = {case.k}, {case.alpha_deg:g} degrees, mu = {case.mu}: {wrong.describe()}")
-    moment = traces.moment_n_mm
-    if settings.noise > 0.0:
-        rms = settings.noise * abs(float(moment[0, samples // 10]))
-        chain = SensorChain(np.ones(1), np.zeros(1), noise_n_mm=rms)
-        rng = np.random.default_rng(settings.seed)
-        moment, _ = measure(moment, chain=chain, sample_rate_hz=_SAMPLE_RATE_HZ, rng=rng)
+        raise StepError(f"k = {k}, {alpha_deg:g} degrees, mu = {mu}: {wrong.describe()}")
     place = np.asarray(np.arange(samples) * SAMPLE_MM - wedge.land_mm, dtype=np.float64)
-    felt = np.asarray(moment[0], dtype=np.float64)
-    return FeltStep(
-        case, fidelity, wedge, place, felt,
-        predicted=enhancement_factor(tip, alpha_rad=wedge.alpha_rad, mu=case.mu),
-        reading=read_step(place, felt, wedge=wedge, preload_mm=PRELOAD_MM, blur_mm=SAMPLE_MM),
+    moment = np.asarray(traces.moment_n_mm[0], dtype=np.float64)
+    return Step(
+        k, alpha_deg, mu, fidelity, wedge, place, moment,
+        predicted=enhancement_factor(tip, alpha_rad=wedge.alpha_rad, mu=mu),
+        reading=read_step(place, moment, wedge=wedge, preload_mm=PRELOAD_MM, blur_mm=SAMPLE_MM),
     )  # fmt: skip
+
+
+def read_step(
+    place_mm: NDArray[np.float64],
+    moment_n_mm: NDArray[np.float64],
+    *,
+    wedge: Wedge,
+    preload_mm: float,
+    blur_mm: float = 0.0,
+) -> StepReading:
+    """Read F off a trace over a test piece, without knowing the whisker, its friction or its fidelity.
+
+    Args:
+        place_mm: (samples,) commanded place, evenly spaced, mm after the edge.
+        moment_n_mm: (samples,) moment, N mm.
+        wedge: the test piece.
+        preload_mm: d0, more than the test piece is deep.
+        blur_mm: how much early a corner is felt: one sample where slopes are central differences.
+
+    Raises:
+        StepError: the trace does not fall along the slope to level out on the floor.
+    """
+    left = 1.0 - wedge.depth_mm / preload_mm
+    on_land = (place_mm > -0.8 * wedge.land_mm) & (place_mm < -0.2 * wedge.land_mm)
+    # clear of the ball's rounding at the edge, and of a foot that is felt early: in contact by 1.5 k tan(alpha)
+    # of the run, 0.3 of it for the paper's longest arm
+    on_slope = (place_mm > 0.2 * wedge.run_mm) & (place_mm < 0.6 * wedge.run_mm)
+    land = float(moment_n_mm[on_land].mean())
+    ratio = moment_n_mm / land
+    rise, start = (float(v) for v in np.polyfit(place_mm[on_slope], ratio[on_slope], 1))
+    scatter = float(np.sqrt(np.mean((ratio[on_slope] - (start + rise * place_mm[on_slope])) ** 2)))
+    unread = StepError(
+        f"the moment does not fall along the slope to level out at {left:g} of the land's",
+        hint="check preload, depth and the place of the edge",
+    )
+    if -rise * wedge.run_mm < 0.2 * (1.0 - left):
+        raise unread
+    rest = (place_mm >= 0.6 * wedge.run_mm) & (place_mm <= 1.4 * wedge.run_mm)
+    foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left, run_mm=wedge.run_mm)
+    if misfit > 2.0 * scatter + _MOST_MISFIT:
+        raise unread
+    # nothing blurs a foot without a step, a straight whisker's: there the line just crosses the floor's level
+    crossing = (left - start) / rise
+    foot = crossing if abs(foot - crossing) <= 2.0 * blur_mm else foot + blur_mm
+    no_lift = -start / rise
+    return StepReading(
+        factor=(start + rise * foot) / left,
+        land_n_mm=land,
+        line=(rise, start),
+        edge_mm=no_lift - (no_lift - foot) / left,
+        foot_mm=foot,
+        peak=float(ratio.max()),
+    )
+
+
+def _find_foot(
+    x: NDArray[np.float64],
+    ratio: NDArray[np.float64],
+    line: tuple[float, float],
+    *,
+    floor: float,
+    run_mm: float,
+) -> tuple[float, float]:
+    """End of the line, fitted by least squares, and the residual rms.
+
+    In contact the tip waits in the corner while the base walks on, until friction points as on the floor: the
+    moment changes from the line to the floor along a short ramp, whose width is fitted as well. The ramp is much
+    steeper than the line; otherwise the two could not be separated.
+    """
+    rise, start = line
+    slope = start + rise * x
+    # first without a ramp: the line up to sample j, the floor from there on
+    before = np.concatenate([[0.0], np.cumsum((ratio - slope) ** 2)])
+    after = np.concatenate([[0.0], np.cumsum((ratio - floor) ** 2)])
+    j = int(np.argmin(before + after[-1] - after))
+    foot, ramp = float(x[min(j, x.size - 1)]), 0.0
+    reach = 0.2 * run_mm
+    misfit = math.inf
+    for _ in range(5):  # a grid of places and widths, drawn closer about its best
+        feet = foot + reach * np.linspace(-1.0, 1.0, 17)
+        ramps = np.maximum(ramp + reach * np.linspace(-1.0, 1.0, 17), 0.0)[:, None]
+        costs = []
+        for place in feet:
+            corner = start + rise * place
+            widest = abs(corner - floor) / (_STEEPER * abs(rise))
+            share = np.clip((x - place) / np.clip(ramps, 1e-9, max(widest, 1e-9)), 0.0, 1.0)
+            model = np.where(x < place, slope, corner + (floor - corner) * share)
+            costs.append(np.mean((ratio - model) ** 2, axis=1))
+        row, column = divmod(int(np.argmin(costs)), ramps.size)
+        foot, ramp, misfit = float(feet[row]), float(ramps[column, 0]), float(np.min(costs))
+        reach /= 4.0
+    return foot, math.sqrt(misfit)

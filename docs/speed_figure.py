@@ -8,7 +8,6 @@ from collections.abc import Callable
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.plots.drawing import Drawing, FigureSettings
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, note, styled
 from whisker_array.simulation.dynamic_speed import FINE_ERROR, SpeedCost, groove_traces, speed_cost
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
@@ -23,7 +22,7 @@ _LEAST_MM = 1e-3
 
 
 @styled
-def speed_figure(settings: FigureSettings) -> Drawing:
+def speed_figure() -> Figure:
     """Draw the default whisker for characters of 5 mm, at the friction that it is set up for."""
     whisker, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
     figure = Figure(figsize=(8.4, 9.4))
@@ -60,7 +59,7 @@ def speed_figure(settings: FigureSettings) -> Drawing:
     error.axhline(100.0 * FINE_ERROR, color="0.5", linewidth=0.8, linestyle="--")
     error.axvline(SAFE_SPEED_MM_S, color="0.5", linewidth=0.8, linestyle=":")
     error.text(1.02 * SAFE_SPEED_MM_S, 0.03, "usual speed", transform=error.get_xaxis_transform())
-    return Drawing(figure)
+    return figure
 
 
 def _panel(

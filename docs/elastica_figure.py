@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.plots.drawing import Drawing, FigureSettings
 from pipeline.plots.pictures import BLUE, VERMILION, styled
 from whisker_array.whisker.elastica import large_deflection, linear_error
 from whisker_array.whisker.sections import Round
@@ -14,7 +13,7 @@ from whisker_array.whisker.validity import DEFLECTION_LIMIT
 
 
 @styled
-def elastica_figure(settings: FigureSettings) -> Drawing:
+def elastica_figure() -> Figure:
     """Draw the paper's whisker (k = 0.083, 0.3 mm wire) pushed straight up at its tip, by up to 8 mm.
 
     Raises:
@@ -58,4 +57,4 @@ def elastica_figure(settings: FigureSettings) -> Drawing:
     shapes.set(xlabel="x, mm (clamp at 0)", ylabel="y, mm")
     shapes.set_aspect("equal", adjustable="datalim")
     shapes.legend(title="pushed up", loc="upper right")
-    return Drawing(figure)
+    return figure
