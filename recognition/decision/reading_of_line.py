@@ -104,7 +104,11 @@ def reading_of_line(
     changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
     small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
     worth = score_of(source)
-    others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
+    others = [
+        _other(name, one, asked[name].grammar, worth)
+        for name, one in part.named.items()
+        if _is_text(one.belief.lattice, one.belief.openly[0])
+    ]
     others += [
         OtherLine(
             "",
@@ -153,7 +157,7 @@ def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tupl
             if not other.name and other.may_be_serial
         ),
         *(
-            Finding(ReadingFlag.LINE_MISSING, f"no line was found that {name} may be")
+            Finding(ReadingFlag.LINE_MISSING, f"nothing was read where {name} was asked for")
             for name in settings.asked
             if name not in found
         ),

@@ -21,7 +21,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
 from pipeline.service.pages.assets import Assets
-from pipeline.service.pages.places import part_cells
+from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.addresses import relative, to_root
@@ -82,7 +82,12 @@ class Frame:
             lstrip_blocks=True,
             undefined=jinja2.StrictUndefined,
         )
-        self.environment.globals.update(static=_static(self.assets), shadow=shadow, part_cells=part_cells)
+        self.environment.globals.update(
+            static=_static(self.assets),
+            shadow=shadow,
+            part_cells=part_cells,
+            why_not_accepted=why_not_accepted,
+        )
         self.environment.filters.update(iso=_iso, utc=_utc, here=_here, sentence=_sentence)
 
     def reader_view(self, request: Request) -> View:

@@ -27,6 +27,8 @@ from pipeline.store.evidence_folder import EvidenceFolder, FileState
 _MARGIN_HEIGHTS = (0.8, 1.3)
 # the same below a confidence of 0.5: the boxes may miss an end of the line
 _UNSURE_MARGIN_HEIGHTS, _SURE_FROM = (2.5, 1.8), 0.5
+# above a box, for the character that the template writes there, in heights of the box
+_LABEL_ROOM = 0.5
 # views wider than so many heights stand below each other, not side by side
 _WIDE_ASPECT = 5.0
 # a view of the line that is so much of the whole is not cut
@@ -72,6 +74,10 @@ class PictureFrame:
         if not all(map(math.isfinite, box)) or min(width, height) <= 0.0:
             return False
         return x < self.width and y < self.height and x + width > 0.0 and y + height > 0.0
+
+    def whole(self, turns: int) -> Rectangle:
+        """All of the picture after so many quarters counterclockwise."""
+        return self.turned((0.0, 0.0, self.width, self.height), turns)
 
     def turned(self, box: Rectangle, turns: int) -> Rectangle:
         """A box after so many quarters counterclockwise about the middle of the picture."""
@@ -157,7 +163,10 @@ def picture_pair(
 def without_reading(view: PictureView) -> PictureView:
     """The picture for a blind reader: upright, but whole and without boxes, for the line may be found wrong too."""
     note = "" if view.href else view.note
-    return replace(view, boxes=(), source="", line=view.whole, note=note)
+    if view.frame is None:
+        return replace(view, note=note)
+    whole = view.frame.whole(view.turns)
+    return replace(view, boxes=(), source="", line=whole, whole=whole, note=note)
 
 
 def last_reading(readings: Sequence[ReadingRecord], sources: Sequence[str]) -> ReadingRecord | None:
@@ -201,7 +210,7 @@ def _view(
         return PictureView(which, title, href, "Its scale is not known, so no boxes are drawn.")
     turns = 0 if reading is None else round(reading.rotation_deg / 90.0) % 4
     boxes = () if reading is None else _boxes(part, reading, frame, turns)
-    whole = frame.turned((0.0, 0.0, frame.width, frame.height), turns)
+    whole = _with_boxes(frame.whole(turns), boxes)
     return PictureView(
         which,
         title,
@@ -214,6 +223,16 @@ def _view(
         line=_line(boxes, whole, sure=reading is not None and reading.confidence >= _SURE_FROM),
         boxes=boxes,
     )
+
+
+def _with_boxes(view: Rectangle, boxes: Sequence[PictureBox]) -> Rectangle:
+    """A view made large enough for boxes at the picture's rim and for the characters written above them."""
+    x, y, width, height = view
+    x0 = min([x, *(b.x for b in boxes)])
+    y0 = min([y, *(b.y - _LABEL_ROOM * b.height for b in boxes)])
+    x1 = max([x + width, *(b.x + b.width for b in boxes)])
+    y1 = max([y + height, *(b.y + b.height for b in boxes)])
+    return (round(x0, 2), round(y0, 2), round(x1 - x0, 2), round(y1 - y0, 2))
 
 
 def _boxes(
@@ -239,6 +258,6 @@ def _line(boxes: Sequence[PictureBox], whole: Rectangle, *, sure: bool) -> Recta
     y0 = max(whole[1], min(b.y for b in boxes) - above)
     x1 = min(whole[0] + whole[2], max(b.x + b.width for b in boxes) + beside)
     y1 = min(whole[1] + whole[3], max(b.y + b.height for b in boxes) + above)
-    line = (round(x0, 2), round(y0, 2), round(x1 - x0, 2), round(y1 - y0, 2))
+    line = _with_boxes((x0, y0, x1 - x0, y1 - y0), boxes)
     nearly = line[2] > _NEARLY_ALL * whole[2] and line[3] > _NEARLY_ALL * whole[3]
     return whole if nearly else line

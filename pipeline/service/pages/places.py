@@ -127,6 +127,19 @@ def aligned(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ..
     return tuple(answers)
 
 
+def why_not_accepted(part: PartRecord) -> tuple[str, ...]:
+    """Reasons for which a part is not accepted, in words; the first one is shown in lists."""
+    reading = part.reading
+    if reading is None:
+        return ("it has not been read",)
+    verdicts = {
+        "undecided": f"the expected serial {part.expected} is not confirmed beyond doubt",
+        "refuted": f"it reads another serial than {part.expected}, which is expected",
+    }
+    why = ([verdicts[reading.verdict]] if reading.verdict in verdicts else []) + list(reading.messages)
+    return tuple(why) or ("the reading does not meet the thresholds of acceptance",)
+
+
 def part_cells(part: PartRecord) -> tuple[Cell, ...]:
     """The text of a part as it stands; what a person has said holds no doubt."""
     cells = cells_of(part.text, places_of(part.reading))

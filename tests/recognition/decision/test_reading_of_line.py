@@ -170,6 +170,18 @@ def test_no_line_and_a_line_that_says_nothing_are_no_characters() -> None:
         assert found.flags == ReadingFlag.NO_CHARACTERS | ReadingFlag.DROPOUTS
 
 
+def test_nothing_that_can_be_read_where_a_line_was_asked_for_is_no_line() -> None:
+    """Noise of the land, of which the format still makes its likeliest text."""
+    grammar = Grammar(sets=(CHARS,) * 3)
+    lot = LineFormat(grammar)
+    for sure, lines in ((1e-4, []), (0.9, ["A8B"])):
+        part = PartLines(line_of("AB812"), {"lot": line_of("A8B", sure=sure, grammar=grammar)})
+        found = reading_of_line(part, Rules(asked={"lot": lot}), flags=ReadingFlag.NONE, source="tactile")
+        assert [line.text for line in found.others] == lines
+        words = () if lines else ("nothing was read where lot was asked for",)
+        assert found.messages()[: len(words)] == words
+
+
 def test_a_hull_holds_its_boxes() -> None:
     assert hull([]) is None
     assert hull([Box(0, 1, 2, 3), Box(-1, 2, 1, 5)]) == Box(-1, 1, 2, 5)

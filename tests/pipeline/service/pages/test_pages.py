@@ -125,7 +125,8 @@ def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
     assert [b.place for b in first.boxes] == [0, 1, 2, 3, 4]
     x, y, width, height = second.line
     assert all(x <= b.x and b.x + b.width <= x + width for b in second.boxes)
-    assert (y, height) == (0.0, HEIGHT)  # cut at the picture's rims
+    # cut at the picture's rims, but for room for the characters written above the boxes
+    assert (y, y + height) == (40.5 - 0.5 * 100.0, HEIGHT)
     assert first.href.startswith("/v1/parts/")
 
 
@@ -224,6 +225,20 @@ def test_the_page_of_a_part_begins_with_what_to_do(shop: Shop, state: PartState,
     assert "Read KX407251 by touch and camera How sure 0.800" in begin
     assert begin.endswith(f"{why} low confidence ")
     assert todo in rest.partition("Part P-1")[0]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "why"),
+    [
+        ("undecided", "the expected serial KX407251 is not confirmed beyond doubt"),
+        ("refuted", "it reads another serial than KX407251, which is expected"),
+    ],
+)
+def test_what_is_read_surely_and_still_not_accepted_is_explained(shop: Shop, verdict: str, why: str) -> None:
+    sure = reading("KX407251", decision="accept", confidence=0.998, messages=(), verdict=verdict)
+    part_id = shop.add(readings=(sure,), expected="KX407251")
+    for address in ("/review", f"/review/{part_id}", f"/parts/{part_id}"):
+        assert why in words(shop.client.get(address).text), address
 
 
 # ---- review
