@@ -1,8 +1,8 @@
 """Draw the pictures of the documentation with the program as it stands: `python docs/draw.py`, some minutes.
 
-The figure of the page on results is drawn from its table, three of the page on physics by the scripts beside this
-one. Screenshots of the service (`review.jpg`, `shadow.jpg`, `teach.jpg`) are made by hand from
-`demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
+The figure of the page on results is drawn from its table; three of the page on physics and the animation of active
+touch by the scripts beside this one. Screenshots of the service (`review.jpg`, `shadow.jpg`, `teach.jpg`) are made by
+hand from `demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
 """
 
 import contextlib
@@ -11,6 +11,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from active_touch import draw_active_touch
 from elastica_figure import elastica_figure
 from estimators_figure import estimators_figure
 from results_figure import draw_results
@@ -27,7 +28,6 @@ COMMANDS = (
     "design --array --height-mm 5 --accuracy 0.98 --dirt 0.3 --picture array.png",
     "bench scan bench.toml --region 3 8 21 16 --dry-run moves.png",
     "demo --out .",
-    "demo --animation active-touch.gif",
 )
 """Each writes its pictures into the working folder."""
 
@@ -59,5 +59,6 @@ if __name__ == "__main__":
     ):
         print(f"drawing {name}", flush=True)
         save_figure(figure(), PAGES / "figures" / f"{name}.png")
+    draw_active_touch(PAGES / "figures" / "active-touch.gif")
     with tempfile.TemporaryDirectory() as temporary:
         draw(Path(temporary))

@@ -6,17 +6,28 @@ import contextlib
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import FAILED, CommandError, UsageError
 
 if TYPE_CHECKING:
-    from pipeline.cli.demonstration import ServedPart
+    from pipeline.common.records import PartRecord
+
+PLATES: dict[str, dict[str, Any]] = {
+    "flat-gothic": {"text": "KX407251", "font": "gothic", "face": "flat"},
+    "sharp-turned": {"text": "8B3S0D26", "font": "gothic", "face": "sharp", "line_rotation_deg": 2.0},
+    "round-roman": {"text": "TA19R645", "font": "timesr", "face": "round", "height_mm": 7.0},
+    "raised": {"text": "HM52G793", "font": "futural", "face": "flat", "raised": True},
+}
+"""How each plate is stamped, by its name."""
+SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)
+"""Severity of the dirt on each part that the service reads."""
+FORMAT = "AA999999"
+_SEED, _SERVED_SEED = 2024, 11
 
 
-def demo(
-    out: Path = Path("demo-out"), *, service: bool = False, stay: bool = False, animation: Path | None = None
-) -> int:
+def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = False) -> int:
     """Stamp a few plates, scan them with simulated whiskers, read them, and draw what happened.
 
     The exit status is 1 if a serial was not read correctly.
@@ -30,16 +41,9 @@ def demo(
         them. The exit status is then 1 if it accepted a wrong serial.
     stay
         With --service: leave it running until Ctrl-C, for a look at the operator's page.
-    animation
-        Show active touch instead: a dirty part is felt pass by pass until its serial is sure, and drawn as an
-        animation, .gif or .png (APNG), with its last frame beside it as NAME-still.png.
     """
     if stay and not service:
         raise UsageError("demo: --stay goes with --service")
-    if animation is not None and service:
-        raise UsageError("demo: give --service or --animation, not both")
-    if animation is not None:
-        return _animate(animation)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -48,95 +52,113 @@ def demo(
 
 
 def _read(out: Path) -> int:
-    """Print each plate as it is read."""
-    from pipeline.cli.demonstration import draw_plates, read_plates
+    """Stamp, scan, record, calibrate and read the plates, one by one, and draw them.
+
+    The reader knows neither font nor height, only that a serial has eight letters or figures.
+    """
+    from glyphs.part import stamp
+    from pipeline.benchmark.report.charts import inlined
+    from pipeline.benchmark.report.page import write_page
+    from pipeline.formats.lead_in import calibrate_scan
+    from pipeline.formats.npz import write_npz
+    from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
+    from pipeline.reading.simulated_scan import feel
+    from recognition.decision.picture import reading_figure
+    from recognition.language.orientation import Orientation
+    from recognition.reader import Reader
+    from recognition.views.levelling import level
+    from whisker_array.scan.recording import load_scan, save_calibration, save_scan
+    from whisker_array.whisker.array import default_plan
 
     print("Stamping plates, scanning them with simulated whiskers, and reading them without")
     print("being given font or size. The first run on a machine takes longer: it compiles.\n")
     print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
-    parts = []
-    for part in read_plates(out):
-        reading = part.reading
+    reader, parts = Reader(format="********", orientation=Orientation.UPRIGHT), []
+    for number, (name, stamping) in enumerate(PLATES.items()):
+        made = stamp(**stamping, seed=(_SEED, number))
+        write_npz(out / f"{name}.npz", made.height_map)
+        height_mm = made.height_mm
+        plan = default_plan((0.0, 0.0, *made.height_map.size_mm), character_height_mm=height_mm)
+        scan = feel(made.height_map, plan=plan, height_mm=height_mm, sensor_seed=_SEED + number, part_id=name)
+        recording = out / f"{name}.h5"
+        save_scan(scan, recording)
+        save_calibration(recording, calibrate_scan(scan).calibration)
+        reading = reader.read(load_scan(recording)).with_trace(height_map=level(made.height_map))
+        part = SheetPart(name, stamping["text"], reading)
+        parts.append(part)
         print(
-            f"{part.name:<13} {part.truth:<9} {reading.text or 'nothing':<9} {'right' if part.right else 'WRONG':<6} "
+            f"{name:<13} {part.truth:<9} {reading.text or 'nothing':<9} {'right' if part.right else 'WRONG':<6} "
             f"{reading.decision:<9} {reading.confidence:10.3f}  {reading.font}",
             flush=True,
         )
-        parts.append(part)
     print("drawing the overview and the page ...", file=sys.stderr, flush=True)
-    overview, page = draw_plates(parts, out)
+    overview, page = out / "overview.png", out / "overview.html"
+    save_figure(overview_figure(parts), overview)
+    shown = [(part, inlined(reading_figure(part.reading, title=part.name), kind="jpg")) for part in parts]
+    write_page(page, "demo.html.j2", title="Serials read by touch", parts=shown)
     print(f"\npicture: {overview.resolve()}")
     print(f"page:    {page.resolve()}  (open it in a browser)")
     return 0 if all(part.right for part in parts) else FAILED
 
 
-def _animate(path: Path) -> int:
-    """Draw active touch, and print the reading pass by pass."""
-    from pipeline.cli.demonstration import animate_active_touch
-    from pipeline.common.texts import same_text
-    from pipeline.plots.active_animation import check_animation
-
-    check_animation(path)
-    print(
-        "Feeling a dirty part pass by pass. The first run on a machine takes longer: it compiles.\n",
-        flush=True,
-    )
-    truth, found, still = animate_active_touch(path)
-    for number, one in enumerate(found.passes, start=1):
-        read = f"{one.text} {one.confidence:.3f}" if one.text else ""
-        print(f"pass {number:>2}  {one.stage_s:5.1f} s  {one.why:<36} {read}")
-    right = same_text(found.reading.text, truth)
-    print(f"\n{found.describe()}; stamped {truth}: {'right' if right else 'WRONG'}")
-    print(f"animation: {path.resolve()}\nlast frame: {still.resolve()}")
-    return 0 if right else FAILED
-
-
 def _serve(out: Path, *, stay: bool) -> int:
-    """Print what the service does, part by part."""
+    """Send each part's photograph to a service, have it touched where the camera is unsure, and print both."""
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
-    from pipeline.cli import demonstration as shown
+    from glyphs.soiling.soiled import Soiling
+    from pipeline.common.records import PartState
+    from pipeline.common.texts import same_text
+    from pipeline.formats.synth import SynthSpec, write_part
     from pipeline.service.client import Client
     from pipeline.service.process import service_process
 
-    folder, served = out / "parts", []
-    print(
-        f"making {len(shown.SEVERITIES)} parts, from clean to filthy, and their photographs in {folder} ..."
-    )
-    made = shown.make_dirty_parts(folder)
+    folder = out / "parts"
+    folder.mkdir(exist_ok=True)
+    print(f"making {len(SEVERITIES)} parts, from clean to filthy, and their photographs in {folder} ...")
+    truths = [
+        write_part(
+            SynthSpec(FORMAT, seed=_SERVED_SEED, soiling=Soiling(severity=severity)),
+            folder / f"part-{number}",
+            number,
+            photos=True,
+        )
+        for number, severity in enumerate(SEVERITIES)
+    ]
     print("starting the service (the first start on a machine takes longer: it compiles) ...", flush=True)
-    reading = ("--format", shown.FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright")
+    reading = ("--format", FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright")
     folders = ("--stage.folder", str(folder), "--camera.folder", str(folder))
+    ended: list[tuple[PartRecord, str]] = []
     with service_process(out / "service", *folders, *reading) as service, Client(service.url) as client:
         print(f"it answers at {service.url}", flush=True)
-        for part in shown.serve_parts(client, made, folder):
-            served.append(part)
-            _print_served(part)
+        for number, (severity, truth) in enumerate(zip(SEVERITIES, truths, strict=True)):
+            name = f"part-{number}"
+            print(f"{name}  stamped {truth}, dirt {severity:.1f}")
+            part = client.read(photo=folder / f"{name}.png", name=name)
+            _print_reading("camera", part)
+            if part.state is PartState.TOUCH_NEEDED:
+                plan, part = part.plan, client.touch(part.id)
+                felt = part.reading
+                if plan is not None and felt is not None and felt.stage_s is not None:
+                    print(
+                        f"    stage   feels {len(felt.passes)} passes in {felt.stage_s:.0f} s of stage time "
+                        f"({felt.stopped}); the whole plan takes {plan.passes} in {plan.seconds:.0f} s"
+                    )
+                _print_reading("touch", part)
+            ended.append((part, truth))
         if stay:
             print(f"the operator's page is at {service.url}/review; Ctrl-C ends the service", flush=True)
             with contextlib.suppress(KeyboardInterrupt):
                 threading.Event().wait()
-    states = [part.last.state.value for part in served]
-    print(
-        f"{len(served)} parts: {states.count('accepted')} accepted, {states.count('review')} for a person to review"
-    )
-    return FAILED if any(part.accepted_wrong for part in served) else 0
+    accepted = [(part, truth) for part, truth in ended if part.state is PartState.ACCEPTED]
+    review = sum(part.state is PartState.REVIEW for part, _ in ended)
+    print(f"{len(ended)} parts: {len(accepted)} accepted, {review} for a person to review")
+    return 0 if all(same_text(part.text, truth) for part, truth in accepted) else FAILED
 
 
-def _print_served(part: ServedPart) -> None:
-    print(f"{part.name}  stamped {part.truth}, dirt {part.dirt:.1f}")
-    for sense, record in (("camera", part.by_camera), ("touch", part.by_touch)):
-        if record is None or record.reading is None:
-            continue
-        reading = record.reading
+def _print_reading(sense: str, part: PartRecord) -> None:
+    if (reading := part.reading) is not None:
         print(
             f"    {sense:<7} {reading.text or 'nothing':<9} confidence {reading.confidence:.3f} in "
-            f"{reading.seconds:.1f} s: {record.state.value.replace('_', ' ')}",
+            f"{reading.seconds:.1f} s: {part.state.value.replace('_', ' ')}",
             flush=True,
         )
-        plan, felt = part.by_camera.plan, part.last.reading
-        if sense == "camera" and plan is not None and felt is not None and felt.stage_s is not None:
-            print(
-                f"    stage   feels {len(felt.passes)} passes in {felt.stage_s:.0f} s of stage time "
-                f"({felt.stopped}); the whole plan takes {plan.passes} in {plan.seconds:.0f} s"
-            )

@@ -74,7 +74,7 @@ _GROUPS = (
 _COMMANDS = (
     ("read", "Read", "read:read", "Read the serials of parts.", "out format font mode verify"),
     ("inspect", "Read", "read:inspect", "Draw how one part was read, step by step.", "out format mode"),
-    ("demo", "Read", "demo:demo", "Make, scan and read a few parts; start here.", "service animation"),
+    ("demo", "Read", "demo:demo", "Make, scan and read a few parts; start here.", "service stay"),
     ("enroll", "Teach", "teach:enroll", "Learn the shapes of a die from reviewed parts.",
      "database font truth from-store"),
     ("glyphs list", "Teach", "stamp:list_fonts", "List the fonts.", "database"),

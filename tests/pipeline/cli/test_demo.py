@@ -8,20 +8,21 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from pipeline.cli import demonstration
+from pipeline.cli.demo import PLATES
 from pipeline.cli.main import main
+from recognition.decision import picture
 
 
 def test_the_demonstration_leaves_a_page_that_stands_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first, draw = demonstration.DEMO_PARTS[0].name, demonstration.reading_figure
+    first, draw = next(iter(PLATES)), picture.reading_figure
 
     def drawn(reading: Any, *, title: str) -> Figure:
         """Draw one part in full; the panels of all take longer than their reading."""
         return draw(reading, title=title) if title == first else Figure(figsize=(1.0, 1.0))
 
-    monkeypatch.setattr(demonstration, "reading_figure", drawn)
+    monkeypatch.setattr(picture, "reading_figure", drawn)
     out = tmp_path / "demo"
     assert main(["demo", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
@@ -29,9 +30,9 @@ def test_the_demonstration_leaves_a_page_that_stands_alone(
     assert str(out / "overview.png") in shown
     page = (out / "overview.html").read_text(encoding="utf-8")
     assert 'src="data:image/jpeg;base64,' in page
-    assert page.count("src=") == page.count('src="data:') == len(demonstration.DEMO_PARTS)
+    assert page.count("src=") == page.count('src="data:') == len(PLATES)
     assert "://" not in page
-    for part in demonstration.DEMO_PARTS:
-        assert part.text in shown
-        assert f"<code>{part.text}</code>" in page
+    for plate in PLATES.values():
+        assert plate["text"] in shown
+        assert f"<code>{plate['text']}</code>" in page
     assert {p.suffix for p in out.iterdir()} == {".npz", ".h5", ".png", ".html"}

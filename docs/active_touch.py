@@ -1,15 +1,14 @@
-"""Active touch as an animation: lines felt one pass after the other, beliefs growing, the stop.
+"""Active touch as an animation: lines felt one pass after the other, posteriors growing, the stop.
 
     +---------------------------------------+
     |  the part, lines felt; the last bright |   above: the surface under the whiskers
     +---------------------------------------+
     |  the edge map of the lines so far      |   middle
     +---------------------------------------+
-    |  K   X   4 ...  bars of belief         |   below: a bar a place; the clock of stage time; why it stopped
+    |  K   X   4 ...  a bar a place          |   below: posterior of each place; why it stopped
     +---------------------------------------+
 
-A frame a pass and a longer one at the end; GIF or, by the suffix .png, APNG. One palette for all frames keeps the file
-small.
+A frame a pass and a longer one at the end. One palette for all frames keeps the file small.
 """
 
 from __future__ import annotations
@@ -26,13 +25,20 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from glyphs.atomic import check_writable, replacing
-from glyphs.errors import FileError
-from glyphs.surface.maps import EdgeMap, HeightMap
+from glyphs.soiling.soiled import Soiling
+from glyphs.surface.maps import EdgeMap, HeightMap, MapError
+from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.pictures import styled
+from pipeline.reading.simulated_scan import open_session
+from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading, PassFelt
+from recognition.active.replay import read_kept
+from recognition.language.orientation import Orientation
+from recognition.reader import Reader
+from recognition.views.levelling import level
+from whisker_array.estimation.edges import edge_map
 
-SUFFIXES = (".gif", ".png")
+FORMAT, SEED, NUMBER, BUDGET_S = "AA999999", 11, 2, 60.0
 FRAME_MS, LAST_MS = 450, 4000
 _WIDTH_IN, _BARS_IN, _DPI, _COLOURS = 9.0, 1.35, 80, 64
 _STRONGEST_PERCENT = 99.0
@@ -55,54 +61,44 @@ class FeltPart:
     edges: Sequence[EdgeMap | None]
     sure_from: float
 
-    def __post_init__(self) -> None:
-        if len(self.edges) != len(self.found.passes) or not self.edges:
-            raise ValueError(f"{len(self.edges)} edge maps for {len(self.found.passes)} passes")
 
-
-def check_animation(path: Path) -> None:
-    """Refuse, before the work starts, an animation that could not be written.
-
-    Raises:
-        FileError: unknown suffix, or a place that cannot be written.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise FileError(path, "is not an animation that can be drawn", f"end it in {' or '.join(SUFFIXES)}")
-    check_writable(path)
-
-
-def save_animation(part: FeltPart, path: Path, *, still: Path | None = None) -> None:
-    """Draw and write the animation; the file appears whole or not at all.
-
-    Args:
-        part: as it was felt.
-        path: .gif or .png.
-        still: for the last frame alone, .png; default: none.
-
-    Raises:
-        FileError: it cannot be written.
-    """
-    check_animation(path)
+def draw_active_touch(path: Path) -> None:
+    """Feel a dirty part pass by pass, and write the animation as GIF."""
+    part = _feel()
     frames = [_frame(part, n) for n in range(len(part.found.passes))]
     # between them the middle and the last have every colour
     both = np.concatenate([np.asarray(frames[len(frames) // 2]), np.asarray(frames[-1])])
     palette = Image.fromarray(both).quantize(_COLOURS)
     first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     shown_ms = [FRAME_MS] * len(others) + [LAST_MS]
-    kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
-    with replacing(path) as temporary:
-        first.save(
-            temporary,
-            format=kind,
-            save_all=True,
-            append_images=others,
-            duration=shown_ms,
-            loop=0,
-            optimize=True,
-        )
-    if still is not None:
-        with replacing(still) as temporary:
-            [first, *others][-1].save(temporary, format="PNG", optimize=True)
+    first.save(path, save_all=True, append_images=others, duration=shown_ms, loop=0, optimize=True)
+
+
+def _feel() -> FeltPart:
+    spec = SynthSpec(FORMAT, seed=SEED, height_mm=5.0, soiling=Soiling(severity=0.5))
+    part, height_mm = make_part(spec, NUMBER), spec.height_mm
+    reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=height_mm, orientation=Orientation.UPRIGHT)
+    session = open_session(part.height_map, height_mm=height_mm, soil=part.soil, sensor_seed=SEED)
+    try:
+        found = read_kept(reader.touch, session, budget_s=BUDGET_S)
+    finally:
+        session.close()
+    assert found.scan is not None
+    assert found.scan.log is not None
+    sweeps = [p.sweep for p in found.scan.log.passes]
+
+    def edges(passes: int) -> EdgeMap | None:
+        try:
+            return edge_map(scan_of(session.fitting, sweeps[:passes]))
+        except MapError:
+            return None
+
+    return FeltPart(
+        level(part.height_map),
+        found,
+        [edges(k + 1) for k in range(len(sweeps))],
+        sure_from=reader.settings.accept_confidence,
+    )
 
 
 @styled
@@ -133,14 +129,14 @@ def _frame(part: FeltPart, n: int) -> Image.Image:
         _image(felt, value, edges.pitch_mm, edges.origin_mm, cmap="RdBu_r", limits=(-top, top))
     for axes in (surface, felt):
         axes.set(xlim=(0.0, width), ylim=(height, 0.0), xticks=(), yticks=(), aspect="auto")
-    # several passes may be felt before the beliefs are weighed again
+    # several passes may be felt before the posteriors are computed again
     weighed = next((one for one in reversed(passes[: n + 1]) if one.places), passes[n])
-    _beliefs(below, weighed, width, sure_from=part.sure_from)
+    _posteriors(below, weighed, width, sure_from=part.sure_from)
     title = f"all right: {weighed.confidence:.3f}" if weighed.places else "nothing to be read yet"
     if last := n + 1 == len(passes):
         reading = part.found.reading
         title = f"{reading.text}: {reading.confidence:.3f}. Stopped: {part.found.stop.describe()}"
-    below.set_title(f"belief of each place; {title}", weight="bold" if last else "normal")
+    below.set_title(f"posterior of each place; {title}", weight="bold" if last else "normal")
     # equal box aspects of equal widths: bars stand under their characters
     for axes, aspect in zip((surface, felt, below), heights, strict=True):
         axes.set_box_aspect(aspect)
@@ -163,7 +159,7 @@ def _image(
     axes.imshow(values, extent=box, cmap=cmap, vmin=limits[0], vmax=limits[1], interpolation="nearest")
 
 
-def _beliefs(axes: Axes, weighed: PassFelt, width_mm: float, *, sure_from: float) -> None:
+def _posteriors(axes: Axes, weighed: PassFelt, width_mm: float, *, sure_from: float) -> None:
     axes.set(xlim=(0.0, width_mm), ylim=(-0.3, 1.62))
     axes.set_axis_off()
     axes.axhline(0.0, color=_QUIET, linewidth=0.8)
