@@ -19,7 +19,7 @@ from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
-from recognition.language.constrained_decoding import Choice, ChoiceFlag, blind_warnings, choose
+from recognition.language.constrained_decoding import Choice, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS
@@ -174,7 +174,7 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
     flags = ReadingFlag.NONE
     if choice.valid_mass < LEAST_VALID_MASS or not choice.text:
         flags |= ReadingFlag.FORMAT_OVERRULED
-    if ChoiceFlag.EXHAUSTED in choice.flags:
+    if choice.exhausted:
         flags |= ReadingFlag.SEARCH_EXHAUSTED
     blind = {} if grammar is None else blind_warnings(choice, grammar)
     made = replace(reading, flags=reading.flags | flags)

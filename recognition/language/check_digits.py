@@ -24,6 +24,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from types import ModuleType
 
 import numpy as np
@@ -109,19 +110,14 @@ class CheckDigit:
 
     def holds(self, text: str) -> bool:
         """Whether the text, without blanks, is good."""
-        part = text[self.first_place - 1 : self.last_place]
-        rule = self.remainder
-        if rule is None:
-            return bool(_stdnum_module(self.name).is_valid(part))
-        if len(part) < rule.least_places or rule.length not in (None, len(part)):
-            return False
-        held = rule.first
-        for place, char in enumerate(part):
-            to = rule.step(char, place, len(part)) if char in rule.alphabet else None
-            if to is None:
+        if self.remainder is None:
+            return bool(_stdnum_module(self.name).is_valid(text[self.first_place - 1 : self.last_place]))
+        state = self.start(len(text))
+        for place, char in enumerate(text):
+            state = int(self.table(place, len(text), (char,))[state, 0])
+            if state < 0:
                 return False
-            held = int(to[held])
-        return held == rule.good
+        return bool(self.accepts(len(text))[state])
 
     def start(self, n_places: int) -> int:
         """See `automaton.Machine`."""
@@ -190,17 +186,8 @@ def _stdnum_module(name: str) -> ModuleType:
     return found
 
 
-@dataclass(frozen=True)
-class BlindPair:
-    """Two characters that a check digit cannot tell apart at some places (counted from 1)."""
-
-    one: str
-    other: str
-    places: tuple[int, ...]
-
-
-def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> tuple[BlindPair, ...]:
-    """The pairs that may be taken for each other without the check digit noticing; worked out, not listed.
+def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
+    """Pairs that may be taken for each other without the check digit noticing, with their place, from 1; worked out.
 
     Args:
         check: the rule.
@@ -209,17 +196,12 @@ def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> tuple[BlindPair, .
     Raises:
         FormatError: a rule that can only be asked about a whole text.
     """
-    check._rule()
     chars = tuple(sorted(set("".join(allowed))))
-    places: dict[tuple[str, str], list[int]] = {}
+    pairs = set()
     for place, here in enumerate(allowed):
         table = check.table(place, len(allowed), chars)
-        alike: dict[bytes, list[str]] = {}
-        for k, char in enumerate(chars):
-            if char in here and (table[:, k] >= 0).all():
-                alike.setdefault(table[:, k].tobytes(), []).append(char)
-        for group in alike.values():
-            for i, one in enumerate(group):
-                for other in group[i + 1 :]:
-                    places.setdefault((one, other), []).append(place + 1)
-    return tuple(BlindPair(a, b, tuple(where)) for (a, b), where in sorted(places.items()))
+        for (j, one), (k, other) in combinations(enumerate(chars), 2):
+            same = (table[:, j] == table[:, k]).all() and (table[:, j] >= 0).all()
+            if same and one in here and other in here:
+                pairs.add((one, other, place + 1))
+    return frozenset(pairs)

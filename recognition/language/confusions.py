@@ -22,40 +22,34 @@ MISMATCH_SHARE = 0.1
 """A known character with less than this share of the best one's belief is contradicted."""
 
 
-@dataclass(frozen=True)
-class ConfusionSet:
-    """Characters that are taken for each other, and why."""
-
-    chars: str
-    reason: str
-
-
-SWAP_SETS = (
-    ConfusionSet("0OQD", "closed round outlines; the tail of Q and the corners of D are short"),
-    ConfusionSet("1IL7", "one upright; flag, serifs and foot are short or missing in some fonts"),
-    ConfusionSet("2Z", "the bow of 2 has a corner in narrow fonts"),
-    ConfusionSet("5S", "the corners of 5 wear round"),
-    ConfusionSet("8B", "the left side of 8 is nearly straight in narrow fonts"),
-    ConfusionSet("6G", "the bow of 6 stays open where it is struck shallow"),
-    ConfusionSet("38", "3 closed by grime, or 8 with its left side filled"),
-    ConfusionSet("69", "turned by half a turn"),
-    ConfusionSet("MW", "turned by half a turn"),
-    ConfusionSet("UV", "the bottom of U is narrow"),
-    ConfusionSet("VY", "a short stem is filled"),
-    ConfusionSet("CG", "the bar of G is short"),
-    ConfusionSet("PR", "the leg of R is filled or was not struck"),
-    ConfusionSet("EF", "the foot of E is filled or was not struck"),
-    ConfusionSet("OC", "the right side of O is filled"),
-    ConfusionSet("4A", "4 closed at the top, with a low bar"),
-    ConfusionSet("KX", "the upright of K is filled"),
-    ConfusionSet("MN", "one diagonal of M is filled"),
-)
-"""The declared sets."""
+SWAP_SETS = {
+    "0OQD": "closed round outlines; the tail of Q and the corners of D are short",
+    "1IL7": "one upright; flag, serifs and foot are short or missing in some fonts",
+    "2Z": "the bow of 2 has a corner in narrow fonts",
+    "5S": "the corners of 5 wear round",
+    "8B": "the left side of 8 is nearly straight in narrow fonts",
+    "6G": "the bow of 6 stays open where it is struck shallow",
+    "38": "3 closed by grime, or 8 with its left side filled",
+    "69": "turned by half a turn",
+    "MW": "turned by half a turn",
+    "UV": "the bottom of U is narrow",
+    "VY": "a short stem is filled",
+    "CG": "the bar of G is short",
+    "PR": "the leg of R is filled or was not struck",
+    "EF": "the foot of E is filled or was not struck",
+    "OC": "the right side of O is filled",
+    "4A": "4 closed at the top, with a low bar",
+    "KX": "the upright of K is filled",
+    "MN": "one diagonal of M is filled",
+}
+"""Characters that are taken for each other, and why."""
 
 
 def swap_reason(one: str, other: str) -> str:
     """Why the two are taken for each other; empty where no set holds both."""
-    return next((s.reason for s in SWAP_SETS if one != other and one in s.chars and other in s.chars), "")
+    return next(
+        (why for chars, why in SWAP_SETS.items() if one != other and one in chars and other in chars), ""
+    )
 
 
 class CharacterState(StrEnum):

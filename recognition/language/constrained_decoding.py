@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from enum import Flag, auto
 from itertools import islice
 
 import numpy as np
@@ -41,28 +40,6 @@ WORTH_WARNING = 0.01
 """Belief in a character that the check digit cannot tell from the one read, from which a person is warned."""
 ROUNDING = 1e-12
 """A place's beliefs sum to 1 to within this."""
-
-
-class ChoiceFlag(Flag):
-    """Doubts about a choice."""
-
-    NONE = 0
-    NOTHING_ALLOWED = auto()
-    WRONG_LENGTH = auto()
-    OVERRULED = auto()
-    EXHAUSTED = auto()
-
-    def messages(self) -> tuple[str, ...]:
-        """The flags in words."""
-        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
-
-
-_MESSAGES = {
-    ChoiceFlag.NOTHING_ALLOWED: "no serial of this format fits what was read",
-    ChoiceFlag.WRONG_LENGTH: "the format has no serial of this length",
-    ChoiceFlag.OVERRULED: "the format changed what was read",
-    ChoiceFlag.EXHAUSTED: "too many possible serials to try them all",
-}
 
 
 @dataclass(frozen=True)
@@ -87,9 +64,7 @@ class Choice:
             a_i / (a_i + r_i). What is missing to 1 in a row is "no character", or not known.
         valid_mass: Z, what the lattice alone believes of all allowed strings together (an upper bound with an
             opaque check digit).
-        raw_text: best string without any grammar.
-        flags: what to know.
-        tested: strings asked of an opaque check digit.
+        exhausted: too many strings fit to ask an opaque check digit about them all.
     """
 
     text: str
@@ -98,9 +73,7 @@ class Choice:
     chars: tuple[str, ...]
     places: NDArray[np.float64]
     valid_mass: float
-    raw_text: str
-    flags: ChoiceFlag = ChoiceFlag.NONE
-    tested: int = 0
+    exhausted: bool = False
 
     __repr__ = one_line
 
@@ -119,7 +92,7 @@ def choose(
         lattice: beliefs of places.
         grammar: None allows every string of the lattice's characters.
         k: how many strings to name, the best among them.
-        most_tests: bounds the work with an opaque check digit; `ChoiceFlag.EXHAUSTED` tells when it ended there.
+        most_tests: bounds the work with an opaque check digit; `Choice.exhausted` tells when it ended there.
 
     Raises:
         ValueError: k or most_tests below 1.
@@ -127,38 +100,27 @@ def choose(
     if k < 1 or most_tests < 1:
         raise ValueError(f"k is {k} and most_tests is {most_tests}; both are at least 1")
     log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
-    raw = log.argmax(axis=1) if chars else np.zeros(0, dtype=np.int64)
-    raw_text = "".join(chars[c] for c in raw)
     grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
     strings = grammar.strings(n, chars) if n and chars else None
     log_z = strings.log_mass(log) if strings is not None else -math.inf
     if strings is None or log_z == -math.inf:
-        lengths = grammar.lengths()
-        wrong = n > 0 and lengths is not None and n not in lengths
-        flags = ChoiceFlag.NOTHING_ALLOWED | (ChoiceFlag.WRONG_LENGTH if wrong else ChoiceFlag.NONE)
-        return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0, raw_text, flags)
+        return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0)
     inside = np.array([[c in place for c in chars] for place in strings.places()])
     log_allowed = np.logaddexp.reduce(np.where(inside, log, -math.inf), axis=1)
     nothing = _nothing(log)
     log_n = _log_with_holes(log_allowed, nothing)
     log_d = float(np.logaddexp(log_z, log_n))
-    flags, asked = ChoiceFlag.NONE, _Asked()
+    exhausted = False
     if grammar.opaque and grammar.lexicon is None:
         asked = _ask(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
-        found = asked.found[:k]
+        found, exhausted = asked.found[:k], asked.gave_up
         of_z = asked.good + asked.left
         log_d = float(np.logaddexp(log_z + _log(of_z), log_n))
         share = asked.by_place / max(of_z, 1e-300)
-        if asked.gave_up:
-            flags |= ChoiceFlag.EXHAUSTED
-        if not found:
-            flags |= ChoiceFlag.NOTHING_ALLOWED
         log_z += _log(of_z)
     else:
         found = list(islice(strings.best(log), k))
         share = np.exp(strings.log_marginals(log) - log_z)
-    if found and found[0][0] != raw_text:
-        flags |= ChoiceFlag.OVERRULED
     named = [Rival(text, math.exp(min(0.0, weight - log_d))) for text, weight in found]
     best = named[0] if named else Rival("", 0.0)
     return Choice(
@@ -168,9 +130,7 @@ def choose(
         chars=chars,
         places=np.minimum(share, 1.0) * np.exp(log_allowed - _log_added(log_allowed, nothing))[:, None],
         valid_mass=min(1.0, math.exp(log_z)),
-        raw_text=raw_text,
-        flags=flags,
-        tested=asked.tested,
+        exhausted=exhausted,
     )
 
 
@@ -181,11 +141,10 @@ class _Asked:
     `good` is the mass of those found good, `left` of those not asked, `by_place` of the good ones by place.
     """
 
+    by_place: NDArray[np.float64]
     found: list[tuple[str, float]] = field(default_factory=list)
-    by_place: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     good: float = 0.0
-    left: float = 0.0
-    tested: int = 0
+    left: float = 1.0
     gave_up: bool = False
 
 
@@ -199,13 +158,9 @@ def _ask(
 ) -> _Asked:
     """Ask string by string, best first, until what is left cannot matter."""
     number = {c: i for i, c in enumerate(lattice.chars)}
-    asked = _Asked(by_place=np.zeros(lattice.log_belief.shape), left=1.0)
-    for text, weight in strings:
-        if asked.tested >= most_tests:
-            asked.gave_up = True
-            return asked
+    asked = _Asked(np.zeros(lattice.log_belief.shape))
+    for text, weight in islice(strings, most_tests):
         share = math.exp(weight - log_z)
-        asked.tested += 1
         # sums of shares are right to some 1e-12: less than that is never taken for nothing
         asked.left = max(asked.left - share, 1e-12)
         if all(check.holds(text) for check in grammar.opaque):
@@ -215,7 +170,8 @@ def _ask(
         beside = asked.good + math.exp(log_d - log_z) - 1.0
         if asked.found and asked.left <= RESOLVED * (asked.left + beside):
             return asked
-    asked.left = 0.0
+    asked.gave_up = next(strings, None) is not None
+    asked.left *= asked.gave_up
     return asked
 
 
@@ -256,16 +212,11 @@ def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WAR
         return {}
     beliefs = [choice.place(k) for k in range(len(choice.text))]
     allowed = ["".join(belief) for belief in beliefs]
-    blind = [
-        {(pair.one, pair.other, place) for pair in blind_pairs(rule, allowed) for place in pair.places}
-        for rule in rules
-    ]
+    blind = frozenset.intersection(*(blind_pairs(rule, allowed) for rule in rules))
     names = " and ".join(str(rule) for rule in rules)
     return {
         k: f"place {k}: {char} may be {other} ({believed:.0%}), which the check digit {names} cannot tell apart"
         for k, (char, belief) in enumerate(zip(choice.text, beliefs, strict=True), start=1)
         for other, believed in belief.items()
-        if other != char
-        and believed >= least
-        and all((min(char, other), max(char, other), k) in pairs for pairs in blind)
+        if other != char and believed >= least and (min(char, other), max(char, other), k) in blind
     }

@@ -1,30 +1,111 @@
-"""Regular expressions as machines that are asked one character a place.
+r"""Regular expressions of Python's kind, as far as they say which characters follow each other, as machines.
 
-    "[A-Z]{2}\\d+"  -->  tree  -->  nodes that each eat a character, or lead on freely  -->  states and a table
+    "[A-Z]{2}\d+"  --Python's parser-->  nodes that each eat a character, or lead on freely  -->  states and a table
 
-The table is that of the sets of nodes that one can be in; it is given up when it grows too large.
+The table is that of the sets of nodes that one can be in; it is given up when it grows too large. Classes are ASCII:
+`\d` is 0-9. Groups may be named or not; `?`, `+` behind a repeat change nothing here. greenery needs half a minute to
+make a machine of `(A|B|C{2,9}){1,12}D`, so the machine is our own.
 """
 
 from __future__ import annotations
 
+import re
+import string
 from collections import deque
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import or_
+from re import _parser  # type: ignore[attr-defined]  # from 3.11 on; hypothesis uses it as well
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError
-from recognition.language.expression_tree import Choices, Kind, Repeated, expression_tree
 
-__all__ = ["MOST_PLACES", "ExpressionMachine", "FormatError", "expression_machine"]
-
+MOST_LENGTH = 500
+"""Characters of an expression."""
 MOST_PLACES = 64
 """Longest serial that is thought of."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
 """Most parts of an expression written out, and most states of its automaton."""
 MOST_STEPS = 2_000_000
 """On the way to that machine: two seconds' work at most. `(A|B|C{2,9}){1,12}D` takes 180,000."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of character.
+
+    Attributes:
+        chars: the characters.
+        others: all but these are meant.
+        written: characters that the expression names one by one, in a range or as `\\d`.
+    """
+
+    chars: frozenset[str]
+    others: bool = False
+    written: frozenset[str] = frozenset()
+
+    def has(self, char: str) -> bool:
+        """Whether a character is of this kind."""
+        return (char in self.chars) != self.others
+
+    def __or__(self, other: Kind) -> Kind:
+        """Either kind."""
+        written = self.written | other.written
+        if self.others and other.others:
+            return Kind(self.chars & other.chars, True, written)
+        if self.others or other.others:
+            wide, narrow = (self, other) if self.others else (other, self)
+            return Kind(wide.chars - narrow.chars, True, written)
+        return Kind(self.chars | other.chars, False, written)
+
+    def __invert__(self) -> Kind:
+        """The complement: all other characters, which the expression does not write out."""
+        return Kind(self.chars, not self.others)
+
+
+_BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
+"""An expression without the anchors of a whole text."""
+
+
+def _named_kind(chars: str) -> Kind:
+    return Kind(frozenset(chars), written=frozenset(chars))
+
+
+_FIGURE = _named_kind(string.digits)
+_WORD = Kind(frozenset(string.ascii_letters + string.digits + "_"))
+_BLANK = Kind(frozenset(string.whitespace))
+_CATEGORIES = {
+    "CATEGORY_DIGIT": _FIGURE,
+    "CATEGORY_NOT_DIGIT": ~_FIGURE,
+    "CATEGORY_WORD": _WORD,
+    "CATEGORY_NOT_WORD": ~_WORD,
+    "CATEGORY_SPACE": _BLANK,
+    "CATEGORY_NOT_SPACE": ~_BLANK,
+}
+
+
+def _kind_of(item: str, value: Any) -> Kind | None:
+    """The kind of character that an item of Python's parser is; None for other items."""
+    match item:
+        case "ANY":
+            return ~Kind(frozenset("\n"))
+        case "LITERAL":
+            return _named_kind(chr(value))
+        case "NOT_LITERAL":
+            return ~_named_kind(chr(value))
+        case "RANGE":
+            return _named_kind("".join(map(chr, range(value[0], value[1] + 1))))
+        case "CATEGORY":
+            return _CATEGORIES[str(value)]
+        case "IN":
+            inverted = str(value[0][0]) == "NEGATE"
+            members = [_kind_of(str(one), more) for one, more in value[inverted:]]
+            kind = reduce(or_, (one for one in members if one is not None))
+            return ~kind if inverted else kind
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,19 +156,17 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
         chars: characters that stand at places, without blanks.
 
     Raises:
-        FormatError: not an expression, one that uses look-around, references or options, or one whose
+        FormatError: not an expression, one that says more than which characters follow each other, or one whose
             machine would be too large.
     """
     net = _Net(pattern)
-    end = net.node()
-    begin = net.choices(expression_tree(pattern), end)
     # characters that no part tells apart go the same ways
     kinds = list(dict.fromkeys(kind for kind, _ in net.eats.values()))
     alike: dict[tuple[bool, ...], list[int]] = {}
     for k, char in enumerate(chars):
         alike.setdefault(tuple(kind.has(char) for kind in kinds), []).append(k)
     ways = {kind: [of for of in alike if of[i]] for i, kind in enumerate(kinds)}
-    first = net.reachable({begin})
+    first = net.reachable({net.begin})
     numbers = {first: 0}
     rows: list[NDArray[np.int64]] = []
     waiting = deque([first])
@@ -109,17 +188,39 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
                 waiting.append(state)
             row[alike[of]] = numbers[state]
         rows.append(row)
-    return ExpressionMachine(np.stack(rows), np.array([end in state for state in numbers]))
+    return ExpressionMachine(np.stack(rows), np.array([net.end in state for state in numbers]))
+
+
+def written_characters(pattern: str) -> frozenset[str]:
+    """All characters that an expression names, see `Kind.written`.
+
+    Raises:
+        FormatError: as `expression_machine`.
+    """
+    return frozenset[str]().union(*(kind.written for kind, _ in _Net(pattern).eats.values()))
 
 
 class _Net:
-    """Nodes of an expression: each eats one character of a class, or goes on freely to others."""
+    """Nodes of an expression: each eats one character of a kind, or goes on freely to others."""
 
     def __init__(self, pattern: str) -> None:
+        if not pattern or len(pattern) > MOST_LENGTH:
+            raise FormatError(
+                f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
+            )
+        try:
+            re.compile(pattern)
+            items = _parser.parse(_BODY.fullmatch(pattern)[1])  # type: ignore[index]
+        except (re.error, OverflowError, RecursionError) as error:
+            raise FormatError(f"{pattern!r} is not a regular expression: {error}") from error
         self.text = pattern
         self.steps = 0
         self.free: list[list[int]] = []
         self.eats: dict[int, tuple[Kind, int]] = {}
+        self.end = self.node()
+        if items.state.flags & ~re.UNICODE:
+            raise self._more_than_characters()
+        self.begin = self._row(items, self.end)
 
     def node(self, *free: int) -> int:
         if len(self.free) >= MOST_NODES:
@@ -127,35 +228,48 @@ class _Net:
         self.free.append(list(free))
         return len(self.free) - 1
 
-    def choices(self, choices: Choices, end: int) -> int:
-        """The node from which a text of one of the rows leads to `end`."""
-        begins = []
-        for row in choices.rows:
-            begin = end
-            for repeated in reversed(row):
-                begin = self._repeat(repeated, begin)
-            begins.append(begin)
-        return self.node(*begins)
+    def _row(self, items: Any, end: int) -> int:
+        """The node from which a text of all items, one after the other, leads to `end`."""
+        for item, value in reversed(items):
+            end = self._item(str(item), value, end)
+        return end
 
-    def _repeat(self, repeated: Repeated, end: int) -> int:
-        if repeated.most is None:
+    def _item(self, item: str, value: Any, end: int) -> int:
+        if (kind := _kind_of(item, value)) is not None:
+            node = self.node()
+            self.eats[node] = (kind, end)
+            return node
+        match item:
+            case "SUBPATTERN" if not (value[1] or value[2]):  # options that a group sets and clears
+                return self._row(value[3], end)
+            case "BRANCH":
+                return self.node(*[self._row(row, end) for row in value[1]])
+            case "MAX_REPEAT" | "MIN_REPEAT" | "POSSESSIVE_REPEAT":
+                least, most, part = value
+                return self._repeat(least, most, part, end)
+        raise self._more_than_characters()
+
+    def _more_than_characters(self) -> FormatError:
+        return FormatError(
+            f"{self.text!r} says more than which characters follow each other; write it "
+            r"with characters, [sets], \d, \w, ., |, (groups), ?, *, + and {m,n} only: no look-ahead, reference or "
+            "option, and ^ and $ at the ends or not at all (the whole text is matched anyway)"
+        )
+
+    def _repeat(self, least: int, most: int, part: Any, end: int) -> int:
+        if part.getwidth()[1] == 0:  # nothing, however often
+            return end
+        if most == _parser.MAXREPEAT:
             loop = self.node(end)
-            self.free[loop].append(self._once(repeated.part, loop))
+            self.free[loop].append(self._row(part, loop))
             end = loop
         else:
             leave = end
-            for _ in range(repeated.most - repeated.least):
-                end = self.node(leave, self._once(repeated.part, end))
-        for _ in range(repeated.least):
-            end = self._once(repeated.part, end)
+            for _ in range(most - least):
+                end = self.node(leave, self._row(part, end))
+        for _ in range(least):
+            end = self._row(part, end)
         return end
-
-    def _once(self, part: Kind | Choices, end: int) -> int:
-        if isinstance(part, Choices):
-            return self.choices(part, end)
-        node = self.node()
-        self.eats[node] = (part, end)
-        return node
 
     def reachable(self, nodes: frozenset[int] | set[int]) -> frozenset[int]:
         """The nodes and all that they go on to freely."""

@@ -17,55 +17,45 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import Any
 
 from glyphs.fonts.serials import FormatError
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import elements_format
 from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
 
-
-@dataclass(frozen=True)
-class FormatParts:
-    """The parts that the texts give; see `recognition.language.grammar.Grammar`."""
-
-    format: str | None
-    expression: str | None
-    sets: tuple[str, ...] | None
-    checks: tuple[CheckDigit, ...]
-    exclude: str
-    elements: str | None = None
+_FIELDS = {"mask": "format", "re": "expression", "fields": "expression", "sets": "sets", "vin": "sets"}
+"""The field of a grammar that each kind of format gives."""
 
 
-def parts_of(texts: Iterable[str]) -> FormatParts:
-    """The parts that several texts give together.
+def parts_of(texts: Iterable[str]) -> dict[str, Any]:
+    """The fields of a `recognition.language.grammar.Grammar` that several texts give together.
 
     Raises:
         FormatError: a text that cannot be understood, or two of one kind.
     """
-    given: dict[str, str] = {}
+    given: dict[str, Any] = {}
     checks: list[CheckDigit] = []
     exclude = ""
-    elements: str | None = None
     for text in texts:
         body, options = _options(text)
         kind, rest = _kind(body)
-        if kind == "vin":
-            checks.append(CheckDigit("vin"))
         if kind == "check":
             checks.append(CheckDigit.parse(rest))
-        elif (slot := {"vin": "sets", "fields": "re"}.get(kind, kind)) in given:
-            raise FormatError(f"the format has two of {slot}", hint="give each kind once")
+        elif (field := _FIELDS[kind]) in given:
+            name = {"format": "mask", "expression": "re"}.get(field, field)
+            raise FormatError(f"the format has two of {name}", hint="give each kind once")
         else:
-            given[slot] = rest
-            if kind == "fields":
-                elements = rest
-                given[slot], more = elements_format(rest)
-                checks.extend(more)
+            given[field] = _sets(rest) if field == "sets" else rest
+        if kind == "vin":
+            checks.append(CheckDigit("vin"))
+        elif kind == "fields":
+            given["elements"] = rest
+            given["expression"], more = elements_format(rest)
+            checks.extend(more)
         checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
         exclude += "".join(value for key, value in options if key == "exclude")
-    sets = _sets(given["sets"]) if "sets" in given else None
-    return FormatParts(given.get("mask"), given.get("re"), sets, tuple(checks), exclude, elements)
+    return {**given, "checks": tuple(checks), "exclude": exclude}
 
 
 _OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)

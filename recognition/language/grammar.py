@@ -16,8 +16,7 @@ from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.automaton import Automaton, Machine, Strings, WordList, encode, unroll
 from recognition.language.check_digits import CheckDigit
 from recognition.language.elements import names_before_gaps
-from recognition.language.expression import MOST_PLACES, expression_machine
-from recognition.language.expression_tree import expression_tree
+from recognition.language.expression import MOST_PLACES, expression_machine, written_characters
 from recognition.language.format_text import parts_of
 from recognition.language.remainders import ALPHANUMERIC
 
@@ -75,17 +74,7 @@ class Grammar:
         Raises:
             FormatError: a text that cannot be understood, or two of one kind.
         """
-        parts = parts_of(texts)
-        words = None if lexicon is None else frozenset(lexicon)
-        return cls(
-            format=parts.format,
-            expression=parts.expression,
-            sets=parts.sets,
-            lexicon=words,
-            checks=parts.checks,
-            exclude=parts.exclude,
-            elements=parts.elements,
-        )
+        return cls(**parts_of(texts), lexicon=None if lexicon is None else frozenset(lexicon))
 
     def __repr__(self) -> str:
         text = str(self)
@@ -223,7 +212,7 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
     if grammar.format is not None:
         known.update(*allowed_characters(grammar.format))
     if grammar.expression is not None:
-        known |= expression_tree(grammar.expression).written()
+        known |= written_characters(grammar.expression)
     known.update(*(grammar.sets or ()), *(grammar.lexicon or ()))
     known.update(*(check.alphabet for check in grammar.checks))
     return tuple(sorted(known - {" "}))

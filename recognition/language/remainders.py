@@ -8,8 +8,8 @@ Sources: ISO 7064 (pure and hybrid systems), ISO/IEC 7812-1 annex B (Luhn), GS1 
 from __future__ import annotations
 
 import string
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,171 +20,101 @@ VIN_CHARACTERS = "".join(c for c in ALPHANUMERIC if c not in "IOQ")
 VIN_LENGTH, VIN_CHECK_PLACE = 17, 8
 VIN_WEIGHTS = (8, 7, 6, 5, 4, 3, 2, 10, 0, 9, 8, 7, 6, 5, 4, 3, 2)
 """49 CFR 565.15 table IV; the ninth place is the check digit itself."""
-VIN_VALUES = {
-    **{str(k): k for k in range(10)},
-    **dict(zip("ABCDEFGH", range(1, 9), strict=True)),
-    **dict(zip("JKLMN", range(1, 6), strict=True)),
-    "P": 7,
-    "R": 9,
-    **dict(zip("STUVWXYZ", range(2, 10), strict=True)),
-}
+VIN_VALUES = dict(
+    zip("0123456789ABCDEFGHJKLMNPRSTUVWXYZ", map(int, "012345678912345678123457923456789"), strict=True)
+)
 """49 CFR 565.15 table III."""
 
-
-class Remainder(Protocol):
-    """A rule that keeps a remainder."""
-
-    @property
-    def alphabet(self) -> str:
-        """Characters it knows, those of the check digit alone among them."""
-
-    @property
-    def modulus(self) -> int:
-        """Remainders are 0 to modulus - 1."""
-
-    @property
-    def first(self) -> int:
-        """The remainder before the first character."""
-
-    @property
-    def good(self) -> int:
-        """The remainder of a good text."""
-
-    @property
-    def least_places(self) -> int:
-        """Length of the shortest text with a check digit."""
-
-    @property
-    def length(self) -> int | None:
-        """The length of every text; None where it may be any."""
-
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """(modulus,): the next remainder of each one; None where the character may not stand there."""
+Remainders = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class PureSystem:
-    """ISO 7064 pure system: r -> (r radix + value) mod M, good at 1.
+class Remainder:
+    """A rule that keeps a remainder.
 
     Attributes:
+        alphabet: characters it knows, those of the check digit alone among them.
+        modulus: remainders are 0 to modulus - 1.
+        step: (modulus,) the next remainder of each one, of a character, its place and the number of places; None where
+            the character may not stand there.
+        first: the remainder before the first character.
+        good: the remainder of a good text.
+        least_places: length of the shortest text with a check digit.
+        length: of every text; None where it may be any.
+    """
+
+    alphabet: str
+    modulus: int
+    step: Callable[[str, int, int], Remainders | None]
+    first: int = 0
+    good: int = 0
+    least_places: int = 2
+    length: int | None = None
+
+
+def pure_system(
+    modulus: int, radix: int, alphabet: str, *, supplementary: str = "", check_figures: int = 0
+) -> Remainder:
+    """ISO 7064 pure system: r -> (r radix + value) mod M, good at 1.
+
+    Args:
+        modulus: M.
+        radix: of the system.
+        alphabet: characters in the order of their values.
         supplementary: character of the alphabet that only a check character may be.
         check_figures: how many figures at the end are check characters (mod 97-10), 0 for one of the alphabet.
     """
 
-    modulus: int
-    radix: int
-    alphabet: str
-    supplementary: str = ""
-    check_figures: int = 0
-
-    first = 0
-    good = 1
-    length = None
-
-    @property
-    def least_places(self) -> int:
-        """One character and its check characters."""
-        return 1 + max(1, self.check_figures)
-
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """See `Remainder.step`."""
-        if char == self.supplementary and place != n_places - 1:
+    def step(char: str, place: int, n_places: int) -> Remainders | None:
+        if char == supplementary and place != n_places - 1:
             return None
-        if place >= n_places - self.check_figures and char not in DIGITS:
+        if place >= n_places - check_figures and char not in DIGITS:
             return None
-        value = self.alphabet.index(char)
+        value = alphabet.index(char)
         # in mod 97-10 letters are written as two figures, 10 to 35
-        radix = self.radix**2 if self.check_figures and value > 9 else self.radix
-        return (np.arange(self.modulus) * radix + value) % self.modulus
+        shift = radix**2 if check_figures and value > 9 else radix
+        return (np.arange(modulus) * shift + value) % modulus
+
+    return Remainder(alphabet, modulus, step, good=1, least_places=1 + max(1, check_figures))
 
 
-@dataclass(frozen=True)
-class HybridSystem:
-    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, good at 1."""
+def hybrid_system(alphabet: str) -> Remainder:
+    """ISO 7064 hybrid system: r -> (2 (r or M) mod (M + 1) + value) mod M, good at 1.
 
-    alphabet: str
-
-    good = 1
-    least_places = 2
-    length = None
-
-    @property
-    def modulus(self) -> int:
-        """As many as there are characters."""
-        return len(self.alphabet)
-
-    @property
-    def first(self) -> int:
-        """Doubled, it is M: the start that ISO 7064 asks for, and 0 after reduction."""
-        return len(self.alphabet) // 2
-
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """See `Remainder.step`."""
-        m = self.modulus
-        held = np.arange(m)
-        held[0] = m
-        return (2 * held % (m + 1) + self.alphabet.index(char)) % m
+    The first remainder doubled is M: the start that ISO 7064 asks for, and 0 after reduction.
+    """
+    m = len(alphabet)
+    held = np.array([m, *range(1, m)])
+    return Remainder(
+        alphabet, m, lambda char, *_: (2 * held % (m + 1) + alphabet.index(char)) % m, first=m // 2, good=1
+    )
 
 
-@dataclass(frozen=True)
-class Luhn:
-    """Every second figure from the right doubled and its figures summed; sum 0 mod 10."""
+def every_second(values: str) -> Remainder:
+    """Sum of the figures, every second one from the right replaced by its value here; good at 0 mod 10."""
 
-    alphabet = DIGITS
-    modulus = 10
-    first = good = 0
-    least_places = 2
-    length = None
+    def step(char: str, place: int, n_places: int) -> Remainders:
+        value = values[int(char)] if (n_places - 1 - place) % 2 else char
+        return (np.arange(10) + int(value)) % 10
 
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """See `Remainder.step`."""
-        value = int(char)
-        if (n_places - 1 - place) % 2:
-            value = sum(divmod(2 * value, 10))
-        return (np.arange(10) + value) % 10
+    return Remainder(DIGITS, 10, step)
 
 
-@dataclass(frozen=True)
-class Gs1:
-    """Every second figure from the right three times; sum 0 mod 10."""
-
-    alphabet = DIGITS
-    modulus = 10
-    first = good = 0
-    least_places = 2
-    length = None
-
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """See `Remainder.step`."""
-        return (np.arange(10) + int(char) * (3 if (n_places - 1 - place) % 2 else 1)) % 10
+def _vin_step(char: str, place: int, n_places: int) -> Remainders | None:
+    """Add the weighted value of a character; at the check digit, 10 of which is written X, take it off."""
+    if place == VIN_CHECK_PLACE:
+        return (np.arange(11) - (DIGITS + "X").index(char)) % 11 if char in DIGITS + "X" else None
+    return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11
 
 
-@dataclass(frozen=True)
-class Vin:
-    """Weighted sum of transliterated characters mod 11 = the ninth, 10 written X; remainder is their difference."""
-
-    alphabet = VIN_CHARACTERS
-    modulus = 11
-    first = good = 0
-    least_places = length = VIN_LENGTH
-
-    def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
-        """See `Remainder.step`."""
-        if place == VIN_CHECK_PLACE:
-            if char not in DIGITS + "X":
-                return None
-            return (np.arange(11) - (10 if char == "X" else int(char))) % 11
-        return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11
-
-
-REMAINDERS: dict[str, Remainder] = {
-    "vin": Vin(),
-    "luhn": Luhn(),
-    "gs1": Gs1(),
-    "iso7064mod11_2": PureSystem(11, 2, DIGITS + "X", supplementary="X"),
-    "iso7064mod37_2": PureSystem(37, 2, ALPHANUMERIC + "*", supplementary="*"),
-    "iso7064mod97_10": PureSystem(97, 10, ALPHANUMERIC, check_figures=2),
-    "iso7064mod11_10": HybridSystem(DIGITS),
-    "iso7064mod37_36": HybridSystem(ALPHANUMERIC),
+REMAINDERS = {
+    "vin": Remainder(VIN_CHARACTERS, 11, _vin_step, least_places=VIN_LENGTH, length=VIN_LENGTH),
+    "luhn": every_second("0246813579"),  # doubled, and its figures summed
+    "gs1": every_second("0369258147"),  # three times
+    "iso7064mod11_2": pure_system(11, 2, DIGITS + "X", supplementary="X"),
+    "iso7064mod37_2": pure_system(37, 2, ALPHANUMERIC + "*", supplementary="*"),
+    "iso7064mod97_10": pure_system(97, 10, ALPHANUMERIC, check_figures=2),
+    "iso7064mod11_10": hybrid_system(DIGITS),
+    "iso7064mod37_36": hybrid_system(ALPHANUMERIC),
 }
 """The rules by name."""

@@ -237,7 +237,7 @@ def _worth(log_belief: Floats, slope: float) -> Floats:
 
 def _rivals(char: str, chars: Sequence[str], beliefs: Floats) -> list[tuple[str, float]]:
     """Live ones, and those declared that the format allows."""
-    declared = {c for swap in SWAP_SETS if char in swap.chars for c in swap.chars}
+    declared = {c for chars in SWAP_SETS if char in chars for c in chars}
     return [
         (c, float(b))
         for c, b in zip(chars, beliefs, strict=True)

@@ -17,8 +17,8 @@ from recognition.language.confusions import (
 
 
 def test_swaps_go_both_ways_and_have_reasons() -> None:
-    for swap in SWAP_SETS:
-        for char, partner in permutations(swap.chars, 2):
+    for chars in SWAP_SETS:
+        for char, partner in permutations(chars, 2):
             assert swap_reason(char, partner) == swap_reason(partner, char) != ""
     assert swap_reason("0", "1") == swap_reason("0", "0") == swap_reason("-", "0") == ""
     for pair in ("0O", "0Q", "0D", "1I", "1L", "17", "2Z", "5S", "8B", "6G"):

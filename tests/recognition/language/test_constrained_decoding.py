@@ -15,7 +15,7 @@ from stdnum import luhn
 from stdnum.iso7064 import mod_11_2, mod_37_36, mod_97_10
 
 from recognition.language.automaton import Strings
-from recognition.language.constrained_decoding import ROUNDING, ChoiceFlag, blind_warnings, choose
+from recognition.language.constrained_decoding import ROUNDING, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
@@ -89,7 +89,6 @@ def test_as_by_writing_every_string_out(name: str, data: st.DataObject, k: int) 
     if not weights:
         assert choice.text == ""
         assert choice.probability == 0.0
-        assert ChoiceFlag.NOTHING_ALLOWED in choice.flags
         return
     opaque = name == "opaque"
     places = [set(chars) if opaque else {s[i] for s in every} for i in range(lattice.n_places)]
@@ -143,9 +142,7 @@ def test_the_check_digit_finds_what_the_eye_gets_wrong() -> None:
     vin = "1M8GDM9AXKP042788"
     lattice = doubted(vin, 1, "N", 0.6)
     choice = choose(lattice, Grammar.parse("vin"))
-    assert choice.raw_text == vin[0] + "N" + vin[2:]
     assert choice.text == vin
-    assert ChoiceFlag.OVERRULED in choice.flags
     assert choice.probability > 0.7 > 0.4 > choice.valid_mass
 
 
@@ -153,7 +150,7 @@ def test_a_sure_reading_that_breaks_the_check_digit_is_not_made_sure() -> None:
     """All characters clear, check digit wrong: whatever is chosen must not be believed in."""
     wrong = "1M8GDM9AXKP042789"
     choice = choose(sure(wrong, chars=ALPHABET, belief=0.995, nothing=0.002), Grammar.parse("vin"))
-    assert choice.raw_text == wrong != choice.text
+    assert choice.text != wrong
     assert choice.valid_mass < 0.01
     assert choice.probability < 0.1
 
@@ -185,15 +182,11 @@ def test_a_lexicon_is_the_same_as_its_words() -> None:
     assert choice.place(0).get("A", 0.0) == pytest.approx(share * some / (some + 0.03), rel=EXACT)
 
 
-def test_wrong_length_and_nothing_at_all_are_said() -> None:
+def test_a_wrong_length_and_no_place_at_all_give_nothing() -> None:
     grammar = Grammar.parse("AA999999")
-    short = choose(sure("AB12345", chars=ALPHABET), grammar)
-    assert short.flags == ChoiceFlag.NOTHING_ALLOWED | ChoiceFlag.WRONG_LENGTH
-    assert short.raw_text == "AB12345"
-    assert len(short.flags.messages()) == 2
-    empty = choose(Lattice(tuple("AB"), np.empty((0, 2))), grammar)
-    assert empty.flags == ChoiceFlag.NOTHING_ALLOWED
-    assert empty.text == empty.raw_text == ""
+    for lattice in (sure("AB12345", chars=ALPHABET), Lattice(tuple("AB"), np.empty((0, 2)))):
+        choice = choose(lattice, grammar)
+        assert (choice.text, choice.probability, choice.rivals) == ("", 0.0, ())
 
 
 def test_work_is_bounded_and_the_end_of_it_is_said() -> None:
@@ -202,8 +195,7 @@ def test_work_is_bounded_and_the_end_of_it_is_said() -> None:
     lattice = Lattice(tuple(figures), np.log(p))
     grammar = Grammar.parse("check:stdnum:imei")
     choice = choose(lattice, grammar, most_tests=50)
-    assert choice.tested == 50
-    assert ChoiceFlag.EXHAUSTED in choice.flags
+    assert choice.exhausted
     assert choice.probability < 1e-6
     with pytest.raises(ValueError, match="at least 1"):
         choose(lattice, grammar, k=0)
