@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.opcua_device import Users, bad, build_device, settings_fit
-from pipeline.service.inputs.opcua_guard import GuardLimits, guarded_server
+from pipeline.service.inputs.opcua_device import Users, bad, build_device, settings_fit, variant
+from pipeline.service.inputs.opcua_guard import guarded_server
 from pipeline.service.inputs.opcua_model import load_model, require_asyncua, ua_types
 from pipeline.service.inputs.opcua_result import (
     DEVICE_FAULT,
@@ -37,7 +37,15 @@ from pipeline.service.inputs.opcua_result import (
     ocr_scan_result,
     status_of,
 )
-from pipeline.service.inputs.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words
+from pipeline.service.inputs.trigger import (
+    EXPECTED,
+    NO_READING,
+    LineDecision,
+    Trigger,
+    decision_of,
+    in_words,
+)
+from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings
@@ -103,7 +111,7 @@ class OpcUaPort:
             OSError: the address cannot be had, a certificate cannot be read.
         """
         ua = ua_types()
-        server = guarded_server(Users(self._settings.users), GuardLimits(sessions=self._connections))
+        server = guarded_server(Users(self._settings.users), sessions=self._connections)
         server.iserver.allow_remote_admin = False
         await server.init()
         server.set_server_name(self._name)
@@ -140,10 +148,7 @@ class OpcUaPort:
         """Close; what is being read gets `grace_s`."""
         self._stopped = True
         if self._scanning is not None:
-            scan = self._scanning
-            await asyncio.wait({scan}, timeout=grace_s)
-            scan.cancel()
-            await asyncio.gather(scan, return_exceptions=True)
+            await end_tasks([self._scanning], grace_s=grace_s)
             await asyncio.sleep(_LEAVE_S)  # its answer is still to be sent
         if self._server is not None:
             await self._server.stop()
@@ -163,50 +168,41 @@ class OpcUaPort:
             or (part.id, part.changed_at) in self._shown
         ):
             return
-        ua = ua_types()
         self._shown.append((part.id, part.changed_at))
+        reading, decision = part.reading or NO_READING, decision_of(part)
         at = part.changed_at.astimezone(UTC)
-        confidence = part.reading.confidence if part.reading else 0.0
         async with self._showing:  # one part's values and event together
-            for name, value, kind in (
-                ("LastScanData", part.text, ua.VariantType.String),
-                ("LastScanTimestamp", at, ua.VariantType.DateTime),
-                ("LastPartId", part.id, ua.VariantType.String),
-                ("LastDecision", decision_of(part).value, ua.VariantType.String),
-                ("LastConfidence", confidence, ua.VariantType.Double),
+            for name, value in (
+                ("LastScanData", part.text),
+                ("LastScanTimestamp", at),
+                ("LastPartId", part.id),
+                ("LastDecision", decision.value),
+                ("LastConfidence", reading.confidence),
             ):
                 # the specification wants one source time for all of them, so that clients see what belongs together
-                await self._nodes[name].write_value(ua.DataValue(ua.Variant(value, kind), SourceTimestamp=at))
+                await self._write(name, value, at=at)
             if event and self._events is not None:
                 self._events.event.ScanResult = [ocr_scan_result(part)]
-                self._events.event.Severity = 100 if decision_of(part) is LineDecision.ACCEPT else 500
-                message = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
+                self._events.event.Severity = 100 if decision is LineDecision.ACCEPT else 500
+                message = f"{decision.value} {part.text} {part.name} {part.id}"
                 await self._events.trigger(message=" ".join(message.split()))
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         """Method Scan: one trigger, and its result."""
-        ua = ua_types()
-        if not settings_fit(arguments, endless=False):
-            return bad("BadInvalidArgument")
-        if not self._ready:
-            return bad("BadInvalidState")
+        if (refused := self._refusal(fits=settings_fit(arguments, endless=False))) is not None:
+            return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or self._answer_s
         part, status = await self._wait(self._begin("", BUSY, event=False), min(wait_s, self._answer_s))
+        ua = ua_types()
         results = [ocr_scan_result(part)] if part is not None else []
-        return [
-            ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True),
-            ua.Variant(status, ua.VariantType.Int32),
-        ]
+        return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
     async def _scan_start(self, _parent: Any, *arguments: Any) -> Any:
         """Method ScanStart: one trigger; its result comes as an event."""
-        ua = ua_types()
-        if not settings_fit(arguments, endless=True):
-            return bad("BadInvalidArgument")
-        if not self._ready:
-            return bad("BadInvalidState")
+        if (refused := self._refusal(fits=settings_fit(arguments, endless=True))) is not None:
+            return refused
         self._started = self._begin("", SCANNING, event=True)
-        return [ua.Variant(SUCCESS, ua.VariantType.Int32)]
+        return [variant(SUCCESS)]
 
     async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
         """Method ScanStop."""
@@ -217,28 +213,25 @@ class OpcUaPort:
 
     async def _trigger_part(self, _parent: Any, *arguments: Any) -> Any:
         """Methods TriggerPart and TriggerJob: a scan in plain types, with the names of the part and of its job."""
-        ua = ua_types()
-        names = [argument.Value for argument in arguments]
-        if not all(isinstance(one, str | None) for one in names) or len(names) not in (1, 2):
-            return bad("BadInvalidArgument")
-        name, job = (*(one or "" for one in names), "")[:2]
-        if any(is_hidden(char) for char in name + job):
-            return bad("BadInvalidArgument")
-        if not self._ready:
-            return bad("BadInvalidState")
-        part, _ = await self._wait(self._begin(name, BUSY, event=True, job=job), self._answer_s)
+        names = ["" if one.Value is None else one.Value for one in arguments]
+        fits = len(names) in (1, 2) and not any(
+            not isinstance(one, str) or any(map(is_hidden, one)) for one in names
+        )
+        if (refused := self._refusal(fits=fits)) is not None:
+            return refused
+        scan = self._begin(names[0], BUSY, event=True, job=names[1] if len(names) > 1 else "")
+        part, _ = await self._wait(scan, self._answer_s)
         if part is None:
             return bad("BadDeviceFailure")
-        reading, kinds = part.reading, ua.VariantType
-        return [
-            *(ua.Variant(text, kinds.String) for text in (part.id, part.text, decision_of(part).value)),
-            ua.Variant(reading.confidence if reading else 0.0, kinds.Double),
-            ua.Variant(reading.source if reading else "", kinds.String),
-        ]
+        reading = part.reading or NO_READING
+        answer = (part.id, part.text, decision_of(part).value, reading.confidence, reading.source)
+        return [variant(value) for value in answer]
 
-    @property
-    def _ready(self) -> bool:
-        return self._scanning is None and not self._stopped
+    def _refusal(self, *, fits: bool) -> Any:
+        """Status of a call that cannot be carried out; None if it can."""
+        if not fits:
+            return bad("BadInvalidArgument")
+        return bad("BadInvalidState") if self._scanning is not None or self._stopped else None
 
     def _begin(self, name: str, status: int, *, event: bool, job: str = "") -> asyncio.Task[PartRecord]:
         """Begin the one scan that there may be."""
@@ -272,7 +265,7 @@ class OpcUaPort:
             return None, DEVICE_NOT_READY if isinstance(error, EXPECTED) else DEVICE_FAULT
         return scan.result(), status_of(scan.result())
 
-    async def _write(self, name: str, value: int | str) -> None:
-        ua = ua_types()
-        kind = ua.VariantType.String if isinstance(value, str) else ua.VariantType.Int32
-        await self._nodes[name].write_value(ua.Variant(value, kind))
+    async def _write(
+        self, name: str, value: str | int | float | datetime, *, at: datetime | None = None
+    ) -> None:
+        await self._nodes[name].write_value(ua_types().DataValue(variant(value), SourceTimestamp=at))

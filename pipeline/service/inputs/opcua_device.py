@@ -5,6 +5,7 @@ from __future__ import annotations
 import hmac
 import math
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from typing import Any
 
 from pipeline.common.version import program_version
@@ -119,3 +120,10 @@ def bad(code: str) -> Any:
     """The status code of that name."""
     ua = ua_types()
     return ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, code)))
+
+
+def variant(value: str | int | float | datetime) -> Any:
+    """A value with the type of OPC UA that its nodes have."""
+    ua = ua_types()
+    kinds = {str: "String", int: "Int32", float: "Double", datetime: "DateTime"}
+    return ua.Variant(value, getattr(ua.VariantType, kinds[type(value)]))

@@ -2,12 +2,12 @@
 
 caller --room--> connection --messages--> asyncua
          |                     |- no OPC UA, too large, faults          closed
-         |                     |- sign-in after wrong passwords         delayed
+         |                     |- sign-in after a wrong password        answered late
          |                     '- Call                                  answered in a task of its own
          '- no room: a caller that has not signed in is dropped
 
-* Callers without a session and callers with one are counted separately. Silent callers are dropped first, starting
-  with the address that has the most connections.
+* Callers without a session and callers with one are counted separately. Of those without one, the address with the
+  most connections loses its oldest.
 * While a method runs, the same session still gets its other answers.
 * asyncua logs a traceback for each bad message; here one line of each kind in ten seconds is logged.
 """
@@ -17,111 +17,74 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from glyphs.plain_text import visible
 from pipeline.service.inputs.opcua_device import Users
 from pipeline.service.inputs.opcua_model import require_asyncua, ua_types
+from pipeline.service.inputs.trigger import one_of_the_busiest
 
 _log = logging.getLogger(__name__)
 _KINDS = frozenset({b"HEL", b"OPN", b"MSG", b"CLO", b"ERR"})
-_MOST_ADDRESSES = 1000
-
-
-@dataclass(frozen=True)
-class GuardLimits:
-    """Resource limits of callers.
-
-    Attributes:
-        sessions: maximum number of connections that have signed in.
-        strangers: maximum number of connections that have not signed in.
-        grace_s: time for which a stranger that has sent something is not dropped for another, seconds.
-        sign_in_s: time within which a stranger must sign in, seconds.
-        faults: bad requests after which a stranger's connection is closed.
-        calls: methods that run at once for one connection.
-        first_delay_s: delay of the sign-in after a wrong password from the same address, seconds; doubled with every
-            further one.
-        longest_delay_s: maximum delay of a sign-in, seconds.
-        forget_s: time without a wrong password after which an address is like any other, seconds.
-        message_bytes: maximum size of one message, bytes.
-    """
-
-    sessions: int = 16
-    strangers: int = 32
-    grace_s: float = 2.0
-    sign_in_s: float = 10.0
-    faults: int = 3
-    calls: int = 8
-    first_delay_s: float = 0.25
-    longest_delay_s: float = 3.0
-    forget_s: float = 120.0
-    message_bytes: int = 1 << 20
+# connections that have not signed in
+MOST_STRANGERS = 32
+# seconds within which a stranger must sign in
+SIGN_IN_S = 10.0
+# bad requests after which a stranger's connection is closed
+MOST_FAULTS = 3
+# methods that run at once for one connection
+MOST_CALLS = 8
+# seconds before a wrong password is answered: who tries many of them is slowed down
+WRONG_PASSWORD_S = 1.0
+# bytes of one message
+MESSAGE_BYTES = 1 << 20
+# seconds between two lines of the log of one kind
+LOG_EVERY_S = 10.0
+# kinds of lines kept in mind: callers may make addresses up
+_MOST_KINDS = 1000
 
 
 class SparingLog(logging.Handler):
-    """Log a message of each kind once in a while, without its traceback, and how many were left out."""
+    """Log a message of each kind once in a while, without its traceback."""
 
-    def __init__(self, *, every_s: float = 10.0) -> None:
+    def __init__(self) -> None:
         super().__init__(logging.ERROR)
-        self._every_s = every_s
-        self._last: dict[str, tuple[float, int]] = {}
+        self._last_s: dict[str, float] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take a record of asyncua."""
         error = record.exc_info[1] if record.exc_info else None
         why = f": {type(error).__name__}: {error}" if error is not None else ""
-        self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}", level=record.levelno)
+        self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")
 
-    def say(self, kind: str, message: str, *, level: int = logging.WARNING) -> None:
+    def say(self, kind: str, message: str) -> None:
         """Log a message, unless one of its kind was logged just now."""
         now = time.monotonic()
-        last_s, left_out = self._last.get(kind, (-self._every_s, 0))
-        if now - last_s < self._every_s:
-            self._last[kind] = (last_s, left_out + 1)
+        if now - self._last_s.get(kind, -LOG_EVERY_S) < LOG_EVERY_S:
             return
-        if len(self._last) >= _MOST_ADDRESSES:
-            self._last.clear()
-        self._last[kind] = (now, 0)
-        plain = "".join(char if char.isprintable() else "?" for char in message[:300])
-        _log.log(level, "OPC UA: %s%s", plain, f" ({left_out} like it not logged)" if left_out else "")
+        if len(self._last_s) >= _MOST_KINDS:
+            self._last_s.clear()
+        self._last_s[kind] = now
+        _log.warning("OPC UA: %s", visible(message[:300]))
 
 
-class SignIns:
-    """Wrong passwords by address; each delays the next sign-in from there."""
+def guarded_server(users: Users, *, sessions: int) -> Any:
+    """An asyncua server behind these limits.
 
-    def __init__(self, limits: GuardLimits) -> None:
-        self._limits = limits
-        self._failures: dict[str, tuple[int, float]] = {}
-
-    def delay_s(self, address: str) -> float:
-        """Current delay of a sign-in from an address, seconds."""
-        n, last_s = self._failures.get(address, (0, 0.0))
-        if not n or time.monotonic() - last_s > self._limits.forget_s:
-            return 0.0
-        return min(self._limits.first_delay_s * 2.0 ** min(n - 1, 30), self._limits.longest_delay_s)
-
-    def failed(self, address: str) -> None:
-        """Count a wrong password."""
-        n = self._failures.pop(address, (0, 0.0))[0] if self.delay_s(address) else 0
-        while len(self._failures) >= _MOST_ADDRESSES:
-            del self._failures[next(iter(self._failures))]
-        self._failures[address] = (n + 1, time.monotonic())
-
-
-def guarded_server(user_manager: Users, limits: GuardLimits) -> Any:
-    """An asyncua server behind this door."""
+    Args:
+        users: who may sign in.
+        sessions: maximum number of connections that have signed in.
+    """
     asyncua = require_asyncua()
     from asyncua.server.binary_server_asyncio import BinaryServer
 
-    log, sign_ins = SparingLog(), SignIns(limits)
+    log = SparingLog()
     library = logging.getLogger("asyncua")
     library.handlers[:] = [log]
     library.propagate = False
     for name in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    protocol = _guarded_protocol(user_manager, limits, log, sign_ins)
+    protocol = _guarded_protocol(users, sessions, log)
 
     class GuardedBinaryServer(BinaryServer):
         """Hands connections to the guarded protocol."""
@@ -145,64 +108,54 @@ def guarded_server(user_manager: Users, limits: GuardLimits) -> Any:
                 await self.iserver.stop()
                 raise
 
-    server = GuardedServer(user_manager=user_manager)
-    server.iserver.max_connections = limits.sessions + limits.strangers + 1
-    server.iserver.max_pending_activation_seconds = limits.sign_in_s
-    server.iserver.max_subscriptions = 4 * limits.sessions
-    server.limits.max_message_size = limits.message_bytes
-    server.limits.max_chunk_count = max(1, limits.message_bytes // server.limits.max_recv_buffer)
+    server = GuardedServer(user_manager=users)
+    server.iserver.max_connections = sessions + MOST_STRANGERS + 1
+    server.iserver.max_pending_activation_seconds = SIGN_IN_S
+    server.iserver.max_subscriptions = 4 * sessions
+    server.limits.max_message_size = MESSAGE_BYTES
+    server.limits.max_chunk_count = max(1, MESSAGE_BYTES // server.limits.max_recv_buffer)
     return server
 
 
-def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog, sign_ins: SignIns) -> Any:
+def _guarded_protocol(users: Users, sessions: int, log: SparingLog) -> Any:
     from asyncua.common.utils import ServiceError
     from asyncua.server.binary_server_asyncio import OPCUAProtocol
+    from asyncua.ua.ua_binary import nodeid_from_binary
 
     ua = ua_types()
-    ids = ua.ObjectIds
-    create, activate, call = (
-        ua.NodeId(one)
-        for one in (
-            ids.CreateSessionRequest_Encoding_DefaultBinary,
-            ids.ActivateSessionRequest_Encoding_DefaultBinary,
-            ids.CallRequest_Encoding_DefaultBinary,
-        )
+    codes = ua.StatusCodes
+    create, activate, call, *registers = (
+        ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary"))
+        for name in ("CreateSession", "ActivateSession", "Call", "RegisterServer", "RegisterServer2")
     )
-    registers = (
-        ua.NodeId(ids.RegisterServerRequest_Encoding_DefaultBinary),
-        ua.NodeId(ids.RegisterServer2Request_Encoding_DefaultBinary),
-    )
-    wrong = (
-        ua.StatusCodes.BadUserAccessDenied,
-        ua.StatusCodes.BadIdentityTokenInvalid,
-        ua.StatusCodes.BadIdentityTokenRejected,
-    )
+    wrong = (codes.BadUserAccessDenied, codes.BadIdentityTokenInvalid, codes.BadIdentityTokenRejected)
 
     class GuardedProtocol(OPCUAProtocol):
         """One connection."""
 
         address = ""
         gone = False
-        _begun_s = 0.0
-        _has_sent = False
         _faults = 0
 
         def connection_made(self, transport: Any) -> None:
             """Let a caller in, if there is room or another caller can be dropped."""
             self.address = str((transport.get_extra_info("peername") or ("",))[0])
-            self._begun_s = time.monotonic()
-            self._calls: set[asyncio.Task[None]] = set()
+            self._calls: set[asyncio.Task[Any]] = set()
             if not self._has_room():
                 log.say(f"full {self.address}", f"no room for a connection from {self.address}")
                 self.gone = True
                 transport.abort()
                 return
             super().connection_made(transport)
-            processor = self.processor
-            if processor is not None:
-                answer, serve = processor.send_response, processor._process_message
-                processor.send_response = self._watched(answer)  # type: ignore[method-assign]
-                processor._process_message = self._guarded(serve)  # type: ignore[method-assign]
+            if (processor := self.processor) is not None:
+                self._library = (
+                    processor.send_response,
+                    processor.process_message,
+                    processor._process_message,
+                )
+                processor.send_response = self._send  # type: ignore[method-assign]
+                processor.process_message = self._hear  # type: ignore[method-assign]
+                processor._process_message = self._process  # type: ignore[method-assign]
 
         def connection_lost(self, ex: BaseException | None) -> None:
             """Cancel the calls of the lost connection."""
@@ -213,11 +166,10 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
 
         def data_received(self, data: bytes) -> None:
             """Take bytes, as long as they look like OPC UA."""
-            self._has_sent = True
             begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
             if len(begin) == 3 and begin not in _KINDS:
                 self._let_go("it does not speak OPC UA")
-            elif len(self._buffer) + len(data) > 2 * limits.message_bytes:
+            elif len(self._buffer) + len(data) > 2 * MESSAGE_BYTES:
                 self._let_go("its message is too large")
             elif not self.gone:
                 super().data_received(data)
@@ -232,17 +184,10 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
             clients: list[Any] = self.clients
             there = [one for one in clients if not one.gone]
             strangers = [one for one in there if not one.signed_in]
-            if len(there) - len(strangers) >= limits.sessions:
+            if len(there) - len(strangers) >= sessions:
                 return False
-            if len(strangers) < limits.strangers:
-                return True
-            late_s = time.monotonic() - limits.grace_s
-            silent = [one for one in strangers if not one._has_sent]
-            may_go = silent or [one for one in strangers if one._begun_s < late_s]
-            if not may_go:
-                return False
-            by_address = Counter(one.address for one in strangers)
-            max(may_go, key=lambda one: by_address[one.address])._let_go("others wait")
+            if len(strangers) >= MOST_STRANGERS:
+                one_of_the_busiest(strangers, lambda one: one.address)._let_go("others wait")
             return True
 
         def _let_go(self, why: str) -> None:
@@ -258,60 +203,41 @@ def _guarded_protocol(user_manager: Users, limits: GuardLimits, log: SparingLog,
                 self._let_go(f"it sends what cannot be understood ({type(error).__name__})")
                 return False
 
-        def _watched(self, answer: Callable[..., Any]) -> Callable[..., Any]:
-            def send(handle: Any, sequence: Any, response: Any, *more: Any) -> None:
-                answer(handle, sequence, response, *more)
-                if isinstance(response, ua.ServiceFault) and not self.signed_in:
-                    self._faults += 1
-                    if self._faults >= limits.faults:
-                        self._let_go("it sends bad requests without having signed in")
+        def _send(self, handle: Any, sequence: Any, response: Any, *more: Any) -> None:
+            if self.gone:
+                return
+            self._library[0](handle, sequence, response, *more)
+            if isinstance(response, ua.ServiceFault) and not self.signed_in:
+                self._faults += 1
+                if self._faults >= MOST_FAULTS:
+                    self._let_go("it sends bad requests without having signed in")
 
-            return send
+        async def _hear(self, sequence: Any, body: Any) -> Any:
+            """Process a message; a call in a task of its own."""
+            processing = self._library[1](sequence, body)
+            if not self.signed_in or nodeid_from_binary(body.copy()) != call:
+                return await processing
+            task = asyncio.create_task(processing)
+            self._calls.add(task)
+            task.add_done_callback(self._calls.discard)
+            return True
 
-        def _guarded(self, serve: Callable[..., Any]) -> Callable[..., Any]:
-            async def process(kind: Any, header: Any, sequence: Any, body: Any) -> bool:
-                arguments = (kind, header, sequence, body)
-                if kind in registers:
-                    raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
-                if kind == create and self.processor is not None and self.processor.session is not None:
-                    raise ServiceError(ua.StatusCodes.BadTooManySessions)
-                if kind == activate:
-                    return await self._sign_in(serve, *arguments)
-                if kind == call and self.signed_in:
-                    if len(self._calls) >= limits.calls:
-                        raise ServiceError(ua.StatusCodes.BadTooManyOperations)
-                    task = asyncio.create_task(self._called(serve, *arguments))
-                    self._calls.add(task)
-                    task.add_done_callback(self._calls.discard)
-                    return True
-                return bool(await serve(*arguments))
-
-            return process
-
-        async def _sign_in(self, serve: Callable[..., Any], *arguments: Any) -> bool:
-            await asyncio.sleep(sign_ins.delay_s(self.address))
-            user_manager.denied = ""
+        async def _process(self, kind: Any, *message: Any) -> bool:
+            if kind in registers:
+                raise ServiceError(codes.BadServiceUnsupported)
+            if kind == create and self.processor is not None and self.processor.session is not None:
+                raise ServiceError(codes.BadTooManySessions)
+            if kind == call and len(self._calls) > MOST_CALLS:
+                raise ServiceError(codes.BadTooManyOperations)
+            if kind == activate:
+                users.denied = ""
             try:
-                return bool(await serve(*arguments))
+                return bool(await self._library[2](kind, *message))
             except Exception as error:
-                if getattr(error, "code", None) in wrong:
-                    sign_ins.failed(self.address)
-                    user = user_manager.denied[:40]
-                    who = f"{user!r} from {self.address}"
+                if kind == activate and getattr(error, "code", None) in wrong:
+                    who = f"{users.denied[:40]!r} from {self.address}"
                     log.say(f"sign-in {who}", f"sign-in denied to {who}: wrong user or password")
+                    await asyncio.sleep(WRONG_PASSWORD_S)
                 raise
-
-        async def _called(
-            self, serve: Callable[..., Any], kind: Any, header: Any, sequence: Any, body: Any
-        ) -> None:
-            try:
-                await serve(kind, header, sequence, body)
-            except Exception as error:
-                fault = ua.ServiceFault()
-                code = getattr(error, "code", ua.StatusCodes.BadInternalError)
-                fault.ResponseHeader.ServiceResult = ua.StatusCode(code)
-                processor: Any = self.processor
-                if processor is not None and not self.gone:
-                    processor.send_response(header.RequestHandle, sequence, fault)
 
     return GuardedProtocol

@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_model import ua_types
-from pipeline.service.inputs.trigger import LineDecision, decision_of
+from pipeline.service.inputs.trigger import NO_READING, LineDecision, decision_of
 
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
 DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
@@ -40,39 +40,28 @@ def status_of(part: PartRecord) -> int:
 def ocr_scan_result(part: PartRecord) -> Any:
     """The part as OcrScanResult; the model must have been loaded (`opcua_model`)."""
     ua = ua_types()
-    reading = part.reading
-    at = (reading.at if reading and reading.at else part.changed_at).astimezone(UTC)
+    reading = part.reading or NO_READING
     data = ua.ScanData()
     data.String = part.text
     return ua.OcrScanResult(
         CodeType=CODE_TYPE,
         ScanData=data,
-        Timestamp=at,
+        Timestamp=(reading.at or part.changed_at).astimezone(UTC),
         ImageId=ua.NodeId(),
-        Quality=ua.Byte(_percent(reading.confidence) if reading else 0),
+        Quality=ua.Byte(min(100, max(0, math.floor(_finite(100.0 * reading.confidence))))),
         Position=ua.Position(**_position(reading)),
-        Font=(reading.font or None) if reading else None,
+        Font=reading.font or None,
     )
 
 
-def _percent(share: float) -> int:
-    return min(100, max(0, math.floor(100.0 * share))) if math.isfinite(share) else 0
+def _position(reading: ReadingRecord) -> dict[str, int]:
+    boxes = [c.box_mm for c in reading.characters if c.box_mm is not None]
+    turned_deg = reading.rotation_deg if boxes else 0.0
+    x0, y0 = (min((box[k] for box in boxes), default=0.0) * _UM_PER_MM for k in (0, 1))
+    x1, y1 = (max((box[k] for box in boxes), default=0.0) * _UM_PER_MM for k in (2, 3))
+    hull = {"PositionX": x0, "PositionY": y0, "SizeX": x1 - x0, "SizeY": y1 - y0, "Rotation": turned_deg}
+    return {name: max(-_INT32, min(_INT32, round(_finite(value)))) for name, value in hull.items()}
 
 
-def _position(reading: ReadingRecord | None) -> dict[str, int]:
-    boxes = [c.box_mm for c in reading.characters if c.box_mm is not None] if reading else []
-    if reading is None or not boxes:
-        return dict.fromkeys(("PositionX", "PositionY", "SizeX", "SizeY", "Rotation"), 0)
-    x0, y0 = min(box[0] for box in boxes), min(box[1] for box in boxes)
-    x1, y1 = max(box[2] for box in boxes), max(box[3] for box in boxes)
-    return {
-        "PositionX": _int32(x0 * _UM_PER_MM),
-        "PositionY": _int32(y0 * _UM_PER_MM),
-        "SizeX": _int32((x1 - x0) * _UM_PER_MM),
-        "SizeY": _int32((y1 - y0) * _UM_PER_MM),
-        "Rotation": _int32(reading.rotation_deg),
-    }
-
-
-def _int32(value: float) -> int:
-    return max(-_INT32, min(_INT32, round(value))) if math.isfinite(value) else 0
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0

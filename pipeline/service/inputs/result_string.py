@@ -18,7 +18,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.inputs.trigger import decision_of
+from pipeline.service.inputs.trigger import NO_READING, decision_of
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
 TEXT_FIELDS: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
@@ -38,7 +38,6 @@ TEXT_FIELDS: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
     "fields": lambda _, reading: fields_text(reading.fields),
 }
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
-_NO_READING = ReadingRecord("", "", "", 0.0)
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
 
@@ -81,7 +80,7 @@ class ResultString:
 
     def of(self, part: PartRecord) -> str:
         """The result string of a part, without the line's end."""
-        reading = part.reading or _NO_READING
+        reading = part.reading or NO_READING
         made = []
         for literal, field, spec in self._pieces:
             made.append(literal)

@@ -21,24 +21,25 @@ import ipaddress
 import logging
 import re
 import socket
-from collections import Counter
-from collections.abc import Collection
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from glyphs.plain_text import is_hidden
 from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.inputs.trigger import EXPECTED, Trigger, in_words
+from pipeline.service.inputs.trigger import EXPECTED, Trigger, in_words, one_of_the_busiest
+from pipeline.service.tasks import end_tasks
+from pipeline.service.web.own_user import is_in
 
 if TYPE_CHECKING:
     from pipeline.service.settings import TcpSettings
 
 LINE_END = b"\r\n"
-_LET_GO_S = 0.5
+_LINGER_S = 0.5
 _log = logging.getLogger(__name__)
-_END = re.compile(rb"\r\n|\r|\n")
-_PADDING = b"\0"
-"""Fills up the strings of fixed length that some controllers send."""
+_END = re.compile(rb"[\r\n]")
+# NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
+_PADDING = b"\0\r\n"
 
 
 @dataclass(frozen=True)
@@ -124,13 +125,8 @@ class TcpPort:
         for talk, caller in self._callers.items():
             if caller.idle:
                 talk.cancel()
-        groups: tuple[Collection[asyncio.Task[Any]], ...] = (self._callers, self._reading)
-        for tasks in groups:  # also parts whose callers did not wait for them
-            if tasks:
-                await asyncio.wait(tasks, timeout=grace_s)
-            for task in tasks:
-                task.cancel()
-        await asyncio.gather(*self._callers, *self._reading, return_exceptions=True)
+        await end_tasks(self._callers, grace_s=grace_s)
+        await end_tasks(self._reading, grace_s=grace_s)  # parts whose callers did not wait for them
         if self._server is not None:
             await self._server.wait_closed()
 
@@ -140,7 +136,7 @@ class TcpPort:
         caller = _Caller(writer)
         # a task of the stream server that ends as cancelled is logged as a failure
         try:
-            if not self._may_call(caller.address):
+            if self._clients and not is_in(caller.address, self._clients):
                 return
             if self._stopping or not self._has_room():
                 await self._write(writer, _error("too many connections"))
@@ -149,11 +145,11 @@ class TcpPort:
             raw = writer.get_extra_info("socket")  # the system notices a controller that was switched off
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            await self._converse(caller, _Lines(reader, self._limits))
+            await self._converse(caller, reader)
         except _LineError as error:
             with contextlib.suppress(OSError, TimeoutError):
                 await self._write(writer, _error(str(error)))
-                await _let_go(reader, writer)
+                await _linger(reader, writer)
         except (OSError, TimeoutError, asyncio.CancelledError):
             pass  # stopped, or the caller has gone or does not take its answers
         finally:
@@ -164,13 +160,6 @@ class TcpPort:
             except (OSError, TimeoutError):
                 writer.transport.abort()
 
-    def _may_call(self, text: str) -> bool:
-        if not self._clients:
-            return True
-        address = ipaddress.ip_address(text.partition("%")[0])
-        mapped = getattr(address, "ipv4_mapped", None)
-        return any((mapped or address) in network for network in self._clients)
-
     def _has_room(self) -> bool:
         """Whether one more caller fits; if full, drop one that has sent no line yet, from the busiest address."""
         if len(self._callers) < self._limits.connections:
@@ -178,25 +167,22 @@ class TcpPort:
         silent = [task for task, caller in self._callers.items() if not caller.spoken]
         if not silent:
             return False
-        by_address = Counter(caller.address for caller in self._callers.values())
-        let_go = max(silent, key=lambda task: by_address[self._callers[task].address])
-        del self._callers[let_go]
-        let_go.cancel()
+        dropped = one_of_the_busiest(silent, lambda task: self._callers[task].address)
+        del self._callers[dropped]
+        dropped.cancel()
         return True
 
-    async def _converse(self, caller: _Caller, lines: _Lines) -> None:
-        while not self._stopping:
-            caller.idle = True
-            line = await lines.next()
-            caller.idle = False
-            if line is None:
-                return
+    async def _converse(self, caller: _Caller, reader: asyncio.StreamReader) -> None:
+        async for line in _lines(reader, self._limits):
             if not caller.spoken and _WEB.match(line):
                 # a page in somebody's browser can have that send here, and the lines after it might be a trigger
                 _log.warning("a web browser or the like has called the TCP port; it was let go")
                 return
-            caller.spoken = True
+            caller.spoken, caller.idle = True, False
             await self._write(caller.writer, await self._answer(line))
+            caller.idle = True
+            if self._stopping:
+                return
 
     async def _answer(self, line: bytes) -> bytes:
         try:
@@ -256,59 +242,44 @@ class _Caller:
         return str((self.writer.get_extra_info("peername") or ("",))[0])
 
 
-class _Lines:
-    """The lines of one caller. CR LF may come in two pieces: the LF after a CR is no line of its own."""
+async def _lines(reader: asyncio.StreamReader, limits: TcpLimits) -> AsyncIterator[bytes]:
+    """The lines of one caller that are not empty.
 
-    def __init__(self, reader: asyncio.StreamReader, limits: TcpLimits) -> None:
-        self._reader, self._limits = reader, limits
-        self._held = b""
-        self._after_return = False
-
-    async def next(self) -> bytes | None:
-        """The next line that is not empty; None at the end.
-
-        Raises:
-            _LineError: too long, too slow, or nothing for too long.
-        """
-        loop = asyncio.get_running_loop()
-        begun = idle_since = loop.time()
-        while True:
-            if self._after_return and self._held:
-                self._held = self._held.removeprefix(b"\n")
-                self._after_return = False
-            self._held = self._held.lstrip(_PADDING)
-            end = _END.search(self._held)
-            if end is None and len(self._held) <= self._limits.line_bytes:
-                until = begun + self._limits.line_s if self._held else idle_since + self._limits.idle_s
-                try:
-                    async with asyncio.timeout_at(until):
-                        more = await self._reader.read(self._limits.line_bytes)
-                except TimeoutError:
-                    slow = bool(self._held)
-                    raise _LineError(
-                        "the line did not end" if slow else "nothing came for too long"
-                    ) from None
-                if not more:
-                    return None
-                begun = begun if self._held else loop.time()
-                self._held += more
-                continue
-            if end is None or end.start() > self._limits.line_bytes:
-                raise _LineError(f"a line has at most {self._limits.line_bytes} bytes")
-            line, self._held = self._held[: end.start()], self._held[end.end() :]
-            self._after_return = end.group() == b"\r" and not self._held
-            line = line.rstrip(_PADDING)
+    Raises:
+        _LineError: too long, too slow, or nothing for too long.
+    """
+    loop, held = asyncio.get_running_loop(), b""
+    begun = idle_since = loop.time()
+    while True:
+        held = held.lstrip(_PADDING)
+        end = _END.search(held)
+        if (end.start() if end is not None else len(held)) > limits.line_bytes:
+            raise _LineError(f"a line has at most {limits.line_bytes} bytes")
+        if end is not None:
+            line, held = held[: end.start()].rstrip(_PADDING), held[end.end() :]
             if line.strip():
-                return line
+                yield line
+                begun = idle_since = loop.time()
+            continue
+        until = begun + limits.line_s if held else idle_since + limits.idle_s
+        try:
+            async with asyncio.timeout_at(until):
+                more = await reader.read(limits.line_bytes)
+        except TimeoutError:
+            raise _LineError("the line did not end" if held else "nothing came for too long") from None
+        if not more:
+            return
+        begun = begun if held else loop.time()
+        held += more
 
 
 def _error(message: str) -> bytes:
     return f"ERROR;{message.replace(';', ',')}".encode()
 
 
-async def _let_go(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+async def _linger(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """Take what still comes for a moment: a connection closed with bytes unread is reset, the last answer too."""
     writer.write_eof()
-    async with asyncio.timeout(_LET_GO_S):
+    async with asyncio.timeout(_LINGER_S):
         while await reader.read(4096):
             pass

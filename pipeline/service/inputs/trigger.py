@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Sequence
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.web.problem import Problem
 
 EXPECTED = (Problem, MarksError)
 """Failures whose words are for the caller; any other one is a fault of the program, for the log."""
 
+NO_READING = ReadingRecord("", "", "", 0.0)
 _MOST_WORDS = 200
+T = TypeVar("T")
 
 
 class Trigger(Protocol):
@@ -59,3 +64,9 @@ def in_words(error: BaseException) -> str:
     plain = "".join(" " if is_hidden(char) else char for char in str(error))
     words = " ".join(plain.split())
     return words if len(words) <= _MOST_WORDS else words[: _MOST_WORDS - 3] + "..."
+
+
+def one_of_the_busiest(callers: Sequence[T], address: Callable[[T], str]) -> T:
+    """The first caller of the address that has the most: it is dropped where another one needs room."""
+    counts = Counter(map(address, callers))
+    return max(callers, key=lambda caller: counts[address(caller)])

@@ -20,9 +20,11 @@ Networks = tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]
 def is_in(address: str, networks: Networks) -> bool:
     """Whether an address is in one of the networks; never where it is no address."""
     try:
-        return any(ipaddress.ip_address(address) in network for network in networks)
+        found = ipaddress.ip_address(address)
     except ValueError:
         return False
+    found = getattr(found, "ipv4_mapped", None) or found
+    return any(found in network for network in networks)
 
 
 def is_own_user(client: tuple[str, int], server: tuple[str, int]) -> bool:

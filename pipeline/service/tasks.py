@@ -1,0 +1,40 @@
+"""Tasks of the event loop: work that is repeated for ever, and an end that does not wait for ever."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Collection
+from typing import Any
+
+import structlog
+
+log = structlog.get_logger("tactile-marks")
+
+
+async def repeat(what: str, work: Callable[[], Awaitable[object]], *, every_s: float) -> None:
+    """Do work again and again; a failure is logged when it begins or changes, and does not end the loop.
+
+    Args:
+        what: the work, for the log.
+        work: to be done.
+        every_s: rest between the end of the work and its next beginning.
+    """
+    failure = ""
+    while True:
+        try:
+            await work()
+            failure = ""
+        except Exception as error:
+            if failure != (failure := repr(error)):
+                log.exception(f"{what} failed; trying again")
+        await asyncio.sleep(every_s)
+
+
+async def end_tasks(tasks: Collection[asyncio.Task[Any]], *, grace_s: float = 0.0) -> None:
+    """Give tasks time to end by themselves, then cancel them."""
+    ending = list(tasks)
+    if ending and grace_s:
+        await asyncio.wait(ending, timeout=grace_s)
+    for task in ending:
+        task.cancel()
+    await asyncio.gather(*ending, return_exceptions=True)
