@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from pipeline.common.settings import ReadSettings
     from recognition.decision.reading import Reading
-    from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
 """Land scanned around the line, in character heights: dirt may have hidden a character at an end."""
@@ -143,22 +142,3 @@ def _most_height_mm(field_mm: float) -> float:
     Dirt that fills the picture is easily taken for one line as high as the picture.
     """
     return 0.5 * field_mm
-
-
-def raster_of(
-    plan: ScanPlanRecord, *, region_mm: tuple[float, float, float, float] | None = None
-) -> RasterPlan:
-    """The raster of a plan, over another region if one is given.
-
-    Raises:
-        ValueError: a plan that no array can run.
-    """
-    from glyphs.surface.maps import TraceDirection
-    from whisker_array.whisker.array import default_plan
-
-    return default_plan(
-        region_mm if region_mm is not None else plan.region_mm,
-        character_height_mm=plan.height_mm,
-        directions=tuple(TraceDirection(d) for d in plan.directions_deg),
-        speed_mm_s=plan.speed_mm_s,
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from enum import Enum
 from functools import partial
@@ -25,7 +25,6 @@ from pipeline.common.version import program_version
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.alerts import AlertWatch
 from pipeline.service.api.answers import problems
 from pipeline.service.api.export import export_router
 from pipeline.service.api.golden import golden_router
@@ -40,8 +39,8 @@ from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.ports import Ports, senders_of
 from pipeline.service.recent_files import GlyphDatabases
-from pipeline.service.review_policy import ReviewPolicy
-from pipeline.service.stage.drivers import camera_of, stage_of
+from pipeline.service.reviews import Reviews
+from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.access import Access
 from pipeline.service.web.door import DoorLayer
 from pipeline.service.web.middleware import RequestLayer
@@ -50,6 +49,7 @@ from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.worker_calls import WorkerCalls
+from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
 from pipeline.store.sweep_clock import SweepClock
@@ -65,7 +65,11 @@ RECHECK_EVERY_S = 1.0
 # Seconds that the check of a job may take; most take a tenth of a second.
 CHECK_S = 10.0
 # Seconds between looks at workers that warm up.
-LOOK_S = 0.05
+LOOK_AT_WORKERS_S = 0.05
+# Seconds between looks at parts that wait for touch.
+LOOK_AT_TOUCH_S = 1.0
+# Seconds between looks for alerts; a window of parts takes longer.
+LOOK_FOR_ALERTS_S = 5.0
 # A file that no record names is left alone for so long: its transaction may be under way.
 ORPHAN_AGE_S = 3600.0
 # Days after which a request that is sent again makes a new part.
@@ -133,31 +137,19 @@ class Service:
             limits=limits,
             metrics=self.metrics,
         )
-        review = settings.review
-        self.policy = ReviewPolicy(2 if review.second_reader else 1, review.audit_per_thousand / 1000.0)
         senders = senders_of(settings)
         self.intake = Intake(
             settings,
             store=self.store,
             evidence=self.evidence,
             calls=calls,
-            stage=stage_of(settings.stage),
-            camera=camera_of(settings.camera),
             metrics=self.metrics,
-            policy=self.policy,
             targets=tuple(senders),
             watch=self.jobs.watch,
         )
+        self.reviews = Reviews(self.intake)
         self.ports = Ports(settings, self.intake, senders)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)
-        self.alerts = AlertWatch(
-            self.store,
-            settings.alerts,
-            drifts=self.jobs.drifts,
-            others=lambda: {**self.golden.faults(), BENCH_ALERT: self.intake.bench.told()},
-            targets=tuple(senders),
-            sent=lambda: self.intake.on_result(),
-        )
         self._add_gauges()
 
     def _add_gauges(self) -> None:
@@ -220,6 +212,24 @@ class Service:
         }
         return {name: text for name, text in found.items() if text}
 
+    def look_for_alerts(self) -> None:
+        """Raise and clear alerts, and have them sent.
+
+        Raises:
+            StoreError: the store cannot be used.
+        """
+        limits = self.settings.alerts
+        raised = self.store.look_for_alerts(
+            limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},
+            window=limits.window,
+            drifts=self.jobs.drifts(),
+            others={**self.golden.faults(), BENCH_ALERT: self.intake.bench.told()},
+            targets=self.intake.targets,
+        )
+        for alert in raised:
+            log.warning("alert", alert=alert.name, why=alert.message)
+        self.intake.on_result()
+
     def drain(self) -> None:
         """Take no more parts, and say so at /readyz; what is at work goes on."""
         self.intake.draining = True
@@ -241,21 +251,20 @@ class Service:
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Run everything beside the requests."""
         works = [
-            _for_ever(lambda: asyncio.to_thread(self.sweep), SWEEP_EVERY_S, "sweep failed"),
+            repeat("sweep", lambda: asyncio.to_thread(self.sweep), every_s=SWEEP_EVERY_S),
+            repeat("check of what was unusable", self.intake.calls.recheck, every_s=RECHECK_EVERY_S),
+            repeat("look at parts that wait for touch", self.intake.touching.look, every_s=LOOK_AT_TOUCH_S),
             self._say_ready(),
-            _for_ever(self.intake.calls.recheck, RECHECK_EVERY_S, "check of what was unusable failed"),
-            self.intake.touching.run(),
         ]
         if not self.settings.shadow:  # nothing is decided, so no rate of it says anything
-            works.append(self.alerts.run())
+            look = partial(asyncio.to_thread, self.look_for_alerts)
+            works.append(repeat("look for alerts", look, every_s=LOOK_FOR_ALERTS_S))
         beside = [asyncio.create_task(work) for work in works]
         try:
             async with self.ports.opened():
                 yield
         finally:
-            for task in beside:
-                task.cancel()
-            await asyncio.gather(*beside, return_exceptions=True)
+            await end_tasks(beside)
             await self.intake.touching.stop()
             await asyncio.to_thread(self.close)
 
@@ -266,18 +275,9 @@ class Service:
 
     async def _say_ready(self) -> None:
         while not self.pool.all_ready():
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(LOOK_AT_WORKERS_S)
         seconds = round(time.monotonic() - self._started_s, 1)
         log.info("ready", seconds=seconds, workers=self.settings.jobs)
-
-
-async def _for_ever(work: Callable[[], Awaitable[None]], every_s: float, failed: str) -> None:
-    while True:
-        try:
-            await work()
-        except Exception:
-            log.exception(failed)
-        await asyncio.sleep(every_s)
 
 
 def create_app(service: Service) -> FastAPI:
@@ -296,15 +296,15 @@ def create_app(service: Service) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
     )
-    app.include_router(parts_router(intake, access, root_path=settings.root_path))
+    app.include_router(parts_router(intake, service.reviews, access, root_path=settings.root_path))
     app.include_router(golden_router(service.golden, intake, access))
     frame = Frame(
         service.store,
         service.evidence,
         access,
-        review=intake.review,
-        undo=intake.undo_review,
-        policy=service.policy,
+        review=service.reviews.review,
+        undo=service.reviews.undo,
+        policy=intake.policy,
         shadow=settings.shadow,
         outside_format=intake.calls.outside_format,
     )

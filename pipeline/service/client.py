@@ -6,20 +6,28 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
         part = client.add_scan(part.id, "part.h5")
     print(part.text, part.state)
 
-A part is sent with an idempotency key, so it becomes one part however often it is sent (`patient_http`).
+* A part is sent with an idempotency key, so it becomes one part however often it is sent.
+* A request that finds the service busy waits as long as the answer says, and is sent again. One whose connection is
+  lost is sent again where that cannot do anything twice. All of it ends after the patience counted from the first
+  attempt.
 """
 
 from __future__ import annotations
 
+import random
 import secrets
-from collections.abc import Sequence
+import ssl
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.reading_records import from_json
 from pipeline.common.records import History, PartRecord, PartState, ReviewAction
-from pipeline.service.patient_http import PatientHttp, ServiceError, Source
+from pipeline.service.retry_after import retry_after_s
 
 if TYPE_CHECKING:
     import httpx
@@ -28,6 +36,25 @@ __all__ = ["Client", "ServiceError"]
 
 T = TypeVar("T")
 Which = Literal["photo", "edges", "boxes"]
+Source = Path | str | bytes
+"""A file, or what it holds."""
+_BUSY = (429, 502, 503, 504)
+_FIRST_WAIT_S = 0.25
+_LONGEST_WAIT_S = 20.0
+
+
+class ServiceError(MarksError):
+    """The service refuses a request, or cannot be reached.
+
+    Attributes:
+        status: of HTTP; 0 where there was no answer.
+        problem: what the answer says, as RFC 9457 has it; empty where it says nothing.
+    """
+
+    def __init__(self, status: int, problem: Mapping[str, Any], message: str = "") -> None:
+        words = message or problem.get("detail") or problem.get("title") or "the service says no more"
+        super().__init__(f"{status}: {words}" if status else str(words))
+        self.status, self.problem = status, dict(problem)
 
 
 class Client:
@@ -42,12 +69,31 @@ class Client:
         patience_s: float = 60.0,
         ca_file: Path | None = None,
     ) -> None:
-        """Make ready; nothing is sent yet. Arguments as `PatientHttp`.
+        """Make ready; nothing is sent yet.
+
+        Args:
+            url: of the service, http://127.0.0.1:8417.
+            token: tm_..., where the service asks for one. Over plain http anybody on the way can read it.
+            timeout_s: for one answer.
+            patience_s: for asking again, counted from the first attempt; 0: ask once.
+            ca_file: certificates of authorities to trust, instead of the usual ones.
 
         Raises:
             MissingExtraError: httpx is not installed.
         """
-        self._http = PatientHttp(url, token, timeout_s=timeout_s, patience_s=patience_s, ca_file=ca_file)
+        try:
+            import httpx
+        except ImportError as error:
+            raise MissingExtraError("the client", "httpx", "service") from error
+        self._patience_s = patience_s
+        trusted = ssl.create_default_context(cafile=str(ca_file)) if ca_file is not None else True
+        headers = {"user-agent": "tactile-marks", "accept": "application/json"}
+        if token:
+            headers["authorization"] = f"Bearer {token}"
+        # no redirects and no proxies of the environment: the token goes to the service and nowhere else
+        self._http = httpx.Client(
+            base_url=url, headers=headers, timeout=timeout_s, verify=trusted, trust_env=False
+        )
 
     def __enter__(self) -> Client:
         return self
@@ -100,14 +146,8 @@ class Client:
             files.append(("scan", (scan, "scan.h5")))
         if not files:
             raise ValueError("give a photograph, a scan, or both")
-        answer = self._http.send(
-            "POST",
-            "/v1/parts",
-            data={key: value for key, value in fields.items() if value},
-            files=files,
-            headers={"idempotency-key": idempotency_key or secrets.token_urlsafe(24)},
-        )
-        return _record(PartRecord, answer)
+        data = {key: value for key, value in fields.items() if value}
+        return self._send_files("/v1/parts", files, idempotency_key, data=data)
 
     def verify(
         self,
@@ -132,13 +172,9 @@ class Client:
             ServiceError: refused, or not reached in time.
             OSError: the file cannot be read.
         """
-        answer = self._http.send(
-            "POST",
-            f"{_path(part_id)}/scan",
-            files=[("scan", (scan, "scan.h5"))],
-            headers={"idempotency-key": idempotency_key or secrets.token_urlsafe(24)},
+        return self._send_files(
+            f"{_path(part_id)}/scan", [("scan", (scan, "scan.h5"))], idempotency_key, data={}
         )
-        return _record(PartRecord, answer)
 
     def touch(self, part_id: str) -> PartRecord:
         """Have the service's own stage scan a part that waits for touch.
@@ -146,7 +182,7 @@ class Client:
         Raises:
             ServiceError: refused, or not reached in time.
         """
-        return _record(PartRecord, self._http.send("POST", f"{_path(part_id)}/touch", repeatable=False))
+        return _record(PartRecord, self._send("POST", f"{_path(part_id)}/touch", repeatable=False))
 
     def review(
         self,
@@ -174,9 +210,8 @@ class Client:
         body = {"action": ReviewAction(action).value, "text": text, "who": who, "note": note}
         if before is not None:
             body["before"] = before
-        return _record(
-            PartRecord, self._http.send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
-        )
+        answer = self._send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
+        return _record(PartRecord, answer)
 
     def part(self, part_id: str) -> PartRecord:
         """A part as it stands.
@@ -184,7 +219,7 @@ class Client:
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return _record(PartRecord, self._http.send("GET", _path(part_id)))
+        return _record(PartRecord, self._send("GET", _path(part_id)))
 
     def parts(
         self,
@@ -209,7 +244,7 @@ class Client:
         """
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}
-        answer = self._http.send("GET", "/v1/parts", params={**query, "limit": str(limit)})
+        answer = self._send("GET", "/v1/parts", params={**query, "limit": str(limit)})
         return _record(tuple[PartRecord, ...], answer)
 
     def history(self, part_id: str) -> History:
@@ -218,7 +253,7 @@ class Client:
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return _record(History, self._http.send("GET", f"{_path(part_id)}/history"))
+        return _record(History, self._send("GET", f"{_path(part_id)}/history"))
 
     def picture(self, part_id: str, which: Which) -> bytes:
         """A picture of a part, JPEG or PNG: as photographed, as scanned, or with the characters' boxes.
@@ -226,7 +261,88 @@ class Client:
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return self._http.send("GET", f"{_path(part_id)}/pictures/{which}").content
+        return self._send("GET", f"{_path(part_id)}/pictures/{which}").content
+
+    def _send_files(
+        self,
+        path: str,
+        files: Sequence[tuple[str, tuple[Source, str]]],
+        key: str | None,
+        *,
+        data: Mapping[str, str],
+    ) -> PartRecord:
+        headers = {"idempotency-key": key or secrets.token_urlsafe(24)}
+        return _record(PartRecord, self._send("POST", path, data=data, files=files, headers=headers))
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        *,
+        files: Sequence[tuple[str, tuple[Source, str]]] = (),
+        repeatable: bool = True,
+        **request: Any,
+    ) -> httpx.Response:
+        """Send a request, with retries where they help.
+
+        Args:
+            method: HTTP method.
+            path: path on the service.
+            files: each with its field, and the name to send where it is not a file.
+            repeatable: whether the request is idempotent; if not, it is sent again only if it surely was not carried
+                out.
+            request: further arguments of httpx.
+
+        Raises:
+            ServiceError: refused, or not reached in time.
+            OSError: a file cannot be read.
+        """
+        import httpx
+
+        until, attempt = time.monotonic() + self._patience_s, 0
+        while True:
+            attempt += 1
+            wait_s = 0.0
+            try:
+                with ExitStack() as opened:
+                    if files:
+                        request["files"] = [(key, _opened(opened, *file)) for key, file in files]
+                    answer = self._http.request(method, path, **request)
+            except httpx.TransportError as error:
+                # without a connection nothing was sent
+                safe = repeatable or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
+                failure = ServiceError(0, {}, f"the service is not reached: {error or repr(error)}")
+            else:
+                if answer.is_success:
+                    return answer
+                failure = _refused(answer)
+                asked_to_wait = "retry-after" in answer.headers
+                safe = answer.status_code in _BUSY and (asked_to_wait or repeatable)
+                wait_s = retry_after_s(answer.headers)
+            wait_s = max(wait_s, min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2.0 ** (attempt - 1)))
+            wait_s *= 1.0 + 0.25 * random.random()  # many clients that were refused together come back apart
+            if not safe or time.monotonic() + wait_s > until:
+                raise failure
+            time.sleep(wait_s)
+
+
+def _opened(stack: ExitStack, source: Source, name: str) -> tuple[str, Any]:
+    if isinstance(source, bytes):
+        return name, source
+    path = Path(source)
+    return path.name, stack.enter_context(path.open("rb"))
+
+
+def _refused(answer: httpx.Response) -> ServiceError:
+    try:
+        problem = answer.json()
+    except ValueError:
+        problem = {}
+    if not isinstance(problem, dict):
+        problem = {}
+    if not problem and answer.has_redirect_location:
+        return ServiceError(answer.status_code, {}, f"the service has moved to {answer.headers['location']}")
+    return ServiceError(answer.status_code, problem, "" if problem else answer.reason_phrase)
 
 
 def _path(part_id: str) -> str:

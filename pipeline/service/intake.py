@@ -18,35 +18,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import structlog
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
-from pipeline.common.people_records import Person
-from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.common.records import (
-    EvidenceKind,
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-    ShadowRecord,
-    TouchWait,
-)
-from pipeline.common.serial_rules import SerialAlarm, SerialRules
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
+from pipeline.common.serial_rules import SerialRules
 from pipeline.formats.order_file import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.reading.triage import compared
+from pipeline.service.new_part import Decision, NewPart, Touch
+from pipeline.service.part_log import count_reading
 from pipeline.service.review_policy import ReviewPolicy
-from pipeline.service.stage.devices import Camera, ScanOrder, Stage
+from pipeline.service.stage.devices import ScanOrder
 from pipeline.service.stage.driver_thread import StageDownError
+from pipeline.service.stage.drivers import camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
@@ -64,57 +56,6 @@ if TYPE_CHECKING:
     from pipeline.store.evidence_folder import EvidenceFolder
     from whisker_array.scan.session import SessionStage
 
-log = structlog.get_logger("tactile-marks")
-
-
-class Touch(StrEnum):
-    """Who feels a part of which the camera is unsure."""
-
-    ASKED = "asked"
-    """The service's stage, on a later request; without a stage a person gets the part."""
-    STAGE = "stage"
-    """The service's stage, at once; without a stage a person gets the part."""
-    PLAN = "plan"
-    """The sender, by the plan in the answer."""
-
-
-@dataclass(frozen=True)
-class NewPart:
-    """Data of a part beside its files.
-
-    Attributes:
-        name: name on the line.
-        expected: text that it should read; empty if unknown.
-        database: name of the glyph database; empty for the service's own.
-        job: name of the job that says how to read; empty for the service's own settings.
-        touch: stage or sender that feels it if the camera is unsure.
-    """
-
-    name: str = ""
-    expected: str = ""
-    database: str = ""
-    job: str = ""
-    touch: Touch = Touch.ASKED
-
-
-@dataclass(frozen=True)
-class Decision:
-    """Decision about a part after a reading.
-
-    Attributes:
-        state: new state of the part.
-        shadow: comparison with the line's own reader, in shadow mode.
-        plan: scan plan.
-        touch: wait for touch.
-        not_felt: why it is not felt, though the camera is unsure.
-    """
-
-    state: PartState
-    shadow: ShadowRecord | None = None
-    plan: ScanPlanRecord | None = None
-    touch: TouchWait | None = None
-    not_felt: str = ""
-
 
 class Intake:
     """Takes parts in.
@@ -123,7 +64,7 @@ class Intake:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         draining: the service is stopping and accepts no more parts.
-        policy: rules of agreement and of blind reading.
+        policy: rules of review by people.
         targets: targets of results: webhook, mqtt; none in shadow mode.
     """
 
@@ -134,41 +75,28 @@ class Intake:
         store: Store,
         evidence: EvidenceFolder,
         calls: WorkerCalls,
-        stage: Stage,
-        camera: Camera,
         metrics: Metrics,
-        policy: ReviewPolicy,
         targets: Sequence[str] = (),
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
     ) -> None:
-        """Make the intake of a service.
-
-        Args:
-            settings: of the service.
-            store: of records.
-            evidence: folder of files.
-            calls: of workers.
-            stage: driver of the whisker stage.
-            camera: driver of the camera.
-            metrics: counters.
-            policy: of review by people.
-            targets: of results.
-            watch: drift watch of a job; None for one that is not certified.
+        """Make the intake of a service; `watch` finds the drift watch of a job that is certified.
 
         Raises:
-            FileError: an unreadable production order.
+            FileError: an unreadable production order, no such folder of stage or camera.
+            SettingsError: no such driver of stage or camera.
         """
+        stage, serials = settings.stage, settings.serials
         self._settings = settings
         self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, metrics
-        self.stage = StageWork(stage, active=settings.stage.active, timeout_s=settings.stage.timeout_s)
-        self.camera = CameraWork(camera, timeout_s=settings.camera.timeout_s)
+        self.stage = StageWork(stage_of(stage), active=stage.active, timeout_s=stage.timeout_s)
+        self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
         self.touching = TouchQueue(
-            store, self._feel, give_up=self._give_up_touch, line=settings.line, wait_s=settings.stage.wait_s
+            store, self._feel, give_up=self._give_up_touch, line=settings.line, wait_s=stage.wait_s
         )
         self.bench = BenchWatch()
         self.targets = () if settings.shadow else tuple(targets)
-        self._watch, self.policy = watch, policy
-        serials = settings.serials
+        self.policy = ReviewPolicy.of(settings.review)
+        self._watch = watch
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         self._requests = IdempotentRequests(store)
@@ -193,25 +121,19 @@ class Intake:
         return self.calls.busy is None and not self.calls.trouble(job)
 
     async def receive(
-        self,
-        new: NewPart,
-        *,
-        photos: Sequence[Upload] = (),
-        scan: Upload | None = None,
-        idempotency: IdempotencyKey | None = None,
+        self, new: NewPart, sent: Sequence[Upload], *, idempotency: IdempotencyKey | None = None
     ) -> Received:
         """Read a new part.
 
         Args:
             new: its data.
-            photos: in the request's work folder.
-            scan: recording or height map, there, too.
+            sent: photographs, a recording or height map, in the request's work folder.
             idempotency: key of the request.
 
         Raises:
             Problem: nothing to read, unusable files, a full queue, a key of another request.
         """
-        if not photos and scan is None:
+        if not sent:
             raise Problem(
                 422, "there is neither photo nor scan; send one of them, or both, as multipart/form-data"
             )
@@ -221,7 +143,7 @@ class Intake:
         async def work() -> PartRecord:
             self._refuse_at_the_end()
             part_id = new_part_id()
-            done = await self._read(new, photos=photos, scan=scan)
+            done = await self._read(new, sent)
             decision = self._decide(done, new)
             write = partial(
                 self.store.add_part,
@@ -236,7 +158,7 @@ class Intake:
                 not_felt=decision.not_felt,
                 idempotency=idempotency,
             )
-            return await self._keep(write, done, _with_kinds(photos, scan), decision)
+            return await self._keep(write, done, sent, decision)
 
         received = await self._requests.carry_out(idempotency, work)
         part = received.part
@@ -256,11 +178,10 @@ class Intake:
         """
 
         async def work() -> PartRecord:
-            part = await asyncio.to_thread(self.store.part, part_id)
-            _refuse_reviewed(part)
-            done = await self._read(part, scan=scan, earlier_photos=await self._photos_of(part))
+            part = await self._unreviewed(part_id)
+            done = await self._read(part, [scan], earlier_photos=await self._photos_of(part))
             write = partial(self.store.add_readings, part.id, idempotency=idempotency)
-            return await self._keep(write, done, _with_kinds((), scan), self._decide(done, part))
+            return await self._keep(write, done, [scan], self._decide(done, part))
 
         return await self._requests.carry_out(idempotency, work)
 
@@ -270,8 +191,7 @@ class Intake:
         Raises:
             Problem: as `add_scan`; a stage that cannot feel it.
         """
-        part = await asyncio.to_thread(self.store.part, part_id)
-        _refuse_reviewed(part)
+        part = await self._unreviewed(part_id)
         if part.touch is None or part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
         self._refuse_at_the_end()
@@ -297,32 +217,41 @@ class Intake:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            done = await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos=photos)
-        return done.part
+            return (await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos)).part
+
+    async def _unreviewed(self, part_id: str) -> PartRecord:
+        part = await asyncio.to_thread(self.store.part, part_id)
+        if part.state is PartState.REVIEWED:
+            raise Problem(
+                409, f"the part {part.id} was reviewed by a person; send it as a new part to read it again"
+            )
+        return part
+
+    def _refuse_at_the_end(self) -> None:
+        if self.draining:
+            raise stopping()
 
     # ------------------------------------------------------------------------------------------------------- read
 
     async def _read(
         self,
         part: NewPart | PartRecord,
+        sent: Sequence[Upload],
         *,
-        photos: Sequence[Upload] = (),
-        scan: Upload | None = None,
         earlier_photos: tuple[Path, ...] = (),
         folder: Path | None = None,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> Done:
-        sent = _with_kinds(photos, scan)
-        felt = {kind: upload.path for kind, upload in sent}
+        by_kind = {upload.kind: upload.path for upload in sent}
         order = PartOrder(
-            folder=folder or sent[0][1].path.parent,
-            photos=tuple(photo.path for photo in photos),
-            scan=felt.get(EvidenceKind.SCAN),
-            height_map=felt.get(EvidenceKind.HEIGHT_MAP),
+            folder=folder or sent[0].path.parent,
+            photos=tuple(upload.path for upload in sent if upload.kind is EvidenceKind.PHOTO),
+            scan=by_kind.get(EvidenceKind.SCAN),
+            height_map=by_kind.get(EvidenceKind.HEIGHT_MAP),
             earlier_photos=earlier_photos,
             part_name=part.name,
             expected="" if self._hidden(part) else part.expected,
-            names={upload.path: upload.name for _, upload in sent},
+            names={upload.path: upload.name for upload in sent},
         )
         return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
 
@@ -334,25 +263,22 @@ class Intake:
         """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan of what to feel")
-        order = ScanOrder(part_name=part.name, plan=part.plan)
-        photos = await self._photos_of(part)
+        order, sent = ScanOrder(part_name=part.name, plan=part.plan), []
+        read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
-            scan = None
             try:
                 if self.stage.by_pass:
                     async with self.stage.for_worker() as stage:
-                        done = await self._read(
-                            part, folder=folder, earlier_photos=photos, felt_by=(stage, order)
-                        )
+                        done = await read([], folder=folder, felt_by=(stage, order))
                 else:
                     path = await self.stage.scan(order, folder, self.calls.call)
-                    scan = Upload(path, path.name)
-                    done = await self._read(part, scan=scan, earlier_photos=photos)
+                    sent = [Upload(path, path.name, EvidenceKind.SCAN)]
+                    done = await read(sent)
             except StageError as error:
                 await asyncio.to_thread(self._note_failure, part, str(error))
                 raise _stage_problem(error) from error
             write = partial(self.store.add_readings, part.id)
-            return await self._keep(write, done, _with_kinds((), scan), self._decide(done, part))
+            return await self._keep(write, done, sent, self._decide(done, part))
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
         def whole() -> tuple[Path, ...]:
@@ -383,49 +309,18 @@ class Intake:
         """Whether a part is in shadow mode; one that was read so stays so."""
         return self._settings.shadow or (isinstance(part, PartRecord) and part.shadow is not None)
 
-    def review(self, part_id: str, **said: Any) -> PartRecord:
-        """Keep a person's review of a part, and publish it; arguments as `Store.review`.
-
-        Raises:
-            StoreError: as `Store.review`.
-        """
-        targets = self._targets_of(self.store.part(part_id))
-        part = self.store.review(part_id, targets=targets, readers=self.policy.readers, **said)
-        self.on_result()
-        if part.state is PartState.REVIEWED and part.review is not None:
-            self.metrics.reviews.labels(part.review.action.value).inc()
-        return part
-
-    def undo_review(self, part_id: str, person: Person) -> PartRecord:
-        """Take a person's own review back, and publish the part as it stands.
-
-        Raises:
-            StoreError: as `Store.undo_review`.
-        """
-        targets = self._targets_of(self.store.part(part_id))
-        part = self.store.undo_review(part_id, person=person, targets=targets)
-        self.on_result()
-        return part
-
     async def _give_up_touch(self, part: PartRecord, why: str) -> None:
-        targets = self._targets_of(part)
+        targets = self.targets_of(part)
         self._announce(await asyncio.to_thread(self.store.give_up_touch, part.id, why=why, targets=targets))
 
-    def _targets_of(self, part: PartRecord) -> tuple[str, ...]:
+    def targets_of(self, part: PartRecord) -> tuple[str, ...]:
+        """Targets of a part's results; none of one in shadow mode."""
         return () if self._hidden(part) else self.targets
-
-    def _refuse_at_the_end(self) -> None:
-        if self.draining:
-            raise stopping()
 
     # ------------------------------------------------------------------------------------------------------- keep
 
     async def _keep(
-        self,
-        write: Callable[..., PartRecord],
-        done: Done,
-        sent: Sequence[tuple[EvidenceKind, Upload]],
-        decision: Decision,
+        self, write: Callable[..., PartRecord], done: Done, sent: Sequence[Upload], decision: Decision
     ) -> PartRecord:
         """Keep the files, then write the part in one transaction; count and log it.
 
@@ -434,14 +329,10 @@ class Intake:
             StoreError: as `write`.
         """
 
-        def kept() -> PartRecord:
+        def keep() -> PartRecord:
             try:
-                files = [
-                    self._kept(upload, kind, upload.media_type(kind), upload.sha256) for kind, upload in sent
-                ]
-                files += [
-                    replace(self._kept(one, one.kind, one.media_type), meta=one.meta) for one in done.made
-                ]
+                files = [self._kept(one, sha256=one.sha256) for one in sent]
+                files += [self._kept(one, meta=one.meta) for one in done.made]
             except FileError as error:
                 raise no_room(error) from error
             return write(
@@ -454,16 +345,16 @@ class Intake:
                 rules=self._rules,
             )
 
-        part = await asyncio.to_thread(kept)
+        part = await asyncio.to_thread(keep)
         self._announce(part)
-        self._count(part, done)
+        count_reading(part, done, metrics=self.metrics, bench=self.bench, watch=self._watch(part.job))
         return part
 
     def _kept(
-        self, file: Upload | MadeFile, kind: EvidenceKind, media_type: str, sha256: str = ""
+        self, file: Upload | MadeFile, *, sha256: str = "", meta: Mapping[str, float] = MappingProxyType({})
     ) -> EvidenceRecord:
         sha256, n_bytes = self.evidence.keep(file.path, sha256=sha256)
-        return EvidenceRecord(kind, sha256, n_bytes, name=file.name, media_type=media_type)
+        return EvidenceRecord(file.kind, sha256, n_bytes, file.name, file.media_type, meta)
 
     # ----------------------------------------------------------------------------------------------------- answer
 
@@ -476,47 +367,9 @@ class Intake:
             announcing.add_done_callback(self._announcing.discard)
         self.metrics.parts.labels(part.state.value).inc()
 
-    def _count(self, part: PartRecord, done: Done) -> None:
-        for reason in part.reading.reasons if part.reading is not None else ():
-            if reason.code in set(SerialAlarm):
-                self.metrics.serial_alarms.inc()
-                log.warning("serial alarm", part=part.id, name=part.name, text=part.text, why=reason.code)
-        last = done.readings[-1]
-        if last.source != "vision" and self.bench.add(last.faults):
-            log.warning("whiskers or bench faulty", why=self.bench.message())
-        watch = self._watch(part.job)
-        if watch is not None and watch.add(last.source, done.measures):
-            log.warning("parts unlike the certified ones", job=part.job, why=watch.message())
-        for reading in done.readings:
-            self.metrics.readings.labels(reading.source, reading.decision).inc()
-            self.metrics.reading_seconds.labels(reading.source).observe(reading.seconds)
-        log.info(
-            "part read",
-            part=part.id,
-            name=part.name,
-            job=part.job,
-            state=part.state.value,
-            text=part.text,
-            readings=[f"{r.source}: {r.decision}" for r in done.readings],
-        )
-
-
-def _with_kinds(photos: Sequence[Upload], scan: Upload | None) -> list[tuple[EvidenceKind, Upload]]:
-    return [
-        *((EvidenceKind.PHOTO, photo) for photo in photos),
-        *(((scan.touch_kind(), scan),) if scan is not None else ()),
-    ]
-
 
 def _stage_problem(error: StageError) -> Problem:
     """The answer to a fault of stage or camera: a driver that does not answer is not the caller's mistake."""
     if isinstance(error, StageDownError):
         return Problem(503, str(error), headers={"Retry-After": "30"})
     return Problem(422, str(error))
-
-
-def _refuse_reviewed(part: PartRecord) -> None:
-    if part.state is PartState.REVIEWED:
-        raise Problem(
-            409, f"the part {part.id} was reviewed by a person; send it as a new part to read it again"
-        )

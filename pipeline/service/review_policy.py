@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from random import SystemRandom
+from typing import TYPE_CHECKING, Self
 
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, PartState, ReviewRecord
+
+if TYPE_CHECKING:
+    from pipeline.service.settings import ReviewSettings
 
 
 class ReviewMode(StrEnum):
@@ -32,6 +36,11 @@ class ReviewPolicy:
 
     readers: int = 1
     audited: float = 0.0
+
+    @classmethod
+    def of(cls, settings: ReviewSettings) -> Self:
+        """The policy that the settings ask for."""
+        return cls(2 if settings.second_reader else 1, settings.audit_per_thousand / 1000.0)
 
     def draw_audit(self) -> bool:
         """Draw at random whether a part is audited if it is accepted; the draw cannot be predicted."""

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 
+from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ConflictError, StoreError
 
@@ -48,7 +49,6 @@ class TouchQueue:
         line: str = "",
         wait_s: float = 900.0,
         retry_s: float = 15.0,
-        look_s: float = 1.0,
     ) -> None:
         """Take what it works with; nothing is felt yet.
 
@@ -59,10 +59,9 @@ class TouchQueue:
             line: whose parts the stage feels.
             wait_s: how long a part waits.
             retry_s: between two attempts at a part.
-            look_s: between two looks at the store.
         """
         self._store, self._feel, self._give_up = store, feel, give_up
-        self.line, self._wait_s, self._retry_s, self._look_s = line, wait_s, retry_s, look_s
+        self.line, self._wait_s, self._retry_s = line, wait_s, retry_s
         self._deadlines: dict[tuple[str, datetime | None], float] = {}
         self._attempts: dict[str, asyncio.Task[PartRecord]] = {}
         self._rest_until: dict[str, float] = {}
@@ -82,21 +81,6 @@ class TouchQueue:
             attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
         # a cancelled caller does not stop the attempt
         return await asyncio.shield(attempt)
-
-    async def run(self) -> None:
-        """Look after whatever waits, for ever."""
-        troubled = False
-        while True:
-            try:
-                await self.look()
-                troubled = False
-            except StoreError as error:
-                if not troubled:
-                    log.warning("parts that wait for touch cannot be looked up; trying again", why=str(error))
-                troubled = True
-            except Exception:
-                log.exception("look at parts that wait for touch failed")
-            await asyncio.sleep(self._look_s)
 
     async def look(self) -> None:
         """Look once: give up what has waited for too long, and begin attempts at what is due."""
@@ -118,10 +102,7 @@ class TouchQueue:
 
     async def stop(self) -> None:
         """End the attempts; what was not felt waits in the store for the next start."""
-        attempts = list(self._attempts.values())
-        for attempt in attempts:
-            attempt.cancel()
-        await asyncio.gather(*attempts, return_exceptions=True)
+        await end_tasks(self._attempts.values())
 
     async def _attempt(self, part: PartRecord) -> PartRecord:
         try:

@@ -30,8 +30,8 @@ from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import Picture, ReadPart, RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.inputs.watched_files import FileState, Handled, WatchJournal
-from pipeline.service.intake import NewPart
 from pipeline.service.job_folder import JobFolder
+from pipeline.service.new_part import NewPart
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
@@ -293,7 +293,7 @@ class _Parts:
             shutil.rmtree(folder, ignore_errors=True)
 
     async def receive(
-        self, new: NewPart, *, photos: Sequence[Upload], idempotency: IdempotencyKey
+        self, new: NewPart, photos: Sequence[Upload], *, idempotency: IdempotencyKey
     ) -> Received:
         try:
             digest, n_bytes = self.evidence.keep(photos[0].path)

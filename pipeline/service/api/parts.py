@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, File, Form, Query, Request, Response, UploadFile
@@ -24,7 +25,9 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, answered
-from pipeline.service.intake import Intake, NewPart, Touch
+from pipeline.service.intake import Intake
+from pipeline.service.new_part import NewPart, Touch
+from pipeline.service.reviews import Reviews
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
@@ -53,7 +56,7 @@ _REPLAYED = {
 }
 
 
-def parts_router(service: Intake, access: Access, *, root_path: str = "") -> APIRouter:
+def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path: str = "") -> APIRouter:
     """The routes that add to /v1/parts; `root_path`: prefix of a proxy, for their links."""
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
@@ -82,11 +85,10 @@ def parts_router(service: Intake, access: Access, *, root_path: str = "") -> API
         new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
         with service.work_folder() as folder:
             check_count(len(photo or ()))
-            photos = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
-            scanned = await receive(scan, "scan", folder) if scan is not None else None
-            fields = (name, expected, database, job, touch)
-            key = _idempotency(request, caller, idempotency_key, (*photos, scanned), fields)
-            done = await service.receive(new, photos=photos, scan=scanned, idempotency=key)
+            sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
+            sent += [await receive(scan, "scan", folder)] if scan is not None else []
+            key = _idempotency(request, caller, idempotency_key, sent, name, expected, database, job, touch)
+            done = await service.receive(new, sent, idempotency=key)
         return replied(done, response)
 
     @router.post("/parts/{part_id}/scan", responses=part_answered | problems(400, 404, 409, 413, 415))
@@ -102,7 +104,7 @@ def parts_router(service: Intake, access: Access, *, root_path: str = "") -> API
         checked_id(part_id)
         with service.work_folder() as folder:
             scanned = await receive(scan, "scan", folder)
-            key = _idempotency(request, caller, idempotency_key, (scanned,), (part_id,))
+            key = _idempotency(request, caller, idempotency_key, [scanned], part_id)
             done = await service.add_scan(part_id, scanned, idempotency=key)
         return replied(done, response)
 
@@ -133,7 +135,7 @@ def parts_router(service: Intake, access: Access, *, root_path: str = "") -> API
             raise Problem(
                 422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
             )
-        part = service.review(
+        part = reviews.review(
             standing.id,
             action=body.action,
             text=text,
@@ -152,22 +154,18 @@ def parts_router(service: Intake, access: Access, *, root_path: str = "") -> API
     ) -> PartAnswer:
         """Undo one's own review: the part waits for review again."""
         person = Person(caller.token or who, token=caller.token)
-        return answer(service.undo_review(checked_id(part_id), person), root_path)
+        return answer(reviews.undo(checked_id(part_id), person), root_path)
 
     return router
 
 
 def _idempotency(
-    request: Request,
-    caller: Caller,
-    key: str | None,
-    uploads: tuple[Upload | None, ...],
-    fields: tuple[str, ...],
+    request: Request, caller: Caller, key: str | None, sent: Sequence[Upload], *fields: str
 ) -> IdempotencyKey | None:
     """The key with its owner, and a digest of all that was asked."""
     if key is None:
         return None
     digest = hashlib.sha256(request.url.path.encode())
-    for part in (*(u.sha256 if u is not None else "-" for u in uploads), *fields):
+    for part in (*(f"{upload.kind} {upload.sha256}" for upload in sent), *fields):
         digest.update(b"\0" + part.encode())
     return IdempotencyKey(f"{caller.name}:{key}", digest.hexdigest())

@@ -147,15 +147,16 @@ def _guarded_protocol(users: Users, sessions: int, log: SparingLog) -> Any:
                 transport.abort()
                 return
             super().connection_made(transport)
-            if (processor := self.processor) is not None:
-                self._library = (
+            processor: Any = self.processor
+            if processor is not None:
+                self._library: tuple[Any, ...] = (
                     processor.send_response,
                     processor.process_message,
                     processor._process_message,
                 )
-                processor.send_response = self._send  # type: ignore[method-assign]
-                processor.process_message = self._hear  # type: ignore[method-assign]
-                processor._process_message = self._process  # type: ignore[method-assign]
+                processor.send_response = self._send
+                processor.process_message = self._hear
+                processor._process_message = self._process
 
         def connection_lost(self, ex: BaseException | None) -> None:
             """Cancel the calls of the lost connection."""

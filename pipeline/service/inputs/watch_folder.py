@@ -30,10 +30,11 @@ import structlog
 
 from glyphs.errors import FileError, describe_fault
 from glyphs.plain_text import visible
-from pipeline.common.records import PartRecord
+from pipeline.common.records import EvidenceKind, PartRecord
 from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
-from pipeline.service.intake import Intake, NewPart, Touch
+from pipeline.service.intake import Intake
+from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
@@ -213,13 +214,13 @@ class WatchedFolder:
                 if copy is None:
                     problems.clear()
                     return None
-                photos.append(Upload(copy, sent_name(path.name)))
+                photos.append(Upload(copy, sent_name(path.name), EvidenceKind.PHOTO))
             if not photos:
                 return None
             digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
             received = await self._intake.receive(
                 NewPart(name=sent_name(part.name), job=self._settings.job, touch=Touch.STAGE),
-                photos=photos,
+                photos,
                 idempotency=IdempotencyKey(f"watch:{digest}", digest),
             )
         log.info("watched file read", file=visible(part.name), photos=len(photos), part=received.part.id)

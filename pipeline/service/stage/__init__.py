@@ -8,25 +8,21 @@ from __future__ import annotations
 from pipeline.service.stage.devices import (
     Camera,
     FolderCamera,
-    NoCamera,
-    NoStage,
     ScanOrder,
     SimulatedStage,
     Stage,
+    feel_plan,
     has_sessions,
-    in_frame,
 )
 from whisker_array.scan.stage_error import StageError
 
 __all__ = [
     "Camera",
     "FolderCamera",
-    "NoCamera",
-    "NoStage",
     "ScanOrder",
     "SimulatedStage",
     "Stage",
     "StageError",
+    "feel_plan",
     "has_sessions",
-    "in_frame",
 ]

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from glyphs.surface.maps import TraceDirection
 from pipeline.bench.bench import Bench, BenchSession
-from pipeline.bench.raster import feel_all, raster_passes
 from pipeline.bench.settings import BenchSettings
 from pipeline.service.stage.devices import ScanOrder
-from whisker_array.scan.recording import save_scan
 
 
 class BenchStage:
-    """A `SessionStage` over a bench, and a `Stage`."""
+    """A `SessionStage` over a bench."""
 
     def __init__(self, settings: BenchSettings) -> None:
         """Take the settings; nothing is opened before there is a part."""
@@ -39,18 +34,3 @@ class BenchStage:
         if self._bench is None:
             self._bench = Bench(self._settings)
         return self._bench.session(order.part_name, x_mm=x_mm, y_mm=y_mm, region_mm=order.plan.region_mm)
-
-    def feel(self, order: ScanOrder, into: Path) -> Path:
-        """The whole plan, by the comb that is mounted.
-
-        Raises:
-            StageError: as `open`, or a pass could not be felt.
-        """
-        session = self.open(order)
-        try:
-            ways = tuple(TraceDirection(d) for d in order.plan.directions_deg)
-            scan = feel_all(session, raster_passes(session.fitting, session.fitting.field_mm, ways))
-        finally:
-            session.close()
-        save_scan(scan, into / "scan.h5")
-        return into / "scan.h5"

@@ -1,7 +1,8 @@
 """The whisker stage and the camera as the service drives them, and simulated ones to try it out.
 
     feel(order, into) -> recording                             `Stage`: one scan of the whole plan
-    open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass, until the serial is sure
+    open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass until the serial is sure, or
+                                                               the whole plan (`feel_plan`)
 
 A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
 its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
@@ -11,9 +12,8 @@ far as the part reaches.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeGuard
 
@@ -24,9 +24,7 @@ from pipeline.formats.part_files import set_of
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from whisker_array.scan.scan import Scan
     from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
@@ -82,28 +80,26 @@ class Camera(Protocol):
         """
 
 
-class NoStage:
-    """No stage: scans are sent to the service."""
+def feel_plan(stage: Stage | SessionStage[ScanOrder], order: ScanOrder, into: Path) -> Path:
+    """Feel the whole plan: by the stage's own `feel`, else pass by pass in the default raster.
 
-    def feel(self, order: ScanOrder, into: Path) -> Path:
-        """Feels nothing.
+    Raises:
+        StageError: as `Stage.feel`.
+    """
+    if callable(getattr(stage, "feel", None)) or not has_sessions(stage):
+        return stage.feel(order, into)  # type: ignore[union-attr]
+    from glyphs.surface.maps import TraceDirection
+    from pipeline.bench.raster import feel_all, raster_passes
+    from whisker_array.scan.recording import save_scan
 
-        Raises:
-            StageError: always.
-        """
-        raise StageError("this service drives no whisker stage", "send a scan of the part instead")
-
-
-class NoCamera:
-    """No camera: photographs are sent to the service."""
-
-    def take(self, part_name: str) -> Path:
-        """Takes nothing.
-
-        Raises:
-            StageError: always.
-        """
-        raise StageError("this service has no camera", "send a photograph of the part instead")
+    session = stage.open(order)
+    try:
+        ways = [TraceDirection(d) for d in order.plan.directions_deg]
+        scan = feel_all(session, raster_passes(session.fitting, session.fitting.field_mm, ways))
+    finally:
+        session.close()
+    save_scan(scan, into / "scan.h5")
+    return into / "scan.h5"
 
 
 @dataclass(frozen=True)
@@ -151,66 +147,32 @@ class SimulatedStage:
     noise: bool = True
     seed: int = 0
 
-    def feel(self, order: ScanOrder, into: Path) -> Path:
-        """Feel the order's region of the part's height map.
+    def open(self, order: ScanOrder) -> StageSession:
+        """Mount the part's height map, to be felt pass by pass within the order's region.
 
         The camera's axis meets the middle of the map.
 
         Raises:
             StageError: no such part, a map that cannot be scanned, or a region off the part.
         """
-        from pipeline.reading.scan_plan import raster_of
-        from pipeline.reading.simulated_scan import feel
-        from whisker_array.scan.recording import save_scan
-
-        with self._plate(order) as plate:
-            scan = feel(
-                plate.height_map,
-                plan=raster_of(order.plan, region_mm=plate.region_mm),
-                height_mm=order.plan.height_mm,
-                noise=self.noise,
-                sensor_seed=self.seed,
-                part_id=order.part_name,
-                soil=plate.soil,
-            )
-            made = into / "scan.h5"
-            save_scan(in_frame(scan, -plate.x_mm, -plate.y_mm), made)
-        return made
-
-    def open(self, order: ScanOrder) -> StageSession:
-        """Mount the part's height map, to be felt pass by pass within the order's region.
-
-        Raises:
-            StageError: as `feel`.
-        """
-        from pipeline.reading.simulated_scan import open_session
-        from whisker_array.scan.framed_session import FramedSession
-
-        with self._plate(order) as plate:
-            session = open_session(
-                plate.height_map,
-                height_mm=order.plan.height_mm,
-                noise=self.noise,
-                sensor_seed=self.seed,
-                part_id=order.part_name,
-                soil=plate.soil,
-            )
-        (x0, y0, x1, y1), x_mm, y_mm = plate.region_mm, plate.x_mm, plate.y_mm
-        field = (x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm)
-        return FramedSession(session, x_mm=x_mm, y_mm=y_mm, field_mm=field)
-
-    @contextlib.contextmanager
-    def _plate(self, order: ScanOrder) -> Iterator[_Plate]:
-        """The part on the stage; a fault of its file is raised as a StageError."""
         from pipeline.formats.npz import read_soil
         from pipeline.formats.touch_file import read_height_map
+        from pipeline.reading.simulated_scan import open_session
+        from whisker_array.scan.framed_session import FramedSession
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
             height_map = read_height_map(path)
-            soil = read_soil(path)
             x_mm, y_mm = _shift(order.plan, height_map)
-            yield _Plate(height_map, soil, x_mm, y_mm, _on_plate(order.plan, height_map, x_mm, y_mm))
+            x0, y0, x1, y1 = _on_plate(order.plan, height_map, x_mm, y_mm)
+            session = open_session(
+                height_map,
+                height_mm=order.plan.height_mm,
+                noise=self.noise,
+                sensor_seed=self.seed,
+                part_id=order.part_name,
+                soil=read_soil(path),
+            )
         except FileError as problem:
             raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem
         except StageError:
@@ -218,34 +180,8 @@ class SimulatedStage:
         except MarksError as error:
             hint = error.hint or "check the plan and the map"
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
-
-
-@dataclass(frozen=True, eq=False)
-class _Plate:
-    """A height map in place of a part.
-
-    Attributes:
-        height_map: its surface.
-        soil: dirt on it; None without any.
-        x_mm, y_mm: by which coordinates of its frame are greater than those of the order's.
-        region_mm: to be felt, in its frame.
-    """
-
-    height_map: HeightMap
-    soil: Soil | None
-    x_mm: float
-    y_mm: float
-    region_mm: tuple[float, float, float, float]
-
-
-def in_frame(scan: Scan, x_mm: float, y_mm: float) -> Scan:
-    """The scan in a frame in which all of its coordinates are greater by so much."""
-    sweeps = []
-    for sweep in scan.sweeps:
-        along, across = (x_mm, y_mm) if sweep.plan.direction.along_x else (y_mm, x_mm)
-        plan = replace(sweep.plan, line_mm=sweep.plan.line_mm + across, start_mm=sweep.plan.start_mm + along)
-        sweeps.append(replace(sweep, plan=plan))
-    return replace(scan, sweeps=tuple(sweeps))
+        field = (x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm)
+        return FramedSession(session, x_mm=x_mm, y_mm=y_mm, field_mm=field)
 
 
 def _shift(plan: ScanPlanRecord, height_map: HeightMap) -> tuple[float, float]:
@@ -289,8 +225,5 @@ def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -
         # a link may lead out of the folder
         if path.is_file() and path.resolve().is_relative_to(root):
             return path
-    raise StageError(f"there is no {what} of {part_name} under the {_where(what)}", "put the part in place")
-
-
-def _where(what: str) -> str:
-    return "camera" if what == "photograph" else "whiskers"
+    where = "camera" if what == "photograph" else "whiskers"
+    raise StageError(f"there is no {what} of {part_name} under the {where}", "put the part in place")

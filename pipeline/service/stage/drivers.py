@@ -13,41 +13,42 @@ from typing import TYPE_CHECKING, Any
 from glyphs.errors import FileError
 from glyphs.named import load_named
 from pipeline.common.settings import SettingsError
-from pipeline.service.stage.devices import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
+from pipeline.service.stage.devices import Camera, FolderCamera, ScanOrder, SimulatedStage, Stage
 
 if TYPE_CHECKING:
     from pipeline.service.settings import CameraSettings, StageSettings
+    from whisker_array.scan.session import SessionStage
 
 
-def stage_of(settings: StageSettings) -> Stage:
-    """The stage of the service.
+def stage_of(settings: StageSettings) -> Stage | SessionStage[ScanOrder] | None:
+    """The stage of the service; None if it has none.
 
     Raises:
         FileError: no such folder, or an unusable bench file.
         SettingsError: no such driver.
     """
     if settings.driver:
-        driver: Stage = load_driver(settings.driver, verbs=("open", "feel") if settings.active else ("feel",))
-        return driver
+        stage: Stage = load_driver(settings.driver, verbs=("open", "feel"))
+        return stage
     if settings.bench is not None:
         from pipeline.bench.settings import read_bench
         from pipeline.service.stage.bench_stage import BenchStage
 
         return BenchStage(read_bench(settings.bench))
-    return NoStage() if settings.folder is None else SimulatedStage(_there(settings.folder, "height maps"))
+    return None if settings.folder is None else SimulatedStage(_there(settings.folder, "height maps"))
 
 
-def camera_of(settings: CameraSettings) -> Camera:
-    """The camera of the service.
+def camera_of(settings: CameraSettings) -> Camera | None:
+    """The camera of the service; None if it has none.
 
     Raises:
         FileError: no such folder.
         SettingsError: no such driver.
     """
     if settings.driver:
-        driver: Camera = load_driver(settings.driver, verbs=("take",))
-        return driver
-    return NoCamera() if settings.folder is None else FolderCamera(_there(settings.folder, "photographs"))
+        camera: Camera = load_driver(settings.driver, verbs=("take",))
+        return camera
+    return None if settings.folder is None else FolderCamera(_there(settings.folder, "photographs"))
 
 
 def load_driver(named: str, *, verbs: Sequence[str]) -> Any:

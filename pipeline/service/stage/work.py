@@ -13,7 +13,15 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.service.stage.devices import Camera, NoStage, ScanOrder, SimulatedStage, Stage, has_sessions
+from pipeline.common.records import EvidenceKind
+from pipeline.service.stage.devices import (
+    Camera,
+    ScanOrder,
+    SimulatedStage,
+    Stage,
+    feel_plan,
+    has_sessions,
+)
 from pipeline.service.stage.driver_thread import DriverThread, StageDownError
 from pipeline.service.stage.stage_link import StageLink
 from pipeline.service.web.uploads import Upload
@@ -30,25 +38,24 @@ class StageWork:
     """The stage at work.
 
     Attributes:
+        there: there is a stage.
         by_pass: feel parts pass by pass; else the whole plan is scanned.
     """
 
-    def __init__(self, stage: Stage, *, active: bool = False, timeout_s: float = 60.0) -> None:
+    def __init__(
+        self, stage: Stage | SessionStage[ScanOrder] | None, *, active: bool = False, timeout_s: float = 60.0
+    ) -> None:
         """Take the driver.
 
         Args:
-            stage: the driver.
+            stage: the driver; None: scans are sent to the service.
             active: feel pass by pass if the stage has sessions.
             timeout_s: for one call of a real stage; a whole plan may take its own time beside.
         """
-        self._stage, self.by_pass = stage, active and has_sessions(stage)
+        self._stage, self.there = stage, stage is not None
+        self.by_pass = active and stage is not None and has_sessions(stage)
         self._thread = DriverThread("stage", timeout_s=timeout_s)
         self._one_at_a_time = asyncio.Lock()
-
-    @property
-    def there(self) -> bool:
-        """Whether there is a stage."""
-        return not isinstance(self._stage, NoStage)
 
     @property
     def trouble(self) -> str:
@@ -62,7 +69,7 @@ class StageWork:
         Raises:
             StageDownError: it does not answer.
         """
-        if not has_sessions(self._stage):
+        if self._stage is None or not has_sessions(self._stage):
             raise TypeError("the stage has no sessions")
         if isinstance(self._stage, SimulatedStage):
             yield self._stage
@@ -87,11 +94,14 @@ class StageWork:
             StageDownError: the stage does not answer, or its driver has a fault.
             StageError: it cannot be recorded.
         """
-        if isinstance(self._stage, SimulatedStage):
-            return await in_worker(self._stage.feel, order, folder)
+        stage = self._stage
+        if stage is None:
+            raise StageError("this service drives no whisker stage", "send a scan of the part instead")
+        if isinstance(stage, SimulatedStage):
+            return await in_worker(feel_plan, stage, order, folder)
 
         def scanned() -> Path:
-            path = self._stage.feel(order, folder)
+            path = feel_plan(stage, order, folder)
             # a driver may have a recording elsewhere, which stays there
             return (
                 path if path.parent == folder else Path(shutil.copyfile(path, folder / f"felt{path.suffix}"))
@@ -105,8 +115,8 @@ class StageWork:
 class CameraWork:
     """The camera at work."""
 
-    def __init__(self, camera: Camera, *, timeout_s: float = 30.0) -> None:
-        """Take the driver; `timeout_s`: for one call."""
+    def __init__(self, camera: Camera | None, *, timeout_s: float = 30.0) -> None:
+        """Take the driver; None: photographs are sent to the service. `timeout_s`: for one call."""
         self._camera = camera
         self._thread = DriverThread("camera", timeout_s=timeout_s)
 
@@ -124,12 +134,16 @@ class CameraWork:
             OSError: one cannot be read.
         """
 
-        def taken() -> list[Upload]:
-            made = self._camera.take(name)
+        camera = self._camera
+        if camera is None:
+            raise StageError("this service has no camera", "send a photograph of the part instead")
+
+        def photograph() -> list[Upload]:
+            made = camera.take(name)
             photos = []
             for n, file in enumerate((made,) if isinstance(made, Path) else made, start=1):
                 copy = shutil.copyfile(file, folder / f"taken-{n}{file.suffix.lower()}")
-                photos.append(Upload(copy, file.name))
+                photos.append(Upload(copy, file.name, EvidenceKind.PHOTO))
             return photos
 
-        return await self._thread.called(taken)
+        return await self._thread.called(photograph)

@@ -32,23 +32,21 @@ class Upload:
     Attributes:
         path: path of the saved file, under a name of our own.
         name: the sender's name of the file, for messages only.
+        kind: photograph, scan or height map.
         sha256: hash of its content; empty if not requested.
     """
 
     path: Path
     name: str
+    kind: EvidenceKind
     sha256: str = ""
 
-    def touch_kind(self) -> EvidenceKind:
-        """Kind of evidence of a file from touch: scan or height map."""
-        return EvidenceKind.SCAN if is_scan(self.path) else EvidenceKind.HEIGHT_MAP
-
-    def media_type(self, kind: EvidenceKind) -> str:
+    @property
+    def media_type(self) -> str:
         """For the browser."""
-        if kind is EvidenceKind.SCAN:
-            return "application/x-hdf5"
         types = {one.suffix: one.media_type for one in READ}
-        return types.get(self.path.suffix, "application/octet-stream")
+        usual = "application/x-hdf5" if self.kind is EvidenceKind.SCAN else "application/octet-stream"
+        return types.get(self.path.suffix, usual)
 
 
 def check_count(photos: int) -> None:
@@ -96,7 +94,8 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
                 stream.write(chunk)
 
     await anyio.to_thread.run_sync(write)
-    return Upload(path, name, digest.hexdigest())
+    touch = EvidenceKind.SCAN if is_scan(path) else EvidenceKind.HEIGHT_MAP
+    return Upload(path, name, EvidenceKind.PHOTO if role == "photo" else touch, digest.hexdigest())
 
 
 def suffix_of(role: str, name: str, head: bytes) -> str:

@@ -20,7 +20,7 @@ from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import Done, PartOrder, read_order
 from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
-from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 
 LIMITS = Limits()
 SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
@@ -103,7 +103,7 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
 ) -> None:
     done = unsure
     assert done.plan is not None
-    scan = SimulatedStage(parts.folder).feel(ScanOrder("part", done.plan), folder)
+    scan = feel_plan(SimulatedStage(parts.folder), ScanOrder("part", done.plan), folder)
     later = read_order(
         PartOrder(folder, scan=scan, earlier_photos=(parts.photo,), expected=parts.text), SETTINGS, LIMITS
     )
@@ -285,7 +285,7 @@ def test_a_line_hardly_seen_is_felt_with_the_whole_picture(parts: Parts) -> None
 
 def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: Done, folder: Path) -> None:
     assert unsure.plan is not None
-    scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", unsure.plan), folder)
+    scan = feel_plan(SimulatedStage(parts.folder, noise=False), ScanOrder("part", unsure.plan), folder)
     with pytest.raises(FileError, match="over the limit"):
         read_order(PartOrder(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
 

@@ -16,7 +16,7 @@ from pipeline.common.records import PartState, ReviewAction, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.service.app import Service
-from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
@@ -306,7 +306,7 @@ class Iron:
 def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
     tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    Iron.recording = SimulatedStage(parts).feel(ScanOrder(CLEAN, _whole_plate()), tmp_path)
+    Iron.recording = feel_plan(SimulatedStage(parts), ScanOrder(CLEAN, _whole_plate()), tmp_path)
     monkeypatch.setattr("pipeline.formats.synth.iron_stage", Iron, raising=False)
     with inline_service(tmp_path / "s", stage={"driver": "pipeline.formats.synth:iron_stage"}) as (
         service,

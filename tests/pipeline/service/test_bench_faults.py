@@ -66,10 +66,10 @@ def test_the_service_tells_it_after_the_second_part_until_parts_are_sound(
         send("dead")
         assert client.get("/readyz").json()["bench"] == fault
         assert "tactile_marks_bench_fault 1.0" in client.get("/metrics").text
-        service.alerts.look()
+        service.look_for_alerts()
         assert "dead whisker" in client.get("/dashboard").text
         assert send("sound")["faults"] == []
         send("sound")
         assert client.get("/readyz").json() == {"status": "ready", "bench": "none"}
-        service.alerts.look()
+        service.look_for_alerts()
         assert "dead whisker" not in client.get("/dashboard").text

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.service.stage import ScanOrder, StageError
+from pipeline.service.stage import ScanOrder, StageError, feel_plan
 from pipeline.service.stage.bench_stage import BenchStage
 from tests.support.bench import HEIGHT_MM, a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
@@ -44,6 +44,6 @@ def test_the_service_feels_in_the_photographs_frame(tmp_path: Path) -> None:
             session.feel(a_pass())
         with pytest.raises(StageError, match="not on the bench's field"):
             stage.open(order((40.0, 6.0, 60.0, 14.0)))
-        scan = load_scan(stage.feel(order((16.0, 8.0, 20.0, 11.5)), tmp_path))
+        scan = load_scan(feel_plan(stage, order((16.0, 8.0, 20.0, 11.5)), tmp_path))
         assert scan.part_id == "plate 7"
         assert scan.sweeps[0].plan.line_mm.min() == 8.0

@@ -35,7 +35,7 @@ def test_wear_raises_an_alert_until_the_whiskers_are_new(tmp_path: Path, radius:
         received(service.store)  # alerts go with the line's latest part
 
         def alerts() -> dict[str, str]:
-            service.alerts.look()
+            service.look_for_alerts()
             return {alert.name: alert.message for alert in service.store.alerts()}
 
         assert alerts() == {"golden_overdue": "the golden part was not scanned for 8 h; scan it"}

@@ -98,8 +98,8 @@ def test_an_alert_is_shown_counted_and_put_into_the_outbox(tmp_path: Path) -> No
     with inline_service(tmp_path, **options) as (service, client):
         for _ in range(10):
             received(service.store, PartState.REVIEW, readings=(reading("KX4", "fused", "reject"),))
-        service.alerts.look()
-        service.alerts.look()
+        service.look_for_alerts()
+        service.look_for_alerts()
         assert "10 of the last 10 parts were rejected; the limit is 30 %." in client.get("/dashboard").text
         assert "tactile_marks_alerts 1.0" in client.get("/metrics").text
         assert service.store.undelivered() == 1

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import os
 import pickle
 from dataclasses import replace
@@ -12,8 +13,8 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_scan
-from pipeline.reading.scan_plan import raster_of
-from pipeline.service.stage import FolderCamera, NoCamera, NoStage, ScanOrder, SimulatedStage
+from pipeline.service.stage import FolderCamera, ScanOrder, SimulatedStage, feel_plan
+from pipeline.service.stage.work import CameraWork, StageWork
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.stage_error import StageError
 
@@ -66,7 +67,7 @@ def test_recording_lies_in_the_frame_of_the_order(
         region_mm=(x0 + off[0], y0 + off[1], x1 + off[0], y1 + off[1]),
         middle_mm=(10.0 + off[0], 5.0 + off[1]),
     )
-    made = SimulatedStage(plates, noise=False).feel(ScanOrder("plate", plan), tmp_path)
+    made = feel_plan(SimulatedStage(plates, noise=False), ScanOrder("plate", plan), tmp_path)
     # half a line pitch
     assert pit_mm(made) == pytest.approx((6.0 + off[0], 4.0 + off[1]), abs=0.06)
     scan = read_scan(made)
@@ -78,21 +79,21 @@ def test_recording_lies_in_the_frame_of_the_order(
 
 def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
     plan = replace(PLAN, region_mm=(-50.0, -50.0, 50.0, 50.0))
-    made = SimulatedStage(plates).feel(ScanOrder("plate", plan), tmp_path)
+    made = feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
     assert read_scan(made).sweeps[0].plan.line_mm.min() >= 0.0
 
 
 def test_region_off_the_plate_is_told(plates: Path, tmp_path: Path) -> None:
     plan = replace(PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
     with pytest.raises(StageError, match="is not on the part"):
-        SimulatedStage(plates).feel(ScanOrder("plate", plan), tmp_path)
+        feel_plan(SimulatedStage(plates), ScanOrder("plate", plan), tmp_path)
 
 
 def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> None:
     moments = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        made = SimulatedStage(plates, seed=3).feel(ScanOrder("plate", PLAN), tmp_path / name)
+        made = feel_plan(SimulatedStage(plates, seed=3), ScanOrder("plate", PLAN), tmp_path / name)
         moments.append(read_scan(made).sweeps[0].moment_n_mm)
     np.testing.assert_array_equal(*moments)
 
@@ -119,7 +120,7 @@ def test_stage_and_camera_never_leave_their_folder(plates: Path, tmp_path: Path,
     os.symlink(tmp_path / "outside.npz", plates / "link.npz")
     os.symlink(tmp_path / "outside.npz", plates / "link.png")
     with pytest.raises(StageError):
-        SimulatedStage(plates).feel(ScanOrder(name, PLAN), tmp_path)
+        feel_plan(SimulatedStage(plates), ScanOrder(name, PLAN), tmp_path)
     with pytest.raises(StageError):
         FolderCamera(plates).take(name)
 
@@ -137,7 +138,7 @@ def test_a_camera_of_several_lights_gives_them_all(tmp_path: Path) -> None:
 def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path: Path) -> None:
     (plates / "broken.npz").write_bytes(b"no map")
     with pytest.raises(StageError) as caught:
-        SimulatedStage(plates).feel(ScanOrder("broken", PLAN), tmp_path)
+        feel_plan(SimulatedStage(plates), ScanOrder("broken", PLAN), tmp_path)
     assert str(plates) not in str(caught.value)
     assert "broken.npz" in str(caught.value)
 
@@ -146,21 +147,13 @@ def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
     assert FolderCamera(plates).take("plate").read_bytes() == b"picture"
 
 
-def test_where_there_is_no_stage_the_mend_is_told(tmp_path: Path) -> None:
+def test_where_there_is_no_stage_or_camera_the_hint_says_so(tmp_path: Path) -> None:
     with pytest.raises(StageError, match="send a scan"):
-        NoStage().feel(ScanOrder("plate", PLAN), tmp_path)
+        asyncio.run(StageWork(None).scan(ScanOrder("plate", PLAN), tmp_path, asyncio.to_thread))
     with pytest.raises(StageError, match="send a photograph"):
-        NoCamera().take("plate")
+        asyncio.run(CameraWork(None).take("plate", tmp_path))
 
 
 def test_stage_errors_survive_pickling() -> None:
     error = pickle.loads(pickle.dumps(StageError("jammed", "free it")))
     assert (error.what, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
-
-
-def test_raster_of_a_plan_has_its_pitches() -> None:
-    raster = raster_of(PLAN)
-    assert raster.line_pitch_mm == pytest.approx(PLAN.line_pitch_mm)
-    assert raster.sample_pitch_mm == pytest.approx(PLAN.sample_pitch_mm)
-    assert tuple(int(d) for d in raster.directions) == PLAN.directions_deg
-    assert raster.region_mm == PLAN.region_mm

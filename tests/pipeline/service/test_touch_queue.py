@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.records import PartRecord, PartState, TouchWait
+from pipeline.service.tasks import repeat
 from pipeline.service.touch_queue import NOBODY, TouchQueue
 from pipeline.service.web.problem import Problem
 from pipeline.store.store import Store
@@ -38,7 +39,7 @@ class Bench:
         self.store = store
         self.asked: list[str] = []
         self.fails: Callable[[], Exception | None] = lambda: None
-        self.queue = TouchQueue(store, self.feel, give_up=self.give_up, look_s=0.01, **settings)  # type: ignore[arg-type]
+        self.queue = TouchQueue(store, self.feel, give_up=self.give_up, **settings)  # type: ignore[arg-type]
 
     async def feel(self, part: PartRecord) -> PartRecord:
         self.asked.append(part.id)
@@ -56,7 +57,7 @@ class Bench:
 
     async def until(self, done: Callable[[], bool], patience_s: float = 20.0) -> None:
         """Let the queue run until something is so."""
-        running = asyncio.create_task(self.queue.run())
+        running = asyncio.create_task(repeat("look", self.queue.look, every_s=0.01))
         until = time.monotonic() + patience_s
         while not await asyncio.to_thread(done) and time.monotonic() < until:
             await asyncio.sleep(0.01)

@@ -20,7 +20,7 @@ from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.inputs.watched_files import WatchJournal
-from pipeline.service.intake import NewPart, Touch
+from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
@@ -56,7 +56,7 @@ class Parts:
             shutil.rmtree(made)
 
     async def receive(
-        self, new: NewPart, *, photos: Sequence[Upload], idempotency: IdempotencyKey
+        self, new: NewPart, photos: Sequence[Upload], *, idempotency: IdempotencyKey
     ) -> Received:
         self.meanwhile()
         if self.problem is not None:
