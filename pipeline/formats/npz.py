@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +38,9 @@ DEFAULT_HARDNESS_MPA = 10.0
 """Hardness of caked grime, for a file that gives a thickness and no hardness."""
 
 
-class _SoilMember(NamedTuple):
-    """The value of a member that is missing, and what it may hold."""
+@dataclass(frozen=True)
+class _SoilMember:
+    """The value of a member that is missing, and the values that it may hold."""
 
     missing: float
     least: float
@@ -59,10 +62,10 @@ _SOIL = {
 }
 
 
-def _header(
-    stream: IO[bytes], name: str, *, kinds: str = "fiu"
-) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
-    """Shape and type of an array, from its header."""
+def _array(
+    stream: IO[bytes], name: str, held: int, check: Callable[[tuple[int, ...]], None], *, kinds: str = "fiu"
+) -> NDArray[Any]:
+    """An array of `held` bytes; shape and type are checked before it is loaded."""
     version = np.lib.format.read_magic(stream)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
@@ -71,10 +74,14 @@ def _header(
     if dtype.hasobject or dtype.kind not in kinds:
         hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
         raise DataError(f"{name} is of type {dtype}", hint)
-    return shape, dtype
+    check(shape)
+    if held < math.prod(shape) * dtype.itemsize:
+        raise DataError(f"{name} is shorter than it declares", "copy or save it again")
+    stream.seek(0)
+    return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
 
-def _check_heights(shape: tuple[int, ...], most: int) -> None:
+def _check_heights(shape: tuple[int, ...], most: int = MAX_PIXELS) -> None:
     if len(shape) != 2 or min(shape) < 2:
         raise DataError(f"its heights have shape {shape}", "give rows x columns, at least 2 x 2")
     check_size(*shape, most)
@@ -89,40 +96,43 @@ class _Archive(zipfile.ZipFile):
         if (n := len(self.namelist())) > _MOST_MEMBERS:
             raise DataError(f"holds {n:,} members", "save z_mm and pitch_mm alone")
 
-    def shape(self, name: str) -> tuple[int, ...]:
-        """The shape of a member of numbers that the archive holds as much of as it declares."""
+    def load(
+        self, name: str, check: Callable[[tuple[int, ...]], None], *, kinds: str = "fiu"
+    ) -> NDArray[Any]:
         with self.open(f"{name}.npy") as stream:
-            shape, dtype = _header(stream, name)
-        size, held = math.prod(shape), self.getinfo(f"{name}.npy").file_size
-        if size <= MAX_PIXELS and held < size * dtype.itemsize:
-            raise DataError(f"{name} is shorter than it declares", "copy or save it again")
-        return shape
+            return _array(stream, name, self.getinfo(f"{name}.npy").file_size, check, kinds=kinds)
 
-    def load(self, name: str) -> NDArray[np.float64]:
-        with self.open(f"{name}.npy") as stream:
-            return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+    def item(self, name: str, *, kinds: str = "fiu") -> Any:
+        """The one value of a member."""
+
+        def check(shape: tuple[int, ...]) -> None:
+            if math.prod(shape) != 1 or self.getinfo(f"{name}.npy").file_size > _HEADER_BYTES:
+                raise DataError(f"{name} has shape {shape}", "give one value")
+
+        return self.load(name, check, kinds=kinds).item()
 
     def rows(self) -> str | None:
         """The order of rows that the file states."""
         if "rows" not in self.members:
             return None
-        with self.open("rows.npy") as stream:
-            shape, dtype = _header(stream, "rows", kinds="U")
-        one = math.prod(shape) == 1 and dtype.itemsize <= _HEADER_BYTES
-        if not one or (stated := str(self.load("rows").item())) not in _ROWS:
+        if (stated := self.item("rows", kinds="U")) not in _ROWS:
             what = "states no order of its rows"
             raise DataError(what, f"save rows as {' or '.join(_ROWS)}, or leave it out")
-        return stated
+        return str(stated)
 
     def soil(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
         """A member that describes the dirt, on a grid of this shape."""
         rule = _SOIL[name]
         if name not in self.members:
             return np.broadcast_to(np.float32(rule.missing), shape)
-        held = self.shape(name)
-        if held != shape and math.prod(held) != 1:
-            raise DataError(f"{name} has shape {held}, z_mm {shape}", "give both on one grid, or one number")
-        values = self.load(name)
+
+        def check(held: tuple[int, ...]) -> None:
+            if held != shape and math.prod(held) != 1:
+                raise DataError(
+                    f"{name} has shape {held}, z_mm {shape}", "give both on one grid, or one number"
+                )
+
+        values = self.load(name, check)
         if not np.isfinite(values).all():
             raise DataError(f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint)
         # in the member's own precision: float32 would turn 1e300 into an infinity
@@ -143,16 +153,9 @@ def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
             if name not in archive.members:
                 held = ", ".join(sorted(archive.members)) or "nothing"
                 raise DataError(f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it")
-        _check_heights(archive.shape("z_mm"), most)
-        if math.prod(shape := archive.shape("pitch_mm")) != 1:
-            raise DataError(f"pitch_mm has shape {shape}", "give one number, mm")
-        pitch, rows = float(archive.load("pitch_mm").reshape(())), archive.rows()
-        return RawMap(
-            archive.load("z_mm"),
-            *(pitch, pitch),
-            bottom_first=rows == "bottom-first",
-            rows_stated=rows is not None,
-        )
+        z = archive.load("z_mm", partial(_check_heights, most=most))
+        pitch, rows = float(archive.item("pitch_mm")), archive.rows()
+        return RawMap(*(z, pitch, pitch), bottom_first=rows == "bottom-first", rows_stated=rows is not None)
 
 
 def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
@@ -161,16 +164,16 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
     Raises:
         DataError: the file cannot be used.
     """
-    with path.open("rb") as stream:
-        shape, _ = _header(stream, path.name)
-        points = len(shape) == 2 and shape[1] == 3
-        if points:
-            check_size(shape[0], 3, 3 * most)
+
+    def check(shape: tuple[int, ...]) -> None:
+        if shape[1:] == (3,):
+            check_size(*shape, 3 * most)
         else:
             _check_heights(shape, most)
-        stream.seek(0)
-        values = np.lib.format.read_array(stream, allow_pickle=False)
-    if not points:
+
+    with path.open("rb") as stream:
+        values = _array(stream, path.name, path.stat().st_size, check)
+    if values.shape[1] != 3:
         return RawMap(values)
     from pipeline.formats.points import map_of_points
 
@@ -197,8 +200,7 @@ def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
             return None
         if "z_mm" not in archive.members:
             raise DataError(f"has {held[0]} and no z_mm", "save the height map with it")
-        shape = archive.shape("z_mm")
-        _check_heights(shape, MAX_PIXELS)
+        shape = archive.load("z_mm", _check_heights).shape
         friction, soft, hardness = (archive.soil(name, shape) for name in _SOIL)
         found = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
         rows = (settings.rows if settings is not None else None) or archive.rows()
