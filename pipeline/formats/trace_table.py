@@ -19,7 +19,11 @@ from pipeline.formats.table_file import CP1252, TableLine, table_lines
 from pipeline.formats.traces_file import Column, Columns, Csv, TracesFile
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
+# properties of the clock of a TDMS channel
+_CLOCK = ("wf_increment", "wf_start_offset", "wf_start_time")
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*([AaPp])?")
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,21 +156,19 @@ def _number(line: TableLine, place: int, name: Column, decimal: str) -> float:
 
 
 def _tdms(path: Path, asked: Columns) -> TraceTable:
-    wanted = asked.named()
     try:
         from nptdms import TdmsFile
     except ModuleNotFoundError as error:
         raise MissingExtraError("TDMS", "npTDMS", "tdms") from error
     file = TdmsFile.read(path)
-    channels = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
+    held = {f"{c.group_name}/{c.name}": c for group in file.groups() for c in group.channels()}
     if len(file.groups()) == 1:
-        channels |= {c.name: c for c in channels.values()}
-    if absent := [name for name in wanted if name not in channels]:
-        held = ", ".join(channels)[:150] or "nothing"
-        raise DataError(f"has no channel {absent[0]!r} (it has {held})", "correct [columns]")
-    columns = {name: np.asarray(channels[str(name)][:]) for name in wanted}
-    clocks = {name: wave_of(channels[str(name)].properties) for name in wanted}
-    waves = {name: wave for name, wave in clocks.items() if wave is not None}
+        held |= {c.name: c for c in held.values()}
+    if absent := [name for name in asked.named() if name not in held]:
+        has = ", ".join(held)[:150] or "nothing"
+        raise DataError(f"has no channel {absent[0]!r} (it has {has})", "correct [columns]")
+    channels = {name: held[str(name)] for name in asked.named()}
+    columns = {name: np.asarray(channel[:]) for name, channel in channels.items()}
     stamped = frozenset(name for name, values in columns.items() if values.dtype.kind == "M")
     for name, values in columns.items():
         seconds = (values - values[:1]) / np.timedelta64(1, "s") if name in stamped else values
@@ -176,81 +178,53 @@ def _tdms(path: Path, asked: Columns) -> TraceTable:
             raise DataError(f"holds no numbers in channel {name!r}", "name another") from error
     if not all(values.size for values in columns.values()):
         raise DataError("has no samples", "record it again")
-    if len(set(waves.values())) > 1:
-        columns = align_channels(columns, waves, (asked.lifted, asked.number))
+    steps_s = {name: float(c.properties.get("wf_increment") or 0.0) for name, c in channels.items()}
+    clocks = {tuple(c.properties.get(key) for key in _CLOCK) for name, c in channels.items() if steps_s[name]}
+    if len(clocks) > 1:
+        if bare := [name for name, step_s in steps_s.items() if not step_s]:
+            what = f"has channels that begin at different times, and channel {bare[0]!r} without wf_increment"
+            raise DataError(what, "record all channels as waveforms, or together")
+        columns = _on_first_clock(columns, channels, (asked.lifted, asked.number))
     lengths = {name: values.size for name, values in columns.items()}
     short, longest = min(lengths, key=lambda name: lengths[name]), max(lengths.values())
     if lengths[short] < longest:
         what = f"has {lengths[short]:,} samples in channel {short!r} and {longest:,} in others"
         raise DataError(what, "record all channels together, as waveforms (wf_increment, wf_start_time)")
-    rate_hz = next((1.0 / waves[name].step_s for name in columns if name in waves), 0.0)
+    rate_hz = next((1.0 / step_s for step_s in steps_s.values() if step_s), 0.0)
     return TraceTable(columns, rate_hz=rate_hz, stamped=stamped)
 
 
-Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Wave:
-    """Clock of a channel.
-
-    Attributes:
-        step_s: from sample to sample.
-        offset_s: of the first sample after `start_ns`.
-        start_ns: nanoseconds since 1970; 0 where the file does not say.
-    """
-
-    step_s: float
-    offset_s: float = 0.0
-    start_ns: int = 0
-
-    def begins_after_s(self, other: Wave) -> float:
-        """Time from the start of another channel to that of this one."""
-        return (self.start_ns - other.start_ns) * 1e-9 + self.offset_s - other.offset_s
-
-
-def wave_of(properties: Mapping[str, Any]) -> Wave | None:
-    """The clock in the properties of a channel; None without an increment."""
-    increment = float(properties.get("wf_increment") or 0.0)
-    if not increment > 0.0:
-        return None
-    start = properties.get("wf_start_time")
-    start_ns = 0 if start is None else int(np.datetime64(start, "ns").astype(np.int64))
-    return Wave(increment, float(properties.get("wf_start_offset") or 0.0), start_ns)
-
-
-def align_channels(
-    columns: Mapping[Column, Floats], waves: Mapping[Column, Wave], states: Collection[Column | None]
+def _on_first_clock(
+    columns: Mapping[Column, Floats], channels: Mapping[Column, Any], states: Collection[Column | None]
 ) -> dict[Column, Floats]:
     """Channels on the samples of the first one, over the stretch that all of them cover.
 
     Args:
-        columns: of each channel.
-        waves: their clocks.
+        columns: values of each channel.
+        channels: the channels, each with a clock.
         states: channels that hold a value until it changes; the others are joined by straight lines.
 
     Raises:
-        DataError: a channel without a clock, or none at the same time as the others.
+        DataError: one is not recorded at the same time as the others.
     """
-    bare = next((name for name in columns if name not in waves), None)
-    if bare is not None:
-        what = f"has channels that begin at different times, and channel {bare!r} without wf_increment"
-        raise DataError(what, "record all channels as waveforms, or together")
-    first = waves[next(iter(columns))]
-    starts = {name: wave.begins_after_s(first) for name, wave in waves.items() if name in columns}
-    ends = {name: starts[name] + (columns[name].size - 1) * waves[name].step_s for name in columns}
-    tolerance = 1e-6 * first.step_s
-    begin, end = max(starts.values()) - tolerance, min(ends.values()) + tolerance
-    k = np.arange(int(np.ceil(begin / first.step_s)), int(np.floor(end / first.step_s)) + 1)
-    if k.size < 2:
-        late, early = max(starts, key=lambda name: starts[name]), min(ends, key=lambda name: ends[name])
-        what = f"has channel {late!r} begin {starts[late] - ends[early]:.3f} s after channel {early!r} ends"
+    first = next(iter(channels))
+    at_s = {}
+    for name, channel in channels.items():
+        step_s, offset_s, start = (channel.properties.get(key) or 0.0 for key in _CLOCK)
+        lag = np.datetime64(start or 0, "ns") - np.datetime64(
+            channels[first].properties.get(_CLOCK[2]) or 0, "ns"
+        )
+        at_s[name] = lag / np.timedelta64(1, "s") + offset_s + step_s * np.arange(columns[name].size)
+    late, early = max(at_s, key=lambda n: at_s[n][0]), min(at_s, key=lambda n: at_s[n][-1])
+    tick_s = 1e-3 * float(channels[first].properties["wf_increment"])
+    run_s = at_s[first][(at_s[first] > at_s[late][0] - tick_s) & (at_s[first] < at_s[early][-1] + tick_s)]
+    if run_s.size < 2:
+        gap_s = at_s[late][0] - at_s[early][-1]
+        what = f"has channel {late!r} begin {gap_s:.3f} s after channel {early!r} ends"
         raise DataError(what, "record all channels at the same time")
-    made: dict[Column, Floats] = {}
-    for name, values in columns.items():
-        at = (k * first.step_s - starts[name]) / waves[name].step_s
-        if name in states:
-            made[name] = values[np.clip(np.floor(at + 1e-3).astype(np.intp), 0, values.size - 1)]
-        else:
-            made[name] = np.interp(at, np.arange(values.size), values)
-    return made
+    return {
+        name: values[np.searchsorted(at_s[name], run_s + tick_s, side="right") - 1]
+        if name in states
+        else np.interp(run_s, at_s[name], values)
+        for name, values in columns.items()
+    }
