@@ -80,19 +80,6 @@ class Listing(list[PartFiles]):
 
 
 def discover(
-    inputs: Sequence[str | Path], *, photos: bool = False, beside: bool = False, height_images: bool = False
-) -> list[PartFiles]:
-    """As `list_parts`, with the files of this machine as paths.
-
-    Raises:
-        NothingFoundError: no file at all.
-        FileError: a manifest that cannot be used, or a folder that cannot be listed.
-    """
-    listed = list_parts(inputs, photos=photos, beside=beside, height_images=height_images)
-    return [part.with_paths() for part in listed]
-
-
-def list_parts(
     inputs: Sequence[str | Path],
     *,
     manifests: Sequence[str] = (),

@@ -167,7 +167,7 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
     def check(shape: tuple[int, ...]) -> None:
         if shape[1:] == (3,):
-            check_size(*shape, 3 * most)
+            check_size(shape[0], 3, 3 * most)
         else:
             _check_heights(shape, most)
 

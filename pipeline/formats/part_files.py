@@ -5,14 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
-from pipeline.errors import is_url
 from pipeline.formats.kinds import (
     CORE_SUFFIXES,
     FORMATS_SUFFIXES,
@@ -57,15 +55,15 @@ class PartFiles:
     """
 
     name: str
-    height_map: str | Path = ""
-    scan: str | Path = ""
-    photo: str | Path = ""
+    height_map: str = ""
+    scan: str = ""
+    photo: str = ""
     expected: str = ""
     format: str = ""
     font: str = ""
     problem: FileError | None = None
     photo_problem: FileError | None = None
-    more_photos: tuple[str | Path, ...] = ()
+    more_photos: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -86,16 +84,8 @@ class PartFiles:
 
     def absolute(self) -> PartFiles:
         """The part with local files named as on any machine that shares the disk."""
-        return self._each(absolute)
-
-    def with_paths(self) -> PartFiles:
-        """The part with local files as paths."""
-        return self._each(lambda file: file if is_url(file) else Path(file))
-
-    def _each(self, change: Callable[[str], str | Path]) -> PartFiles:
-        height_map, scan, photo, *more = (
-            change(str(file)) if file else ""
-            for file in (self.height_map, self.scan, self.photo, *self.more_photos)
+        height_map, scan, photo, *more = map(
+            absolute, (self.height_map, self.scan, self.photo, *self.more_photos)
         )
         return replace(self, height_map=height_map, scan=scan, photo=photo, more_photos=tuple(more))
 

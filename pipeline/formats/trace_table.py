@@ -207,14 +207,12 @@ def _on_first_clock(
     Raises:
         DataError: one is not recorded at the same time as the others.
     """
-    first = next(iter(channels))
-    at_s = {}
+    starts = {n: np.datetime64(c.properties.get("wf_start_time") or 0, "ns") for n, c in channels.items()}
+    first, at_s = next(iter(channels)), {}
     for name, channel in channels.items():
-        step_s, offset_s, start = (channel.properties.get(key) or 0.0 for key in _CLOCK)
-        lag = np.datetime64(start or 0, "ns") - np.datetime64(
-            channels[first].properties.get(_CLOCK[2]) or 0, "ns"
-        )
-        at_s[name] = lag / np.timedelta64(1, "s") + offset_s + step_s * np.arange(columns[name].size)
+        step_s, offset_s = (float(channel.properties.get(key) or 0.0) for key in _CLOCK[:2])
+        lag_s = (starts[name] - starts[first]) / np.timedelta64(1, "s")
+        at_s[name] = lag_s + offset_s + step_s * np.arange(columns[name].size)
     late, early = max(at_s, key=lambda n: at_s[n][0]), min(at_s, key=lambda n: at_s[n][-1])
     tick_s = 1e-3 * float(channels[first].properties["wf_increment"])
     run_s = at_s[first][(at_s[first] > at_s[late][0] - tick_s) & (at_s[first] < at_s[early][-1] + tick_s)]

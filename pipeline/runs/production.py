@@ -18,7 +18,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
-from pipeline.formats.find_parts import Listing, list_parts
+from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.order_file import read_order
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import Accuracy, load_truth
@@ -48,7 +48,7 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
         FileError: a manifest that cannot be used.
     """
     vision = settings.mode in ("vision", "fused", "auto")
-    return list_parts(
+    return discover(
         inputs,
         manifests=manifests,
         photos=vision and settings.mode != "fused",

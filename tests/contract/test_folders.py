@@ -48,7 +48,7 @@ def test_a_folder_without_parts_says_what_lies_in_it(exports: Path) -> None:
 
 def test_heights_in_pictures_are_parts_where_they_are_said_to_be(exports: Path) -> None:
     names = {part.name: part.height_map for part in discover([exports], height_images=True)}
-    assert names["lone"] == exports / "lone.png"
+    assert names["lone"] == str(exports / "lone.png")
 
 
 def test_a_float_tiff_is_read_as_heights(height_map: Path, tmp_path: Path, command: Command) -> None:

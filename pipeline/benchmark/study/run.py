@@ -12,7 +12,7 @@ from pipeline.benchmark.study.reviews import Reviews, load_reviews
 from pipeline.benchmark.study.study import Study, study_of
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_mark
-from pipeline.formats.find_parts import list_parts
+from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import PartTexts, load_truth
 from pipeline.reading.readers import reader_of
@@ -51,7 +51,7 @@ def run_study(
         MarksError: unusable inputs or tables, or a folder that cannot be written.
     """
     reader_of(settings)  # reject invalid settings before anything is read
-    listed = list_parts(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
+    listed = discover(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
     parts = studied_parts(listed)
     names = {part.name for part in parts}
     reviews = load_reviews(reviewers, names) if reviewers else Reviews({}, ())

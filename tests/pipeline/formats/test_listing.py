@@ -6,6 +6,7 @@ import os
 import pickle
 import sys
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from pipeline.errors import is_url, without_secrets
-from pipeline.formats.find_parts import NothingFoundError, discover, list_parts
+from pipeline.formats.find_parts import NothingFoundError, discover
 from pipeline.formats.names import harmless_name, split_name
 from pipeline.formats.part_files import PartFiles, named_apart
 
@@ -47,8 +48,8 @@ def store() -> str:
     "inputs", [["{}"], ["{}/"], ["{}/*"], ["{}/*.png"], ["{}/a.npz", "{}/deeper"], ["{}/b.png", "{}/b.npz"]]
 )
 def test_a_store_is_listed_as_a_folder_is(folder: Path, store: str, inputs: list[str], photos: bool) -> None:
-    here = list_parts([i.format(folder) for i in inputs], photos=photos)
-    there = list_parts([i.format(store) for i in inputs], photos=photos)
+    here = discover([i.format(folder) for i in inputs], photos=photos)
+    there = discover([i.format(store) for i in inputs], photos=photos)
     told = [(p.name, p.files) for p in here]
     root, name = store, store.rpartition("/")[2]
     there_too = [
@@ -66,7 +67,7 @@ def test_a_file_named_by_a_url_is_not_asked_after() -> None:
         "gs://b/b.png",
         "https://host.invalid/c",
     )
-    parts = list_parts(names)
+    parts = discover(names)
     assert [p.name for p in parts] == ["a", "s3/b/b", "gs/b/b", "c"]
     assert [p.files for p in parts] == [(name,) for name in names]
 
@@ -76,25 +77,25 @@ def test_two_maps_of_one_stem_are_a_problem_in_a_store_too(store: str) -> None:
 
     with fsspec.open(f"{store}/a.x3p", "wb") as stream:
         stream.write(b"x")
-    a = list_parts([store])[0]
+    a = discover([store])[0]
     assert str(a.problem).startswith(f"{store}/a.x3p: stands beside a.npz")
     assert str(pickle.loads(pickle.dumps(a)).problem) == str(a.problem)
 
 
 def test_what_cannot_be_listed_is_told_before_the_run(store: str, folder: Path) -> None:
     with pytest.raises(FileError, match=rf"^{store}/none: is not there; check the name"):
-        list_parts([str(folder), f"{store}/none"])
+        discover([str(folder), f"{store}/none"])
     with pytest.raises(NothingFoundError, match="no height map"):
-        list_parts([f"{store}/none*"])
+        discover([f"{store}/none*"])
     with pytest.raises(FileError, match=r"^zip://a::s3://b/c.zip: is of a kind that is not read"):
-        list_parts(["zip://a::s3://b/c.zip"])
+        discover(["zip://a::s3://b/c.zip"])
 
 
 def test_manifests_stand_where_they_are_named(folder: Path) -> None:
     (folder / "lot.csv").write_text("part,height_map,expected\nA,a.npz,KB\nB,s3://lots/b.npz,\n")
     (folder / "more.tsv").write_text("scan\tphoto\na.h5\tb.png\n")
     inputs = [str(folder / "d.SUR"), str(folder / "lot.csv"), str(folder / "b.npz")]
-    parts = list_parts(inputs, manifests=[str(folder / "more.tsv")])
+    parts = discover(inputs, manifests=[str(folder / "more.tsv")])
     assert [p.name for p in parts] == ["d", "A", "B", "b", "a"]
     assert parts[1].expected == "KB"
     assert parts[4].files == (str(folder / "a.h5"), str(folder / "b.png"))
@@ -104,10 +105,10 @@ def test_one_part_found_and_told_stands_once_and_says_all(folder: Path) -> None:
     (folder / "lot.csv").write_text("height_map,expected\nb.npz,KB\n")
     (folder / "also.csv").write_text("height_map,part\nb.npz,other\n")
     for inputs in ([folder / "b.npz", folder / "lot.csv"], [folder / "lot.csv"] * 2 + [folder / "b.npz"]):
-        (b,) = list_parts([str(i) for i in inputs])
+        (b,) = discover([str(i) for i in inputs])
         assert (b.name, b.expected) == ("b", "KB")
     # under another name it is another part
-    assert len(list_parts([str(folder / "lot.csv"), str(folder / "also.csv")])) == 2
+    assert len(discover([str(folder / "lot.csv"), str(folder / "also.csv")])) == 2
 
 
 def test_names_of_all_sources_are_made_apart(folder: Path, store: str) -> None:
@@ -115,7 +116,7 @@ def test_names_of_all_sources_are_made_apart(folder: Path, store: str) -> None:
         f"part,height_map\na,deeper/other.npz\nx,{store}/a.npz\n", encoding="utf-8"
     )
     (folder / "same.csv").write_text("part,height_map\na,deeper/third.npz\n")
-    parts = list_parts([str(folder), f"{store}/deeper", str(folder / "lot.csv"), str(folder / "same.csv")])
+    parts = discover([str(folder), f"{store}/deeper", str(folder / "lot.csv"), str(folder / "same.csv")])
     names = [p.name for p in parts]
     assert len(set(names)) == len(names)
     assert names == [
@@ -193,27 +194,28 @@ def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: P
     for name, head in (("truth.csv", "part,text"), ("rows.csv", "part,text,decision")):
         (tmp_path / name).write_text(f"{head}\na,AB12\n")
     (tmp_path / "a.npz").write_bytes(b"x")
-    assert [p.name for p in list_parts([str(p) for p in sorted(tmp_path.iterdir())])] == ["a"]
+    assert [p.name for p in discover([str(p) for p in sorted(tmp_path.iterdir())])] == ["a"]
     with pytest.raises(FileError, match="must name one of"):
-        list_parts([str(tmp_path / "truth.csv")])
+        discover([str(tmp_path / "truth.csv")])
 
 
 # ----------------------------------------------------------------------------------- files of this machine
 
 
+def named(folder: Path, parts: Sequence[PartFiles]) -> list[tuple[str, ...]]:
+    """Name, height map, scan and photograph of each part, by file name."""
+    files = [(p.height_map, p.scan, p.photo) for p in parts]
+    assert all(not f or Path(f).parent == folder for part in files for f in part)
+    return [(p.name, *(Path(f).name for f in part)) for p, part in zip(parts, files, strict=True)]
+
+
 def test_files_of_one_stem_are_one_part(folder: Path) -> None:
-    a, b, d = discover([folder])
-    assert (a.name, a.scan, a.height_map, a.photo) == ("a", folder / "a.h5", folder / "a.npz", "")
-    assert (b.name, b.scan, b.height_map, b.photo) == ("b", "", folder / "b.npz", folder / "b.png")
-    assert d.height_map == folder / "d.SUR"
-    assert not any(p.problem for p in (a, b, d))
-
-
-def test_globs_and_files_keep_their_order_and_stand_once(folder: Path) -> None:
-    parts = discover([folder / "d.SUR", str(folder / "*.npz"), folder / "b.npz", folder / "b.png"])
-    assert [p.name for p in parts] == ["d", "a", "b"]
-    assert parts[2].photo == folder / "b.png"
-    assert not any(p.problem for p in parts)
+    parts = discover([folder])
+    whole = [("a", "a.npz", "a.h5", ""), ("b", "b.npz", "", "b.png"), ("d", "d.SUR", "", "")]
+    assert named(folder, parts) == whole
+    mixed = discover([folder / "d.SUR", str(folder / "*.npz"), folder / "b.npz", folder / "b.png"])
+    assert named(folder, mixed) == [whole[2], ("a", "a.npz", "", ""), whole[1]]
+    assert not any(p.problem for p in (*parts, *mixed))
 
 
 def test_as_much_of_the_folders_as_makes_names_unique(
@@ -230,44 +232,32 @@ def test_as_much_of_the_folders_as_makes_names_unique(
 
 def test_a_photograph_alone_is_a_part_where_it_is_meant(folder: Path) -> None:
     # beside height maps it may be any picture
-    assert "c" not in [p.name for p in discover([folder])]
     assert "c" not in [p.name for p in discover([str(folder / "*")])]
-    for named in ([folder / "c.png"], [str(folder / "c.*")]):
-        (c,) = discover(named)
-        assert (c.photo, c.felt, c.problem) == (folder / "c.png", False, None)
+    for inputs in ([folder / "c.png"], [str(folder / "c.*")]):
+        assert named(folder, discover(inputs)) == [("c", "", "", "c.png")]
     assert [p.name for p in discover([str(folder / "*.png")])] == ["b", "c"]
     assert [p.name for p in discover([folder], photos=True)] == ["a", "b", "c", "d"]
-    first_the_photo = discover([folder / "b.png", folder / "b.npz"])
-    assert len(first_the_photo) == 1
-    assert first_the_photo[0].problem is None
-    assert first_the_photo[0].felt
+    assert named(folder, discover([folder / "b.png", folder / "b.npz"])) == [("b", "b.npz", "", "b.png")]
 
 
 def test_the_photograph_beside_a_file_named_is_its_own_where_wanted(folder: Path) -> None:
-    assert discover([folder / "b.npz"])[0].photo == ""
-    (b,) = discover([folder / "b.npz"], beside=True)
-    assert (b.height_map, b.photo) == (folder / "b.npz", folder / "b.png")
-    (c,) = discover([folder / "c.png"], beside=True)
-    assert not c.felt
+    for beside in (False, True):
+        found = discover([folder / "b.npz"], beside=beside)
+        assert named(folder, found) == [("b", "b.npz", "", "b.png" if beside else "")]
+    assert named(folder, discover([folder / "c.png"], beside=True)) == [("c", "", "", "c.png")]
 
 
 def test_two_photographs_of_one_stem_trouble_vision_alone(folder: Path) -> None:
     (folder / "b.jpg").write_bytes(b"x")
     (b,) = discover([str(folder / "b.*")])
-    assert b.problem is None
-    assert b.felt
-    assert b.photo_problem is not None
+    assert (b.problem, b.felt) == (None, True)
     assert "b.png" in str(b.photo_problem)
     assert "b.jpg" in str(b.photo_problem)
 
 
 def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -> None:
-    missing, notes = discover([folder / "none.npz", folder / "notes.txt"])
-    assert missing.height_map == folder / "none.npz"
-    assert notes.height_map == folder / "notes.txt"
-
-
-def test_a_name_that_no_file_can_have_is_a_problem() -> None:
+    found = discover([folder / "none.npz", folder / "notes.txt"])
+    assert named(folder, found) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
     (part,) = discover(["x" * 5000 + ".npz"])
     assert part.problem is not None
     assert "name" in part.problem.hint
@@ -280,14 +270,14 @@ def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
     assert Path(part.height_map).read_bytes() == b"x"
 
 
-def test_photographs_beside_are_found_by_their_stems(tmp_path: Path) -> None:
+def test_photographs_beside_thousands_of_files_are_found_by_their_stems(tmp_path: Path) -> None:
     files = [tmp_path / f"{n}.npz" for n in range(3000)]
     for number, file in enumerate(files):
         file.write_bytes(b"x")
         if number % 2:
             file.with_suffix(".jpg").write_bytes(b"x")
-    parts = discover(files, beside=True)
-    assert [p.photo for p in parts] == [f.with_suffix(".jpg") if n % 2 else "" for n, f in enumerate(files)]
+    photos = [p.photo for p in discover(files, beside=True)]
+    assert photos == [str(f.with_suffix(".jpg")) if n % 2 else "" for n, f in enumerate(files)]
 
 
 def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -308,21 +298,15 @@ def test_nothing_found_is_said(given: list[str], tmp_path: Path, monkeypatch: py
 
 
 def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:
-    for name in (
-        "a.npz",
-        "a.light-1.png",
-        "a.light-2.jpg",
-        "b.exposure-1.png",
-        "b.shot-2.png",
-        "c.light-x.png",
-    ):
+    names = "a.npz a.light-1.png a.light-2.jpg b.exposure-1.png b.shot-2.png c.light-x.png"
+    for name in names.split():
         (tmp_path / name).write_bytes(b"x")
-    a, b, c = discover([tmp_path], photos=True)
-    lights = tmp_path / "a.light-1.png", (tmp_path / "a.light-2.jpg",)
-    assert (a.name, a.photo, a.more_photos) == ("a", *lights)
-    assert (b.name, len(b.more_photos), b.photo_problem) == ("b", 1, None)
-    assert c.name == "c.light-x"
+    several = {
+        p.name: [Path(f).name for f in (p.photo, *p.more_photos)] for p in discover([tmp_path], photos=True)
+    }
+    b = ["b.exposure-1.png", "b.shot-2.png"]
+    assert several == {"a": ["a.light-1.png", "a.light-2.jpg"], "b": b, "c.light-x": ["c.light-x.png"]}
     (beside,) = discover([tmp_path / "a.npz"], beside=True)
     assert len(beside.more_photos) == 1
-    two = discover([tmp_path / "b.exposure-1.png", tmp_path / "b.shot-2.png"])
-    assert [(p.name, p.more_photos) for p in two] == [("b", (tmp_path / "b.shot-2.png",))]
+    (two,) = discover([tmp_path / name for name in b])
+    assert (two.name, two.more_photos, two.photo_problem) == ("b", (str(tmp_path / b[1]),), None)

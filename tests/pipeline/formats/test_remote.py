@@ -22,7 +22,7 @@ from glyphs.errors import FileError, MissingExtraError
 from glyphs.surface.maps import HeightMap
 from pipeline.errors import UrlError
 from pipeline.formats import remote
-from pipeline.formats.find_parts import list_parts
+from pipeline.formats.find_parts import discover
 from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
@@ -295,7 +295,7 @@ def test_buckets_are_listed(bucket: str) -> None:
 
 
 def test_every_object_listed_is_fetched(bucket: str) -> None:
-    parts = list_parts([f"{bucket}/lot"], photos=True)
+    parts = discover([f"{bucket}/lot"], photos=True)
     assert [p.name for p in parts] == ["a", "b", "we::ird [1] #?ü"]
     for part in parts:
         with fetched(part) as local:
@@ -451,12 +451,12 @@ def test_a_web_server(tmp_path: Path) -> None:
             """Nothing is logged."""
 
     with serving(Folder) as url:
-        parts = list_parts([f"{url}/lot/"], photos=True)
+        parts = discover([f"{url}/lot/"], photos=True)
         assert [(p.name, p.files) for p in parts] == [
             ("a", (f"{url}/lot/a.npz",)),
             ("b", (f"{url}/lot/b.npz", f"{url}/lot/b.png")),
         ]
-        assert [p.name for p in list_parts([f"{url}/lot/*.npz"])] == ["a", "b"]
+        assert [p.name for p in discover([f"{url}/lot/*.npz"])] == ["a", "b"]
         assert read(parts[0].height_map) == b"a.npz"
         refused(f"{url}/lot/none.npz", "is not there; check the name")
 
