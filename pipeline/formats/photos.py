@@ -9,7 +9,6 @@ import contextlib
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,38 +42,6 @@ _NEXT_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 """Next marker in a JPEG's compressed data; stuffed bytes and restart markers do not count."""
 
 
-@dataclass(frozen=True)
-class PhotoHeader:
-    """The header of a picture file.
-
-    Attributes:
-        kind: PNG, JPEG, BMP, TIFF, WEBP or GIF.
-        rows: of pixels.
-        cols: of pixels.
-        pitch_mm: size of a pixel, if the file says so in metres or inches, and plausibly.
-    """
-
-    kind: str
-    rows: int
-    cols: int
-    pitch_mm: float | None
-
-
-def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
-    """Read the header of a picture; nothing is decoded.
-
-    Args:
-        path: the file.
-        most: most pixels that the picture may have.
-
-    Raises:
-        FileError: the file is missing, of an unsupported kind, damaged, or takes more work to decode than a photograph.
-    """
-    path = Path(path)
-    with _opened(path, most=most) as image:
-        return _header_of(image, most=most)
-
-
 def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     """Read a photograph as red, green and blue of 8 or 16 bit, turned upright as its EXIF says.
 
@@ -84,26 +51,28 @@ def read_photo(path: Path, *, most: int = MAX_PIXELS) -> Photo:
     The pixel size is taken from the file where it states one in metres or inches that is not a usual default (72 or
     96 dpi).
 
+    Args:
+        path: the file.
+        most: most pixels that the picture may have.
+
     Raises:
         FileError: the file is missing, of an unsupported kind, damaged, cut short, or takes more work to decode than a
             photograph.
     """
     path = Path(path)
-    with _opened(path, most=most) as image:
-        _header_of(image, most=most)
+    with _opened(path, most) as image:
         page, pages = _page(path, image) if image.format == "TIFF" else (0, getattr(image, "n_frames", 1))
-        header = _header_of(image)
-        if min(header.rows, header.cols) < 8:
-            raise DataError(f"has {_size(header)}, which shows no characters", "take it larger")
-        pixels = _decoded(path, image, page)
+        if min(image.size) < 8:
+            raise DataError(f"has {_size(image)}, which shows no characters", "take it larger")
+        pixels, pitch_mm = _decoded(path, image, page), _pitch_mm(image)
     pixels, ground = lay_on_ground(pixels)
     notes = [] if image.format == "MPO" or pages < 2 else [_page_note(image.format, page, pages)]
     notes += [f"the picture is transparent in places; it was laid on {ground}"] if ground else []
-    return Photo(stretch(pixels), pitch_mm=header.pitch_mm, notes=tuple(notes))
+    return Photo(stretch(pixels), pitch_mm=pitch_mm, notes=tuple(notes))
 
 
 @contextlib.contextmanager
-def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
+def _opened(path: Path, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
     """The picture, not yet decoded; errors of its decoder name the file."""
     with reading(path, kind="picture", most_bytes=MOST_BYTES["photo"]), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
@@ -117,22 +86,20 @@ def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[ImageFile]:
         except Image.DecompressionBombError:
             raise DataError(f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
+            _check_work(path, image, most)
             yield image
 
 
-def _header_of(image: ImageFile, *, most: int = MAX_PIXELS) -> PhotoHeader:
-    """The header of the page that the picture stands at, within the limits."""
-    kind = "JPEG" if image.format == "MPO" else str(image.format)
-    header = PhotoHeader(kind, image.height, image.width, _pitch_mm(image))
-    pixels = header.rows * header.cols
+def _check_work(path: Path, image: ImageFile, most: int = MAX_PIXELS) -> None:
+    """Refuse a page, before it is decoded, that takes more work than a photograph."""
+    pixels = image.width * image.height
     if pixels > most:
-        raise DataError(f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it")
-    if kind == "JPEG" and (scans := _scans(Path(str(image.filename)))) * pixels > max(
+        raise DataError(f"has {_size(image)}, over the limit of {most:,}", "crop or shrink it")
+    if image.format in ("JPEG", "MPO") and (scans := _scans(path)) * pixels > max(
         _MOST_SCANNED, _FREE_SCANS * pixels
     ):
-        what = f"is a JPEG of {scans:,} passes over {_size(header)}"
+        what = f"is a JPEG of {scans:,} passes over {_size(image)}"
         raise DataError(what, "save it as a usual JPEG or as PNG")
-    return header
 
 
 def _scans(path: Path) -> int:
@@ -148,8 +115,8 @@ def _scans(path: Path) -> int:
     return scans
 
 
-def _size(header: PhotoHeader) -> str:
-    return f"{header.rows:,} x {header.cols:,} pixels"
+def _size(image: ImageFile) -> str:
+    return f"{image.height:,} x {image.width:,} pixels"
 
 
 def _pitch_mm(image: ImageFile) -> float | None:
@@ -182,7 +149,7 @@ def _page(path: Path, image: ImageFile) -> tuple[int, int]:
 
     def shows_something(number: int) -> bool:
         image.seek(number)
-        _header_of(image)
+        _check_work(path, image)
         return not is_blank(_decoded(path, image, number))
 
     best = next(filter(shows_something, whole), whole[0]) if len(whole) > 1 else whole[0]
@@ -198,6 +165,8 @@ def _page_note(kind: str | None, page: int, pages: int) -> str:
 
 def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
+    from PIL import Image
+
     deep = _is_deep(path, image)
     if image.mode in ("I", "F") and not deep:
         raise DataError(
@@ -206,9 +175,14 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
         )
     try:
         if image.format == "PNG":
-            # loading passes over damaged checksums
-            _verify(path)
-        made = _decoded_deep(path, page) if deep else _decoded_flat(image)
+            with Image.open(path, formats=("PNG",)) as again:
+                again.verify()  # loading passes over damaged checksums
+        if deep:
+            made = _decoded_deep(path, page)
+        else:
+            image.load()
+            opaque = "RGBA" if image.has_transparency_data else "RGB"
+            made = np.asarray(image if image.mode in ("RGB", "RGBA") else image.convert(opaque))
     except (OSError, SyntaxError, ValueError) as error:
         what = f"is a {image.format} that is damaged, unusual or ends too soon"
         raise DataError(what, "copy it again, or save it as PNG of 8 bit") from error
@@ -217,28 +191,12 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     return turn_upright(made, turned)
 
 
-def _decoded_flat(image: ImageFile) -> Decoded:
-    image.load()
-    if image.mode in ("RGB", "RGBA"):
-        return np.asarray(image)
-    return np.asarray(image.convert("RGBA" if image.has_transparency_data else "RGB"))
-
-
-def _verify(path: Path) -> None:
-    from PIL import Image
-
-    with Image.open(path, formats=("PNG",)) as image:
-        image.verify()
-
-
 def _is_deep(path: Path, image: ImageFile) -> bool:
     """Whether a picture has 16 bit a channel."""
-    if image.format == "PNG":
-        with path.open("rb") as stream:
-            return stream.read(25)[24:] == b"\x10"  # of IHDR, which comes first
     if image.format == "TIFF":
         return 16 in image.tag_v2.get(258, ())  # type: ignore[attr-defined]
-    return False
+    with path.open("rb") as stream:
+        return image.format == "PNG" and stream.read(25)[24:] == b"\x10"  # of IHDR, which comes first
 
 
 def _decoded_deep(path: Path, page: int) -> Decoded:
@@ -272,15 +230,16 @@ def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
     Raises:
         FileError: a colour picture, or one of 8 bits.
     """
-    header = read_header(path, most=most)
+    with _opened(path, most) as image:
+        pitch_mm = _pitch_mm(image)
     z = _by_opencv(path)
     if z is None:
-        raise DataError(f"is a damaged or unusual {header.kind}", "save it as TIFF of 32 bit floats")
+        raise DataError(f"is a damaged or unusual {image.format}", "save it as TIFF of 32 bit floats")
     if z.ndim != 2:
         raise DataError("is a colour picture, no heights", "read it without --height-image")
     if z.dtype == np.uint8:
         raise DataError("has 8 bits, too few for heights", "export it with 16 bits, or as float TIFF")
-    return RawMap(z, header.pitch_mm, header.pitch_mm, xy_mm=1.0, rows_stated=True)
+    return RawMap(z, pitch_mm, pitch_mm, xy_mm=1.0, rows_stated=True)
 
 
 def write_photo(path: Path, photo: Photo) -> None:

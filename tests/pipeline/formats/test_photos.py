@@ -14,7 +14,7 @@ from PIL import Image
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
-from pipeline.formats.photos import read_header, read_photo, write_photo
+from pipeline.formats.photos import read_photo, write_photo
 
 RNG = np.random.default_rng(0)
 COLOUR = RNG.integers(0, 256, (20, 31, 3), dtype=np.uint8)
@@ -168,7 +168,7 @@ def test_a_jpeg_of_endless_passes_is_refused_from_its_markers(tmp_path: Path) ->
     path = tmp_path / "part.jpg"
     path.write_bytes(_with_scans(Image.new("L", (2000, 2000), 128), 400))
     with pytest.raises(FileError, match=r"JPEG of 4\d\d passes"):
-        read_header(path)
+        read_photo(path)
     path.write_bytes(_with_scans(Image.new("L", (64, 64), 128), 40))  # little work
     assert read_photo(path).shape == (64, 64)
 
@@ -233,9 +233,7 @@ def test_the_pitch_that_a_file_states(
 def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"part{suffix}"
     Image.fromarray(COLOUR).save(path, dpi=(508.0, 508.0))
-    header = read_header(path)
-    assert (header.rows, header.cols) == COLOUR.shape[:2]
-    assert header.pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
+    assert read_photo(path).pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
 
 
 def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
