@@ -18,6 +18,13 @@ from pipeline.common.reading_records import (
     ReadingRecord,
 )
 
+COLUMNS = (
+    *("part", "text", "decision", "confidence", "source", "seconds", "error", "font", "height_mm"),
+    *("rotation_deg", "raised", "flags", "alternatives", "depth_min_mm", "depth_mean_mm", "depths"),
+    *("expected", "verdict", "verify_probability", "states", "rivals", "grade", "grades", "action"),
+    *("height_px", "lines", "codes", "burr_mm", "fields", "at", "program", "settings"),
+)
+"""Columns of a row; those that are no field of a record are made by `row_of`."""
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
 _UNGRADED = "?"
@@ -69,26 +76,14 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
     means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
     burrs = [c.burr_mm for c in places if c.burr_mm is not None]
     grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
-    return {
-        "part": record.part,
-        "text": record.text,
-        "decision": record.decision,
-        "confidence": record.confidence,
-        "source": record.source,
-        "seconds": record.seconds,
-        "error": record.error,
-        "font": record.font,
+    cells = {
         "height_mm": _rounded(record.height_mm, 4),
         "rotation_deg": round(record.rotation_deg, 3),
-        "raised": record.raised,
         "flags": "; ".join(record.messages),
         "alternatives": alternatives_text(places),
         "depth_min_mm": _rounded(min(least, default=None), 4),
         "depth_mean_mm": _rounded(sum(means) / len(means) if means else None, 4),
         "depths": depths_text(places) if least or record.source != "vision" else "",
-        "expected": record.expected,
-        "verdict": record.verdict,
-        "verify_probability": record.verify_probability,
         "states": states_text(places),
         "rivals": ", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
         "grade": max(grades.replace(_UNGRADED, ""), default=grades[:1]),
@@ -100,9 +95,8 @@ def row_of(record: ReadingRecord) -> dict[str, Any]:
         "burr_mm": _rounded(max(burrs, default=None), 4),
         "fields": fields_text(record.fields),
         "at": "" if record.at is None else record.at.isoformat(timespec="seconds"),
-        "program": record.program,
-        "settings": record.settings,
     }
+    return {name: cells[name] if name in cells else getattr(record, name) for name in COLUMNS}
 
 
 def depths_text(places: Sequence[CharacterRecord]) -> str:
