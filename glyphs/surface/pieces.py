@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,9 @@ class Piece(OneLine):
     Raises:
         MapError: an angle out of range, a length not positive, a cap higher than its ball.
     """
+
+    # read from files as it is: unknown keys are errors
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     kind: PieceKind = PieceKind.PITS
     angle_deg: tuple[float, ...] = (30.0, 45.0, 60.0)

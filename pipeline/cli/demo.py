@@ -59,7 +59,6 @@ def _read(out: Path) -> int:
     from glyphs.part import stamp
     from pipeline.benchmark.report.charts import inlined
     from pipeline.benchmark.report.page import write_page
-    from pipeline.formats.lead_in import calibrate_scan
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
     from pipeline.reading.simulated_scan import feel
@@ -67,6 +66,7 @@ def _read(out: Path) -> int:
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
     from recognition.views.levelling import level
+    from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
     from whisker_array.whisker.array import default_plan
 

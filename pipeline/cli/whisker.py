@@ -76,9 +76,8 @@ def scan(
     """
     from glyphs.atomic import check_writable
     from pipeline.formats.npz import read_soil
-    from pipeline.formats.piece_file import read_surface
     from pipeline.formats.touch_file import read_height_map
-    from pipeline.formats.whisker_file import read_whisker_file
+    from pipeline.formats.whisker_file import read_surface, read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
     from whisker_array.identification.predictions import predictions
@@ -186,8 +185,8 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
     if not in_place and out is None:
         out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
     from glyphs.errors import FileError
-    from pipeline.formats.lead_in import calibrate_scan
     from pipeline.workers.options import in_a_worker
+    from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration
     from whisker_array.scan.sensor import SensorError
 

@@ -119,7 +119,7 @@ def _wrong_key(error: ValidationError, hidden: Collection[str]) -> tuple[str, st
     """The error of the first wrong key, and the hint."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if part not in hidden)
-    if first["type"] == "extra_forbidden":
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"has the unknown key {key}", "take it out, or check how it is written"
     if first["type"] == "missing":
         return f"lacks the key {key}", "add it"

@@ -23,9 +23,16 @@ from glyphs.plain_text import visible
 from pipeline.errors import is_url, is_web, problem_of
 from pipeline.formats.kinds import PHOTO_SUFFIXES, READ_NAMES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 from pipeline.formats.manifest import is_manifest, names_no_files, read_manifest
-from pipeline.formats.names import has_magic, local_name, split_name
-from pipeline.formats.number_table import is_number_table
-from pipeline.formats.part_files import PartFiles, key_and_kind, named_apart, set_of
+from pipeline.formats.part_files import (
+    PartFiles,
+    has_magic,
+    key_and_kind,
+    local_name,
+    named_apart,
+    set_of,
+    split_name,
+)
+from pipeline.formats.text_maps import is_number_table
 
 _MOST_NAME = 80
 _MOST_NAMES = 20

@@ -1,8 +1,13 @@
-"""Conversion of the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes."""
+"""Conversion of the heights of a file to a HeightMap: bad points, rows, units, offset, and one pitch for both axes.
+
+Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that are no
+such part in the unit that the file states (millimetres where it states none) are asked about. A unit that is given
+replaces the file's without a question.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +16,175 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
-from pipeline.formats.units import factors_to_mm
+
+# mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
+MOST_PLATE_MM = 1000.0
+# mm, shorter side of a map: a tenth of the lowest lettering met, a coin's; and where the file states its unit
+LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
+# mm, height range: what measures more does not resolve a mark of 0.1 mm
+MOST_RELIEF_MM = 100.0
+# height range over the shorter side: no plate lies more than 45 degrees askew under an instrument
+MOST_RELIEF_SHARE = 1.0
+# mm, height range of a map that is not flat: a twentieth of the shallowest mark
+LEAST_RELIEF_MM = 1e-3
+# mm, height range of a stamped plate: of several units that make a part, the likeliest comes nearest
+USUAL_RELIEF_MM = 0.2
+# least height range over the shorter side where the file states its unit: instruments measure unmarked parts, too
+LEAST_RELIEF_SHARE = 3e-5
+# mm, height range less tilt and dome: twenty times the deepest stamped mark
+MOST_DEPTH_MM = 10.0
+# mean steepness over a fiftieth of the shorter side: 45 degrees everywhere
+MOST_STEEPNESS = 1.0
+# mm, distance of samples: a character of 25 mm has 25
+MOST_PITCH_MM = 1.0
+
+_SUBSAMPLE = 40_000
+
+MM = {
+    **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
+    **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4},
+}
+"""Millimetres in one of a unit of length, as files write it."""
+UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}
+"""Units of length that can be given, in words."""
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86_400.0}
+"""Seconds in one of a unit of time."""
+
+
+def factors_to_mm(raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
+    """Factors that make millimetres of heights and of sample distances.
+
+    Args:
+        raw: its heights, without bad points.
+        pitch: the smaller distance of samples, in the file's numbers; millimetres where the settings give it.
+        settings: a unit given goes before the file's; heights and distances may have different units, so what it
+            would make absurd keeps the file's.
+
+    Raises:
+        DataError: the numbers are no part; says in which unit they would be.
+    """
+    shape = _Shape.of(raw, pitch)
+    z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
+
+    def factors(unit: str) -> dict[str, tuple[float, float]]:
+        """Factors by the quantities that may have the unit."""
+        mm = MM[unit]
+        if settings.pitch_mm is not None:
+            return {"heights": (mm, 1.0)}
+        return {"numbers": (mm, mm)} | (
+            {} if raw.one_unit else {"heights": (mm, xy_mm), "distances": (z_mm, mm)}
+        )
+
+    if settings.unit is not None:
+        tries = list(factors(settings.unit).values())
+        fitting = [one for one in tries if not shape.absurdity(*one)]
+        return min(fitting, key=lambda one: shape.unusual(one[0]), default=tries[0])
+    absurd = shape.absurdity(z_mm, xy_mm)
+    if not absurd:
+        return z_mm, xy_mm
+    asked = [
+        (unit == "in", shape.unusual(z), what, unit)
+        for unit in UNITS
+        # no format states its numbers wrongly by as much as a nanometre
+        if unit != "nm" or raw.z_mm is None
+        for what, (z, xy) in factors(unit).items()
+        if not shape.absurdity(z, xy)
+    ]
+    if asked:
+        *_, what, unit = min(asked, key=lambda one: one[:2])
+        raise DataError(absurd, f"are the {what} {UNITS[unit]}? then give --unit {unit}")
+    if not shape.odd_size(xy_mm):
+        return z_mm, xy_mm  # flat, noisy or askew
+    raise DataError(
+        f"{absurd}; in no unit are these the numbers of a part",
+        "give the distance of its samples with --pitch-mm, or say with --unit that it is right",
+    )
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Measures of a map in the file's numbers.
+
+    Attributes:
+        raw: the map.
+        pitch: smaller distance of samples.
+        relief: range of heights.
+        depth: range of heights less tilt and dome.
+        rise: mean steepness over a fiftieth of the shorter side, a sample.
+    """
+
+    raw: RawMap
+    pitch: float
+    relief: float = 0.0
+    depth: float = 0.0
+    rise: float = 0.0
+
+    @classmethod
+    def of(cls, raw: RawMap, pitch: float) -> _Shape:
+        """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
+        z = raw.z
+        step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
+        few = np.asarray(z[::step, ::step], dtype=np.float64)
+        known = np.isfinite(few)
+        if known.sum() < 8:
+            return cls(raw, pitch)
+        lag = max(1, round(min(z.shape) / 50))
+        down, right = (
+            z[lag::step, ::step] - z[:-lag:step, ::step],
+            z[::step, lag::step] - z[::step, :-lag:step],
+        )
+        rises = np.abs(np.concatenate([down.ravel(), right.ravel()]))
+        rises = rises[np.isfinite(rises)]
+        y, x = (axis[known] for axis in np.indices(few.shape) / max(few.shape))
+        heights = few[known] - np.median(few[known])
+        form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+        rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
+        relief, depth = (
+            float(np.ptp(np.percentile(h, e))) for h, e in ((heights, (0.2, 99.8)), (rest, (1, 99)))
+        )
+        return cls(raw, pitch, relief, depth, float(rises.mean()) / lag if rises.size else 0.0)
+
+    def unusual(self, z_mm: float) -> float:
+        """Distance of the height range from that of a stamped plate, in powers of ten."""
+        return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
+
+    def absurdity(self, z_mm: float, xy_mm: float) -> str:
+        """Reason why no plate with marks has these measures in these units; empty if one may."""
+        if odd := self.odd_size(xy_mm):
+            return odd
+        pitch, relief, depth = self.pitch * xy_mm, self.relief * z_mm, self.depth * z_mm
+        shorter, size = min(self.raw.z.shape) * pitch, self._size(pitch)
+        least = LEAST_RELIEF_MM if self.raw.z_mm is None else LEAST_RELIEF_SHARE * shorter
+        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < least:
+            return f"heights span {_length(relief)} on a map of {size}"
+        if self.raw.one_unit:  # a mesh may show the part's base, too
+            return ""
+        if depth > MOST_DEPTH_MM:
+            return f"marks are {_length(depth)} deep on a map of {size}"
+        if self.rise * z_mm / pitch > MOST_STEEPNESS:
+            return f"marks {_length(depth)} deep make a map of {size} steeper than 45 degrees throughout"
+        return ""
+
+    def odd_size(self, xy_mm: float) -> str:
+        """Reason why no map of a plate has these distances; empty if one may."""
+        pitch = self.pitch * xy_mm
+        shorter, longer = sorted(n * pitch for n in self.raw.z.shape)
+        if pitch > MOST_PITCH_MM:
+            return f"its samples lie {_length(pitch)} apart, on a map of {self._size(pitch)}"
+        if longer > MOST_PLATE_MM or shorter < (LEAST_PLATE_MM if self.raw.z_mm is None else LEAST_STATED_MM):
+            return f"the map measures {self._size(pitch)}"
+        return ""
+
+    def _size(self, pitch_mm: float) -> str:
+        rows, cols = self.raw.z.shape
+        return f"{_length(cols * pitch_mm)} x {_length(rows * pitch_mm)}"
+
+
+def _length(mm: float) -> str:
+    if mm >= 1e3:
+        return f"{mm / 1e3:.3g} m" if mm < 1e6 else f"{mm / 1e3:,.0f} m"
+    return f"{mm:.3g} mm" if mm >= 0.1 or mm == 0.0 else f"{mm * 1e3:.3g} um"
+
 
 # relative difference of two pitches that is taken for none: 1 in 1000 shears no character
 SAME_PITCH = 1e-3

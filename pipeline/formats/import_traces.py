@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
 from pipeline.errors import DataError, naming, reading
+from pipeline.formats.grid import MM, SECONDS
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
-from pipeline.formats.units import MM, SECONDS
 from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep

@@ -1,4 +1,8 @@
-"""Height maps as instruments write them, with the extra `formats`.
+"""Height maps as instruments write them: X3P and SDF (ISO 25178) by x3pio and sdfio, others with the extra `formats`.
+
+X3P and SDF state a right-handed frame: y grows with the row, so the first row is the lowest one of the part, unless the
+`Origin` of an X3P is in the north or its increment along y is negative. Some writers put the top row first and do not
+say so.
 
 SurfaceTopography hands out `heights()[x, y]` so that its transpose, seen as an image, stands upright with the top row
 first, whatever the format; except for X3P and SDF, whose rows it hands on in the file's order.
@@ -10,10 +14,13 @@ import contextlib
 import io
 import logging
 import re
+import struct
+import tempfile
 import warnings
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -136,3 +143,128 @@ def _raw_map(surface: Any, *, rows_stated: bool) -> RawMap:
         bottom_first=not rows_stated,
         rows_stated=rows_stated,
     )
+
+
+# description (main.xml), unpacked: more than anyone writes
+_MOST_DESCRIPTION_BYTES = 16_000_000
+# most that X3P stores for one sample: three coordinates as float64
+_MOST_BYTES_PER_SAMPLE = 24
+_MOST_TEXT_BYTES_PER_SAMPLE = 32
+# room for what a file holds beside its heights: a vendor's files, a trailer
+_MOST_SPARE_BYTES = 64_000_000
+_IN_MEMORY_BYTES = 64_000_000
+_HEAD_BYTES = 8192
+_MAIN, _CHECKSUM = "main.xml", "md5checksum.hex"
+_ROOT = re.compile(rb"<(/?(?:\w+:)?)ISO5436(?=[\s>])")
+_ORIGIN = re.compile(rb"<(?:\w+:)?Origin>\s*([NS])", re.IGNORECASE)
+
+
+def read_sdf(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """An SDF surface, binary or text, in metres.
+
+    Raises:
+        DataError: the file cannot be used.
+    """
+    import sdfio
+
+    rows, cols = _sdf_size(path)
+    check_size(rows, cols, most)
+    if path.stat().st_size > rows * cols * _MOST_TEXT_BYTES_PER_SAMPLE + _MOST_SPARE_BYTES:
+        raise DataError(f"is far longer than its {rows} x {cols} samples need", "export it again")
+    surface = sdfio.read(path)
+    pitches = surface.header.x_scale, surface.header.y_scale
+    return RawMap(np.asarray(surface.data), *pitches, z_mm=1e3, xy_mm=1e3, bottom_first=True)
+
+
+def _sdf_size(path: Path) -> tuple[int, int]:
+    """(profiles, points) as the header declares them; (0, 0) where it does not and sdfio shall complain."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES).removeprefix(b"\xef\xbb\xbf")
+    if head[:1].lower() == b"b":
+        counts = struct.Struct("<II" if head[1:8] == b"ISO-2.0" else "<HH")
+        points, profiles = counts.unpack_from(head, 42) if len(head) >= 42 + counts.size else (0, 0)
+    else:
+        found = (re.search(rb"(?i)Num%b\s*=\s*(\d{1,12})" % key, head) for key in (b"Profiles", b"Points"))
+        profiles, points = (int(one[1]) if one else 0 for one in found)
+    return profiles, points
+
+
+def read_x3p(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """The first layer of an X3P surface, in metres.
+
+    A description with an unusual root element, or with a checksum that it has outlived, is read all the same; the
+    checksum of the heights must hold.
+
+    Raises:
+        DataError: the file cannot be used.
+    """
+    import x3pio
+
+    info, description = _described(path)
+    if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
+        raise DataError(f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
+    rows, cols = info.shape
+    check_size(rows, cols * info.layer_count, most)
+    x, y = info.header.x, info.header.y
+    if not (x.is_incremental and y.is_incremental):
+        raise DataError("holds points off a regular grid", "export the surface on a regular grid")
+    with zipfile.ZipFile(path) as archive:
+        needed = rows * cols * info.layer_count * _MOST_BYTES_PER_SAMPLE
+        _check_members(archive, ending="", most=max(_MOST_SPARE_BYTES, needed))
+    try:
+        surface = x3pio.read(path)
+    except x3pio.X3pFormatError:  # a wrong checksum is one, too
+        with tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY_BYTES) as copy:
+            _mend(path, description, copy)
+            surface = x3pio.read(copy)
+    origin, downwards = _ORIGIN.search(description), y.increment < 0.0
+    return RawMap(
+        np.asarray(surface.layers[0].z),
+        abs(x.increment),
+        abs(y.increment),
+        z_mm=1e3,
+        xy_mm=1e3,
+        bottom_first=not downwards if origin is None else origin[1] in b"sS",
+        rows_stated=downwards or origin is not None,
+    )
+
+
+def _described(path: Path) -> tuple[Any, bytes]:
+    """Read the description alone: as x3pio parses it, and its text with the usual root element.
+
+    Raises:
+        x3pio.X3pFormatError: the description cannot be used.
+        DataError: it is far longer than one is.
+    """
+    import x3pio
+
+    with zipfile.ZipFile(path) as archive:
+        _check_members(archive, ending=".xml", most=_MOST_DESCRIPTION_BYTES)
+        names = [name for name in archive.namelist() if _is_main(name)]
+        if len(names) != 1:
+            return x3pio.info(path, verify=False), b""  # x3pio says what is wrong
+        description = _ROOT.sub(rb"<\1ISO5436_2", archive.read(names[0]))
+    alone = io.BytesIO()
+    with zipfile.ZipFile(alone, "w") as archive:
+        archive.writestr(_MAIN, description)
+    return x3pio.info(alone, verify=False), description
+
+
+def _is_main(name: str) -> bool:
+    return name.split("/")[-1] == _MAIN and "__MACOSX" not in name
+
+
+def _mend(path: Path, description: bytes, copy: IO[bytes]) -> None:
+    """Copy a file with another description and without its checksum."""
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w") as new:
+        for name in old.namelist():
+            if name.split("/")[-1] not in ("", _CHECKSUM):
+                new.writestr(name, description if _is_main(name) else old.read(name))
+    copy.seek(0)
+
+
+def _check_members(archive: zipfile.ZipFile, *, ending: str, most: int) -> None:
+    for member in archive.infolist():
+        if member.filename.lower().endswith(ending) and member.file_size > most:
+            size = f"{member.file_size / 1e6:,.0f} MB"
+            raise DataError(f"unpacks to {size} ({member.filename[:50]})", "export the map alone")

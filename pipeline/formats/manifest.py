@@ -22,8 +22,7 @@ from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.errors import DataError, is_url, reading
-from pipeline.formats.names import beside, local_name, split_name
-from pipeline.formats.part_files import PartFiles, key_and_kind, named_apart
+from pipeline.formats.part_files import PartFiles, beside, key_and_kind, local_name, named_apart, split_name
 from pipeline.formats.remote import copied
 from pipeline.formats.table_file import (
     PART_HEADINGS,

@@ -24,8 +24,9 @@ from typing import Any
 from glyphs.errors import FileError, MarksError, MissingExtraError
 from pipeline.errors import WEB, UrlError, is_url, is_web, shown_as, without_secrets
 from pipeline.formats.kinds import MOST_BYTES
-from pipeline.formats.names import (
+from pipeline.formats.part_files import (
     LOCAL,
+    PartFiles,
     harmless_name,
     has_magic,
     local_name,
@@ -33,7 +34,6 @@ from pipeline.formats.names import (
     spelled_on_disk,
     split_name,
 )
-from pipeline.formats.part_files import PartFiles
 
 _S3, _GS, _HTTP = ("s3fs", "s3"), ("gcsfs", "gs"), ("aiohttp", "cluster")
 _EXTRAS = {"s3": _S3, "s3a": _S3, "gs": _GS, "gcs": _GS, **dict.fromkeys(WEB, _HTTP)}

@@ -33,8 +33,8 @@ _INSTRUMENT = "instruments.read_instrument"
 _READERS: dict[str, _Reader] = {
     ".npz": ("npz.read_npz", ".npz", _GB),
     ".npy": ("npz.read_npy", ".npy", _GB),
-    ".x3p": ("iso25178.read_x3p", "X3P", _GB),
-    ".sdf": ("iso25178.read_sdf", "SDF", _GB),
+    ".x3p": ("instruments.read_x3p", "X3P", _GB),
+    ".sdf": ("instruments.read_sdf", "SDF", _GB),
     ".pcd": ("points.read_pcd", "PCD", _GB // 2),
     **{suffix: ("points.read_mesh", suffix[1:].upper(), _GB // 2) for suffix in MESH_SUFFIXES},
     **dict.fromkeys(PHOTO_SUFFIXES, ("photos.read_height_image", "picture", _GB // 2)),
@@ -70,7 +70,7 @@ def read_map_and_rows(
         FileError: likewise.
     """
     from pipeline.formats.grid import height_map
-    from pipeline.formats.number_table import is_number_table
+    from pipeline.formats.text_maps import is_number_table
 
     path, settings = Path(path), settings or MapSettings()
     reader = _READERS.get(path.suffix.lower())

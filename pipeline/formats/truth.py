@@ -1,4 +1,4 @@
-"""Accuracy of readings against a table of the stamped texts.
+"""Tables of texts: the truth of parts and the production order; accuracy of readings against the truth.
 
 *Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0: an edit is one
 character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text
@@ -7,6 +7,7 @@ is right. Spaces count for neither: they are not stamped. A part with an error c
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +17,7 @@ from pathlib import Path, PurePath, PureWindowsPath
 from rapidfuzz.distance import Levenshtein
 
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.serial_rules import Counted, ProductionOrder, counted
 from pipeline.common.texts import without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import is_height_map, is_photo, is_scan
@@ -188,3 +190,62 @@ def part_name(cell: str) -> str:
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
     known = is_height_map(path) or is_scan(path) or is_photo(path)
     return path.stem if known else cell
+
+
+_MOST_BYTES = 50_000_000
+_SEPARATE = "separate all columns by the same comma, semicolon or tab, and call the one meant serial"
+_RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
+# characters that no stamp has, but that appear in the cells of a wrongly parsed table
+_ODD = re.compile(r"[;,|\"<>=\t]|[^\S ]|[^\x20-\x7e\xa0-\uffff]")
+
+
+def read_order(path: Path) -> ProductionOrder:
+    """The production order in a file: one serial a line, the column `serial` of a table, or ranges A001..A099.
+
+    Raises:
+        FileError: no such file, not text, no column or several that could hold the serials, a cell that is no
+            serial, or an invalid range; names the line.
+    """
+    with reading(path, most_bytes=_MOST_BYTES):
+        column, lines = _serials_column(list(table_lines(path, comments=True)))
+        serials: set[str] = set()
+        ranges = []
+        for line in lines:
+            cell = line.cell(column)
+            if not cell or cell.startswith("#"):
+                continue
+            if (odd := _ODD.search(cell)) is not None:
+                what = f"line {line.number} holds {cell!r}, and {odd[0]!r} stands in no serial"
+                raise DataError(what, _SEPARATE)
+            match = _RANGE.fullmatch(cell)
+            if match is None:
+                serials.add(without_blanks(cell))
+            else:
+                ranges.append(_range(line, *match.groups()))
+        if not serials and not ranges:
+            raise DataError("holds no serial", "write one a line, or ranges such as KX400000..KX409999")
+    return ProductionOrder(path.name, frozenset(serials), tuple(ranges))
+
+
+def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
+    """The column that holds the serials, and the lines below the headings."""
+    if not lines:
+        return 0, lines
+    named = column_of(lines[0].cells, TEXT_HEADINGS)
+    if named is not None:
+        return named, lines[1:]
+    filled = sorted({place for line in lines for place, cell in enumerate(line.cells) if cell})
+    if len(filled) > 1:
+        found = ", ".join(map(repr, lines[0].cells))[:200]
+        what = f"line {lines[0].number} is {found}" if is_data(lines[0].cells) else f"has the columns {found}"
+        hint = "call it serial in the first line"
+        raise DataError(f"{what}, and which column holds the serials is not said", hint)
+    return filled[0], lines
+
+
+def _range(line: TableLine, first: str, last: str) -> tuple[Counted, Counted]:
+    low, high = counted(first), counted(last)
+    if low is None or high is None or low.series != high.series:
+        what = f"line {line.number}: {first}..{last} is not a range of serials"
+        raise DataError(what, "write it as KX400000..KX409999")
+    return low, high

@@ -1,4 +1,4 @@
-"""A whisker and its use as TOML: what `design` writes, a workshop builds and `scan` feels with.
+"""Whiskers and test pieces as TOML: what `design` writes, a workshop builds and `scan` feels with.
 
 format_version = 1
 kind = "L"                     or "straight": l_mm instead of l1_mm, l2_mm, l3_mm
@@ -9,6 +9,11 @@ material = "music wire"        or a table with name, e_mpa, poisson, density_g_c
 kind = "ribbon"                thickness_mm, width_mm; "round": diameter_mm
 [identified]                   of a whisker that `identify` has found: how well
 names = ["l1_mm", ...]         sd: standard deviations; correlation: a row for each name
+
+A test piece or golden part is a TOML of a `Piece`, or its own height map:
+
+kind = "pits"                  or "grooves", "ball", "step"
+angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_mm, radius_mm, land_mm
 """
 
 from __future__ import annotations
@@ -16,21 +21,28 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter
 
 from glyphs.atomic import check_writable
 from glyphs.errors import FileError
+from glyphs.surface.maps import HeightMap
+from glyphs.surface.pieces import Piece
 from pipeline.common.parsed import Positive, Strict, read_toml, write_toml
 from pipeline.errors import DataError, naming
+from pipeline.formats.touch_file import read_height_map
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.predictions import Knowledge
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
+
+if TYPE_CHECKING:
+    from whisker_array.identification.piece_map import Heights
+
 
 FORMAT_VERSION = 1
 """Version of the format; a file without one has this version, too."""
@@ -225,3 +237,38 @@ def _written(content: WhiskerFile) -> _L | _Straight:
             **{name: getattr(content, name) for name in _RASTER},
         }
     )
+
+
+PITCH_MM = 0.02
+"""Distance of samples in the map of a piece."""
+
+
+def read_piece(path: Path) -> Piece | HeightMap:
+    """The piece in a file.
+
+    Raises:
+        FileError: the file cannot be used.
+    """
+    return read_toml(path, TypeAdapter(Piece)) if path.suffix.lower() == ".toml" else read_height_map(path)
+
+
+def read_surface(path: Path) -> HeightMap:
+    """The height map of the piece in a file.
+
+    Raises:
+        FileError: as `read_piece`.
+    """
+    piece = read_piece(path)
+    return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece
+
+
+def heights_of_piece(piece: Piece | HeightMap) -> Heights:
+    """Height over the land at places of the piece, mm.
+
+    Raises:
+        MapError: a map with holes.
+    """
+    from recognition.views.levelling import level
+    from whisker_array.identification.piece_map import heights_of
+
+    return piece.height_mm if isinstance(piece, Piece) else heights_of(level(piece))

@@ -8,8 +8,8 @@ import numpy as np
 
 from glyphs.errors import FileError, MarksError, OwnFileError
 from pipeline.common.golden_record import GoldenMeasure, Measured
-from pipeline.formats.piece_file import heights_of_piece, read_piece
 from pipeline.formats.touch_file import read_scan
+from pipeline.formats.whisker_file import heights_of_piece, read_piece
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:

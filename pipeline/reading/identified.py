@@ -9,9 +9,14 @@ from functools import partial
 from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
-from pipeline.formats.piece_file import heights_of_piece, read_piece
 from pipeline.formats.touch_file import read_scan
-from pipeline.formats.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
+from pipeline.formats.whisker_file import (
+    WhiskerFile,
+    heights_of_piece,
+    read_piece,
+    read_whisker_file,
+    write_whisker_file,
+)
 from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.open_numbers import confounded, remedies, undetermined

@@ -19,9 +19,8 @@ from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
-from pipeline.formats.order_file import read_order
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.truth import Accuracy, load_truth
+from pipeline.formats.truth import Accuracy, load_truth, read_order
 from pipeline.reading.expected import load_expected
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions

@@ -13,8 +13,7 @@ from typing import IO
 from glyphs.errors import FileError
 from pipeline.common.texts import harmless
 from pipeline.formats.manifest import COLUMNS, FILES
-from pipeline.formats.names import absolute
-from pipeline.formats.part_files import PartFiles
+from pipeline.formats.part_files import PartFiles, absolute
 from pipeline.runs.journal import cannot_be_written
 
 _HEAD = ",".join((*COLUMNS, "problem")) + "\n"

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.errors import is_url
-from pipeline.formats.names import split_name
-from pipeline.formats.part_files import PartFiles
+from pipeline.formats.part_files import PartFiles, split_name
 from pipeline.runs.options import RunOptions
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder

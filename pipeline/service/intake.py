@@ -29,7 +29,7 @@ from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
 from pipeline.common.serial_rules import SerialRules
-from pipeline.formats.order_file import read_order
+from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.reading.triage import compared

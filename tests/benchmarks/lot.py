@@ -21,7 +21,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.common.serial_rules import SerialRules
-from pipeline.formats.order_file import read_order
+from pipeline.formats.truth import read_order
 from pipeline.store.store import Store
 
 _EACH = 200

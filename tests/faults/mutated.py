@@ -34,10 +34,9 @@ from glyphs.stamping.database import GlyphDatabase, load_database, save_database
 from pipeline.common.job_file import read_job_file
 from pipeline.common.serial_format import read_lexicon
 from pipeline.formats.manifest import read_manifest
-from pipeline.formats.order_file import read_order
 from pipeline.formats.photos import read_photo
 from pipeline.formats.touch_file import read_height_map, read_scan
-from pipeline.formats.truth import load_truth
+from pipeline.formats.truth import load_truth, read_order
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import WorkPool
 from tests.support.bad_files import chunk, jpeg, npz, png, scan, small_map, x3p

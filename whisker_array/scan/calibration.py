@@ -126,7 +126,7 @@ def calibrate_lead_in(
     )
     for bad, what, hint in wrong:
         if bad.any():
-            raise SensorError(f"on whiskers {_names(bad)} {what}", hint=hint)
+            raise SensorError(what, where=f"whiskers {_names(bad)}", hint=hint)
     return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
 
 

@@ -20,8 +20,8 @@ from pipeline.bench.bench import Bench
 from pipeline.bench.settings import read_bench
 from pipeline.cli.main import main
 from pipeline.common.parsed import write_toml
-from pipeline.formats.piece_file import read_piece
 from pipeline.formats.synth import SynthSpec, make_part
+from pipeline.formats.whisker_file import read_piece
 from tests.support.bench import a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
 from tests.support.emulator.world import World

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from pipeline.common.serial_rules import WINDOW, Counted, ProductionOrder, SerialAlarm, SerialRules, counted
-from pipeline.formats.order_file import read_order
+from pipeline.formats.truth import read_order
 
 
 def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import NothingFoundError, discover
-from pipeline.formats.names import harmless_name, split_name
-from pipeline.formats.part_files import PartFiles, named_apart
+from pipeline.formats.part_files import PartFiles, harmless_name, named_apart, split_name
 
 FILES = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
 

@@ -10,7 +10,7 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.surface.pieces import Piece
 from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear
-from pipeline.formats.piece_file import read_piece
+from pipeline.formats.whisker_file import read_piece
 from pipeline.reading.golden import measure_golden
 from tests.support.benches import recorded, worn
 from whisker_array.scan.recording import save_scan

@@ -149,13 +149,13 @@ def test_lead_in_refusals() -> None:
     air, land = lead_in()
     with pytest.raises(SensorError, match="5 samples of land"):
         calibrate_lead_in(air, land[:, :5], expected_land_moment_n_mm=LAND)
-    with pytest.raises(SensorError, match=r"whiskers 1 .*does not stand out"):
+    with pytest.raises(SensorError, match=r"whiskers 1: .*does not stand out"):
         calibrate_lead_in(
             air, np.where(np.arange(3)[:, None] == 1, air, land), expected_land_moment_n_mm=LAND
         )
     with pytest.raises(SensorError, match="wrong sign"):
         calibrate_lead_in(air, land, expected_land_moment_n_mm=-LAND)
-    with pytest.raises(SensorError, match=r"whiskers 0, 1, 2 .*too noisy"):
+    with pytest.raises(SensorError, match=r"whiskers 0, 1, 2: .*too noisy"):
         calibrate_lead_in(*lead_in(noise=2.0), expected_land_moment_n_mm=LAND)
     with pytest.raises(SensorError, match="does not stand out"):
         calibrate_lead_in(*lead_in(n=12, noise=50.0), expected_land_moment_n_mm=LAND)

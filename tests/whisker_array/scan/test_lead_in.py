@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.formats.lead_in import calibrate_scan
+from whisker_array.scan.lead_in import calibrate_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity

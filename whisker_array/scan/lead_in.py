@@ -55,8 +55,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
             try:
                 one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
             except SensorError as error:
-                what = error.what.replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
-                raise SensorError(what, where=f"whisker {whisker}", hint=error.hint) from error
+                raise SensorError(error.what, where=f"whisker {whisker}", hint=error.hint) from error
             gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
         over = (np.concatenate([air, land]) - offset[whisker]) / gain[whisker]
         over[air.size :] -= expected[whisker]
