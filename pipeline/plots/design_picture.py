@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, Polygon, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import NDArray
 
 from pipeline.common.section_words import describe_section
@@ -19,7 +19,6 @@ from whisker_array.design.tuned import Tuned, factors, middle_friction
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 
 _CURVES = ("#9ec5e8", "#4a86c5", "#173f6b")
-Point = tuple[float, float]
 
 
 @styled
@@ -49,79 +48,45 @@ def _bent_mm(design: Design) -> NDArray[np.float64]:
 
 def _draw_whisker(axes: Axes, line: NDArray[np.float64], design: Design, *, colour: str = STEEL) -> None:
     """Draw the arm l1 and the tip arm, which is ground down to its ball."""
-    half_mm = float(design.whisker.segments()[0].section_at(0.0).c_vertical_mm)
-    ahead = np.diff(line, axis=0)
-    moves = np.hypot(*ahead.T) > 0.0
-    line, ahead = np.concatenate([line[:1], line[1:][moves]]), ahead[moves]
-    ahead /= np.hypot(*ahead.T)[:, None]
-    # the elbow is the sharpest turn
-    elbow = 1 + int(np.argmax(np.abs(ahead[:-1, 0] * ahead[1:, 1] - ahead[:-1, 1] * ahead[1:, 0])))
-    for arm, end_mm in ((line[: elbow + 1], half_mm), (line[elbow:], min(design.tip_radius_mm, half_mm))):
-        along = np.gradient(arm, axis=0)
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-        side = np.linspace(half_mm, end_mm, len(arm))[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
-        outline = np.concatenate([arm + side, (arm - side)[::-1]])
-        axes.add_patch(Polygon(outline, closed=True, color=colour, linewidth=0.0, zorder=3))
-    axes.add_patch(
-        Circle((float(line[elbow, 0]), float(line[elbow, 1])), half_mm, color=colour, linewidth=0.0)
+    thick_mm = float(design.whisker.segments()[0].section_at(0.0).c_vertical_mm)
+    run_mm = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    ground_mm = [design.whisker.l2_mm, 0.0]
+    half = np.interp(
+        run_mm, run_mm[-1] - np.array(ground_mm), [thick_mm, min(design.tip_radius_mm, thick_mm)]
     )
-
-
-def _span(axes: Axes, a: Point, b: Point, text: str, *, side: float = 1.0) -> None:
-    """Draw a dimension line from a to b with its text beside."""
-    axes.annotate("", a, b, arrowprops={"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0})
-    slope = math.atan2(b[1] - a[1], b[0] - a[0])
-    middle, away = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])), (-7.0 * math.sin(slope), 7.0 * math.cos(slope))
-    turned = {"rotation": math.degrees(slope), "rotation_mode": "anchor", "ha": "center", "va": "center"}
-    note(axes, text, middle, (side * away[0], side * away[1]), **turned)
+    ahead = np.gradient(line, axis=0)
+    side = half[:, None] * np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.hypot(*ahead.T)[:, None]
+    outline = np.concatenate([line + side, (line - side)[::-1]])
+    axes.add_patch(Polygon(outline, color=colour, linewidth=0.0, zorder=3))
 
 
 def _whisker_panel(axes: Axes, design: Design) -> None:
-    w, line, beta = design.whisker, _bent_mm(design), design.whisker.beta_rad
+    """Draw the whisker on the land, to scale and bent as the exact beam, with its measures beside it."""
+    w, line = design.whisker, _bent_mm(design)
     reach, clamp = (float(v) for v in line[0])
-    axis = clamp - w.lowered_mm
-    low, high = min(0.0, axis), max(clamp, axis)
-    margin, block = 0.12 * reach, 0.06 * reach
-    axes.axhspan(low - margin, 0.0, color=LAND, zorder=0)
+    axis, turn = clamp - w.lowered_mm, math.degrees(w.beta_rad)
+    low, high = min(0.0, axis) - 0.12 * reach, max(clamp, axis) + 0.15 * reach
+    wide = 9.0 * reach
+    axes.add_artist(Rectangle((-wide, -wide), 2.0 * wide, wide, color=LAND, zorder=0))
     _draw_whisker(axes, line, design)
-    axes.add_patch(
-        Rectangle(
-            (reach, clamp - block), 0.6 * block, 2.0 * block, fc="0.75", ec="0.3", hatch="////", zorder=2
-        )
-    )
-    axes.plot([reach + 0.3 * block] * 2, [clamp, axis], color=GREEN, linestyle="--", zorder=1)
+    axes.plot(reach, clamp, "s", color="0.5", markersize=11)
+    axes.plot([reach, reach], [clamp, axis], color=GREEN, linestyle="--", zorder=1)
     axes.plot(reach, axis, "+", markersize=11, mew=2.0, color=GREEN, zorder=4, clip_on=False)
-    note(axes, "sensor axis", (reach, axis), (-8, 8), color=GREEN, ha="right")
-    elbow = (reach - w.l1_mm * math.cos(beta), clamp - w.l1_mm * math.sin(beta))
-    away = (-0.07 * reach * math.sin(beta), 0.07 * reach * math.cos(beta))
-    ends = [(x + away[0], y + away[1]) for x, y in (elbow, (reach, clamp))]
-    _span(axes, ends[0], ends[1], f"l1 {w.l1_mm:.2f} mm")
-    if abs(w.lowered_mm) > 0.02 * reach:
-        right = reach + 2.2 * block
-        _span(
-            axes, (right, min(axis, clamp)), (right, max(axis, clamp)), f"l3 {w.lowered_mm:.2f} mm", side=-1.0
-        )
-    if beta > math.radians(3.0):  # from the level through the elbow
-        at = 0.35 * reach
-        axes.plot([elbow[0], elbow[0] + 1.15 * at], [elbow[1]] * 2, color="0.5", linewidth=0.7, linestyle=":")
-        axes.add_patch(Arc(elbow, 2 * at, 2 * at, theta1=0, theta2=math.degrees(beta), color="0.3"))
-        middle = (elbow[0] + at * math.cos(0.5 * beta), elbow[1] + at * math.sin(0.5 * beta))
-        note(axes, f"β {math.degrees(beta):.1f}°", middle, (4, 0), va="center")
+    note(axes, "clamp", (reach, clamp), (10, 0), va="center")
+    note(axes, f"sensor axis, l3 {w.lowered_mm:.2f} mm", (reach, axis), (10, 5), color=GREEN)
     note(axes, f"l2 {w.l2_mm:.2f} mm", (0.0, 0.5 * w.l2_mm), (-6, 3), ha="right")
-    below = 0.5 * (low - margin)
+    arm = {"rotation": turn, "rotation_mode": "anchor", "ha": "center"}
+    note(axes, f"l1 {w.l1_mm:.2f} mm, β {turn:.1f}°", (0.5 * reach, 0.5 * (clamp + w.l2_mm)), (0, 8), **arm)
     axes.annotate(
-        "traced",
-        (0.62 * reach, below),
-        (0.44 * reach, below),
-        ha="right",
-        va="center",
+        "traced", (0.62 * reach, 0.5 * low), (0.44 * reach, 0.5 * low), ha="right", va="center",
         arrowprops={"arrowstyle": "->"},
-    )
+    )  # fmt: skip
+    axes.update_datalim([(-0.35 * reach, low), (1.4 * reach, high)])
     axes.set(
-        xlim=(-0.35 * reach, reach + 6.0 * block), ylim=(low - margin, high + 1.6 * margin), aspect="equal",
         xlabel="mm",
         title=f"{describe_section(w)}, pressed on by {design.preload_mm:.3f} mm; to scale, bent as the exact beam",
-    )  # fmt: skip
+    )
+    axes.set_aspect("equal", adjustable="datalim")
 
 
 def _tip_panel(axes: Axes, design: Design) -> None:
