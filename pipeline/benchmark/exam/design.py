@@ -195,6 +195,12 @@ class Design(BaseModel):
         return self.sections or (Section(parts=self.parts or self.parts_a_cell * max(1, cells)),)
 
     @property
+    def font_names(self) -> tuple[str, ...]:
+        """The fonts of its parts."""
+        named = [str(font) for s in self.all_sections() for font in {**self.part, **s.part}["font"]]
+        return tuple(dict.fromkeys(named))
+
+    @property
     def n_parts(self) -> int:
         """Number of parts."""
         return sum(section.parts for section in self.all_sections())

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
+from glyphs.sketch import sketch_part
 from glyphs.soiling.soiled import WORKSHOP, Soiling
 from pipeline.benchmark.exam.condition import Condition, Given, Level, level_name
 from pipeline.benchmark.exam.design import Design
@@ -23,7 +24,11 @@ SEVERAL = 4
 """Number of lights, evenly spaced around the part, for the mode that reads several photographs."""
 COUNTS = ("parts", "parts_a_cell")
 """Settings of a design that do not affect its parts."""
-_SPECIAL = ("soil", "severity", "light")
+GENERATORS = ("stamped", "sketched")
+"""Who makes marks and plates: `glyphs.part`, or `glyphs.sketch`, which varies them by itself."""
+_SPECIAL = ("generator", "soil", "severity", "light")
+_SKETCHED = (*_SPECIAL, "format", "font", "height_mm")
+"""Factors of a sketched part."""
 _MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
 _KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
@@ -95,7 +100,13 @@ class DesignedParts:
     def make(self, item: Item) -> Specimen:
         """Stamp it, soil it, and have it ready for the camera."""
         spec = self.spec(item.condition)
-        part = make_part(spec, item.number)
+        if item.condition.get("generator") == "sketched":
+            part = sketch_part(
+                spec.format, font=spec.font, height_mm=spec.height_mm, soiling=spec.soiling,
+                seed=(spec.seed, item.number),
+            )  # fmt: skip
+        else:
+            part = make_part(spec, item.number)
         stamped = part.stamped
         boxes = tuple(b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " ")
         return Specimen(
@@ -129,6 +140,13 @@ class DesignedParts:
         light = str(condition.get("light", "drawn"))
         if light not in LIGHTS:
             raise SettingsError(f"there is no light {light!r}", hint=f"use one of {', '.join(LIGHTS)}")
+        generator = condition.get("generator", "stamped")
+        if generator not in GENERATORS:
+            raise SettingsError(f"there is no generator {generator!r}", hint=f"use {' or '.join(GENERATORS)}")
+        if generator == "sketched" and (more := [name for name in condition if name not in _SKETCHED]):
+            raise SettingsError(
+                f"a sketched part has no {more[0]}", hint=f"its factors are {', '.join(_SKETCHED)}"
+            )
         soils = tuple(str(condition.get("soil", WORKSHOP)).split("+"))
         made: dict[str, Any] = {name: condition[name] for name in condition if name in _MADE}
         made["font"] = self.font_of(condition)
@@ -139,8 +157,7 @@ class DesignedParts:
     def description(self) -> dict[str, Any]:
         """See `Parts`: all of the design but how many parts it has."""
         plain = self.design.model_dump(mode="json", exclude={"about", *COUNTS}, by_alias=True)
-        named = [f for s in self.design.all_sections() for f in {**self.design.part, **s.part}["font"]]
-        plain["font_files"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
+        plain["font_files"] = [font_mark(font, self.design.fonts) for font in self.design.font_names]
         return plain
 
 

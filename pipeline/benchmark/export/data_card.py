@@ -75,8 +75,7 @@ def page_of(card: dict[str, Any]) -> str:
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
     """Origin of each font, and the licence of its package; its fonts may have others."""
     design, found = parts.design, {}
-    named = [str(f) for s in design.all_sections() for f in {**design.part, **s.part}["font"]]
-    for name in dict.fromkeys(named):
+    for name in design.font_names:
         packaged = design.fonts.get(name)
         if packaged is not None:
             origin = {
