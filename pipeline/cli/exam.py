@@ -56,8 +56,8 @@ def run(
     out
         Folder for the trials and the report; made if it is not there.
     design
-        Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
-        file of your own. In place of the flags that say what parts are, but for --parts.
+        Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2,
+        marks-exam-2-80, or a TOML file of your own. In place of the flags that say what parts are, but for --parts.
     parts
         Number of parts for every soil, dirt, font and format (default: 200). Of a design: the first so many
         (default: all).
@@ -164,22 +164,19 @@ def run(
 def gate(
     *,
     jobs: Jobs = 1,
-    camera: Flag = False,
     raise_floors: Annotated[bool, Parameter(name="--raise", negative="")] = False,
     out: Path | None = None,
 ) -> int:
-    """Read the edition marks-exam-1-48 and fail if anything is read worse than its floors allow.
+    """Read small editions of both exams by every sense, and fail if anything is read worse than its floors allow.
 
     Parameters
     ----------
     jobs
         Worker processes.
-    camera
-        Read the photographs, too, and fuse: about twice as long.
     raise_floors
-        Tighten the floors to what is found; none is ever loosened. Commit the file by itself.
+        Tighten the floors to what is found; none is ever loosened. Commit the files by themselves.
     out
-        Keep the trials in this folder, for `benchmark compare` (default: they are not kept).
+        Keep the trials in this folder, one for each edition, for `benchmark compare` (default: they are not kept).
     """
     from pipeline.benchmark.analysis import gate as floor
     from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -189,24 +186,30 @@ def gate(
     from recognition.language.orientation import Orientation
     from recognition.senses.settings import ReaderSettings
 
-    modes = floor.MODES + floor.CAMERA_MODES if camera else floor.MODES
-    source = DesignedParts(design_named(floor.EDITION))
-    benchmark = Benchmark(source, modes, ReaderSettings(orientation=Orientation.UPRIGHT))
-    start = time.perf_counter()
-    n = len(source.items())
-    with tempfile.TemporaryDirectory() as scratch, ExecutorOptions(jobs).opened(n) as executor:
-        found = floor.counts_of(run_benchmark(benchmark, out or Path(scratch), executor=executor))
-    print(f"{floor.EDITION}: {n} parts in {time.perf_counter() - start:.0f} s")
-    for name, c in found.items():
-        print(
-            f"{name:16} characters {c.characters}, serials {c.serials}, accepted {c.accepted}, wrong {c.accepted_wrong}"
-        )
-    if raise_floors:
-        floor.save_floors(floor.raised(found, floor.load_floors()), floor.FLOORS_FILE)
-        print(f"wrote {floor.FLOORS_FILE}")
-    elif worse := floor.objections(found, floor.load_floors()):
+    worse: list[str] = []
+    parts = sum(floor.EDITIONS.values())
+    with tempfile.TemporaryDirectory() as scratch, ExecutorOptions(jobs).opened(parts) as executor:
+        for edition, first in floor.EDITIONS.items():
+            source = DesignedParts(design_named(edition), first)
+            benchmark = Benchmark(source, floor.MODES, ReaderSettings(orientation=Orientation.UPRIGHT))
+            start, kept = time.perf_counter(), (out or Path(scratch)) / edition
+            found = floor.counts_of(run_benchmark(benchmark, kept, executor=executor))
+            print(f"{edition}: {first} parts in {time.perf_counter() - start:.0f} s")
+            for name, c in found.items():
+                print(
+                    f"{name:18} characters {c.characters}, serials {c.serials}, "
+                    f"accepted {c.accepted}, wrong {c.accepted_wrong}"
+                )
+            path = floor.floors_file(edition)
+            floors = floor.load_floors(path)
+            if raise_floors:
+                floor.save_floors(floor.raised(found, floors), path)
+                print(f"wrote {path}")
+            else:
+                worse += [f"{edition}, {one}" for one in floor.objections(found, floors)]
+    if worse:
         raise CommandError("worse than the floors: " + "; ".join(worse))
-    else:
+    if not raise_floors:
         print("no worse than the floors")
     return 0
 
@@ -226,7 +229,8 @@ def export(
     Parameters
     ----------
     design
-        An edition: marks-exam-1, marks-exam-1-240, marks-exam-1-48; or a TOML file of your own.
+        An edition: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80; or a TOML file of
+        your own.
     folder
         For the files; made if it is not there.
     parts
@@ -281,7 +285,8 @@ def score(
     readings
         CSV files, one for each reader. The second and later ones are compared with the first, part by part.
     design
-        The exam: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML file of your own; or
+        The exam: marks-exam-1, marks-exam-1-240, marks-exam-1-48, marks-exam-2, marks-exam-2-80, or a TOML file of
+        your own; or
     truth
         a CSV with the columns part and text, and a column for each factor, as truth.csv of an export.
     parts

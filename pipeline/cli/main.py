@@ -112,7 +112,7 @@ _COMMANDS = (
     ("benchmark export", "Exam", "exam:export", "Write an exam as files, for readers that are no part of this program.",
      "parts jobs check"),
     ("benchmark score", "Exam", "exam:score", "Score anybody's answers to an exam.", "design truth give out"),
-    ("benchmark gate", "Exam", "exam:gate", "Fail if the smallest edition is read worse than before.", "jobs camera"),
+    ("benchmark gate", "Exam", "exam:gate", "Fail if small editions are read worse than before.", "jobs"),
     ("completion", "Serve", "", "Print the script with which a shell completes commands and options.", ""),
 )  # fmt: skip
 """Words of a command, its panel in help, its function, a line on it, and its flags that `--help` shows."""

@@ -1,8 +1,9 @@
-"""The regression gate: the edition of 48 is read, and nothing may be read worse than the floors say.
+"""The regression gate: small editions of both exams are read, and nothing may be read worse than the floors say.
 
-    marks-exam-1-48 --read--> trials --scored--> counts, against marks-exam-1-48.floors.json
+    marks-exam-1-48            --read--> trials --count--> counts, against designs/EDITION.floors.json
+    marks-exam-2-80, the first
 
-- A floor is a count of this edition's parts, so nothing of chance is in it: the same program gives the same counts. On
+- A floor is a count of these parts, so nothing of chance is in it: the same program gives the same counts. On
   another processor sums may be rounded otherwise; `SLACK` is what that may cost.
 - Characters, serials and accepted may not fall below their floor by more; accepted-wrong may not rise at all.
 - `raised` only ever tightens. Floors are raised in a commit that changes nothing else; a test reads the history.
@@ -22,12 +23,10 @@ from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import grouped
 from pipeline.benchmark.trials.journal import Trial
 
-EDITION = "marks-exam-1-48"
-FLOORS_FILE = Path(str(files("pipeline.benchmark.exam") / "designs" / f"{EDITION}.floors.json"))
-MODES = ("tactile", "tactile templates", "rapidocr relief")
-"""Modes that are read at every change: touch, its templates alone, and the peer to beat, on the felt relief."""
-CAMERA_MODES = ("vision", "fused")
-"""Modes that have floors, too, but take twice as long."""
+EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
+"""Number of parts that are read of each edition: as many as a change can wait for."""
+MODES = ("tactile", "tactile templates", "rapidocr relief", "vision", "fused")
+"""Modes that have a floor: every sense, the templates of touch alone, and the peer to beat, on the felt relief."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
 """Parts or characters by which another processor's rounding may fall below a floor."""
 
@@ -64,7 +63,12 @@ def counts_of(trials: Sequence[Trial]) -> Floors:
     }
 
 
-def load_floors(path: Path = FLOORS_FILE) -> Floors:
+def floors_file(edition: str) -> Path:
+    """The file of an edition's floors."""
+    return Path(str(files("pipeline.benchmark.exam") / "designs" / f"{edition}.floors.json"))
+
+
+def load_floors(path: Path) -> Floors:
     """Load the stored floors; none where there is no file yet.
 
     Raises:
@@ -78,7 +82,7 @@ def load_floors(path: Path = FLOORS_FILE) -> Floors:
         raise FileError(path, f"does not hold floors ({error})", "restore it from the history") from error
 
 
-def save_floors(floors: Floors, path: Path = FLOORS_FILE) -> None:
+def save_floors(floors: Floors, path: Path) -> None:
     """Write the floors.
 
     Raises:

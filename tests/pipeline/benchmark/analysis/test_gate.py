@@ -11,9 +11,10 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.benchmark.analysis.gate import (
-    FLOORS_FILE,
+    EDITIONS,
     Counts,
     counts_of,
+    floors_file,
     load_floors,
     objections,
     raised,
@@ -84,8 +85,9 @@ def _git(*arguments: str) -> str:
     return found.stdout
 
 
-def test_the_floors_have_only_risen_each_time_in_a_commit_of_their_own() -> None:
-    path = FLOORS_FILE.relative_to(ROOT)
+@pytest.mark.parametrize("edition", EDITIONS)
+def test_the_floors_have_only_risen_each_time_in_a_commit_of_their_own(edition: str) -> None:
+    path = floors_file(edition).relative_to(ROOT)
     commits = _git("log", "--reverse", "--format=%H", "--", str(path)).split()
     versions = []
     for commit in commits:

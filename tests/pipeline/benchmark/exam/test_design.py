@@ -19,6 +19,7 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.editions import design_named
 from pipeline.common.settings import SettingsError
+from recognition.learning.training_fonts import kept_out
 
 PART = {"font": "gothic", "format": "A9", "severity": [0.3, 0.6]}
 TOML = """
@@ -128,6 +129,8 @@ def test_what_cannot_be_is_named(change: dict[str, Any], said: str) -> None:
         ({"height_mm": "tall"}, SettingsError, "a height_mm is 'tall'; it is a number"),
         ({"raised": "yes"}, SettingsError, "a raised is 'yes'; it is true or false"),
         ({"soil": True}, SettingsError, "a soil is True"),
+        ({"generator": "cast"}, SettingsError, "no generator 'cast'; use stamped or sketched"),
+        ({"generator": "sketched", "die": "sharp"}, SettingsError, "a sketched part has no die"),
     ],
 )
 def test_parts_that_cannot_be_made_are_named(part: dict[str, Any], error: type[Exception], said: str) -> None:
@@ -183,3 +186,26 @@ def test_the_first_parts_of_an_edition_hold_all_severities() -> None:
     assert {severities.count(severity) for severity in (0.0, 0.3, 0.6, 0.9)} <= {1, 2, 3}
     every = [item.part for item in DesignedParts(design_named("marks-exam-1-48")).items()]
     assert {item.part for item in replace(parts, first=48).items()} == set(every)
+
+
+def test_a_design_crosses_both_generators() -> None:
+    made = design(cross=["generator", "severity"], parts=4, part={"generator": ["stamped", "sketched"]})
+    parts = DesignedParts(made)
+    for item in parts.items():
+        specimen = parts.make(item)
+        assert specimen.truth == parts.truth_of(item)
+        assert len(specimen.boxes_mm) == len(specimen.truth) == 2
+        assert specimen.line_mm is not None
+        assert specimen.soil is not None
+        # 100 samples to a character's height where it is stamped, 56 where it is sketched
+        assert (specimen.height_map.pitch_mm < 0.06) == (item.condition["generator"] == "stamped")
+
+
+@pytest.mark.parametrize("edition", ["marks-exam-2", "marks-exam-2-80"])
+def test_the_second_exam_has_nothing_that_anything_was_fitted_to(edition: str) -> None:
+    made = design_named(edition)
+    assert all(section.kept_out for section in made.all_sections())
+    assert set(made.part["soil"]) == set(made.kept_out_soils)
+    assert set(made.fonts) == set(made.font_names)
+    for font in made.font_names:
+        assert kept_out(Path(made.fonts[font].file))
