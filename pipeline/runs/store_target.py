@@ -69,8 +69,8 @@ class RunStore:
         from pipeline.common.part_id import new_part_id
         from pipeline.common.records import PartState
         from pipeline.reading.triage import state_after
-        from pipeline.store.errors import MAX_TEXT, cleaned
-        from pipeline.store.store import AlreadyDoneError, IdempotencyKey
+        from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
+        from pipeline.store.parts import IdempotencyKey
 
         if read.record.error:
             return True

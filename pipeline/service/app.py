@@ -50,8 +50,9 @@ from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
+from pipeline.store.errors import StoreError
 from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import Store, StoreError
+from pipeline.store.store import Store
 from pipeline.store.sweep_clock import SweepClock
 from pipeline.workers.pool import WorkPool
 

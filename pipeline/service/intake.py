@@ -44,7 +44,8 @@ from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
 from pipeline.service.web.problem import OwnProblem, Problem, no_room, stopping
 from pipeline.service.web.uploads import Upload
-from pipeline.store.store import IdempotencyKey, Store
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:

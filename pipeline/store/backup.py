@@ -18,7 +18,6 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import datetime
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -27,11 +26,11 @@ from glyphs.atomic import sync_folder
 from glyphs.errors import FileError, require_file
 from pipeline.common.file_lock import exclusively
 from pipeline.common.parsed import MOST_BYTES, json_of
-from pipeline.common.private import private_file, private_folder
+from pipeline.common.private import private_folder
 from pipeline.common.version import file_sha256, program_version
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError
-from pipeline.store.evidence_folder import EvidenceFolder, FileState
+from pipeline.store.evidence_folder import EvidenceFolder, FileState, file_errors
 from pipeline.store.store import Store
 from pipeline.store.tables import METADATA, evidence, outbox, sessions
 
@@ -53,6 +52,7 @@ class Backup:
         program: version of this program.
         sha256: of its store.db; written down elsewhere, it shows whether a backup is what it was.
         rows: in every table.
+        last_delivery: highest number that any delivery has had.
         files, n_bytes: of evidence.
         lost: hashes of files that were missing or damaged when it was made.
     """
@@ -61,6 +61,7 @@ class Backup:
     program: str
     sha256: str
     rows: Mapping[str, int]
+    last_delivery: int
     files: int
     n_bytes: int
     lost: Sequence[str]
@@ -84,23 +85,24 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
     if previous is not None:
         read_manifest(previous)
     partial = to.with_name(to.name + ".partial")
-    with _file_errors(partial), contextlib.ExitStack() as stack:
+    with file_errors(partial), contextlib.ExitStack() as stack:
         private_folder(partial)
         if not stack.enter_context(exclusively(partial / ".lock", wait=False)):
             raise FileError(to, "is being written by another backup", "wait for it, or name another folder")
-        for left in (_STORE, f"{_STORE}-wal", f"{_STORE}-shm", f"{_STORE}.lock"):
-            (partial / left).unlink(missing_ok=True)
-        made_at = _copy_store(store, partial / _STORE)
+        for left in partial.glob(f"{_STORE}*"):
+            left.unlink()
         linked = None if previous is None else EvidenceFolder(previous / _FILES)
         with _opened(partial / _STORE) as copied:
+            with store.database.reading() as source, copied.database.writing() as target:
+                copy_rows(source, target)
+                made_at, last = source.now.isoformat(), last_delivery(source)
+                rows = {table.name: target.count(table) for table in _TABLES}
             counts = _take_all(copied, EvidenceFolder(partial / _FILES), files, linked=linked, live=store)
-            with copied.database.reading() as tx:
-                rows = {table.name: tx.count(table) for table in _TABLES}
-        made = Backup(made_at.isoformat(), program_version(), file_sha256(partial / _STORE), rows, *counts)
+        made = Backup(made_at, program_version(), file_sha256(partial / _STORE), rows, last, *counts)
         manifest = {"format_version": FORMAT_VERSION, **asdict(made)}
         (partial / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-        for left in (".lock", f"{_STORE}.lock"):
-            (partial / left).unlink(missing_ok=True)
+        for left in partial.glob("*.lock"):
+            left.unlink()
         _sync()
         os.rename(partial, to)
         sync_folder(to.parent)
@@ -124,7 +126,7 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
             _refuse_unless_empty(target, store)
             copy_rows(source, target)
             target.execute(sa.update(outbox).values(owner=None, leased_until=None))
-            _count_on(target, outbox.name, last_delivery(target) + SKIPPED_DELIVERIES)
+            _count_on(target, outbox, made.last_delivery + SKIPPED_DELIVERIES)
         return replace(made, lost=lost)
 
 
@@ -138,7 +140,7 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
     """
     made = read_manifest(backup)
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
-        with _file_errors(backup):
+        with file_errors(backup):
             copy = Path(shutil.copy(backup / _STORE, Path(folder) / _STORE))
         if file_sha256(copy) != made.sha256:
             raise FileError(backup / _STORE, "is not as it was written", "take another backup")
@@ -171,8 +173,7 @@ def copy_rows(source: Transaction, target: Transaction) -> None:
         for chunk in rows.mappings().partitions():
             target.execute(sa.insert(table), [dict(row) for row in chunk])
         if target.postgresql and "id" in table.c and table.c.id.autoincrement is True:
-            _count_on(target, table.name, _highest(target, table))
-    _count_on(target, outbox.name, last_delivery(source))
+            _count_on(target, table, _highest(target, table))
 
 
 def last_delivery(tx: Transaction) -> int:
@@ -190,24 +191,15 @@ def _highest(tx: Transaction, table: sa.Table) -> int:
     return int(tx.execute(sa.select(sa.func.max(table.c.id))).scalar() or 0)
 
 
-def _count_on(tx: Transaction, name: str, number: int) -> None:
-    if number and tx.postgresql:
-        tx.execute(sa.select(sa.func.setval(sa.func.pg_get_serial_sequence(name, "id"), number)))
-    elif number:
-        tx.execute(sa.text("DELETE FROM sqlite_sequence WHERE name = :name").bindparams(name=name))
-        counted = sa.text("INSERT INTO sqlite_sequence (name, seq) VALUES (:name, :seq)")
-        tx.execute(counted.bindparams(name=name, seq=number))
-
-
-def _copy_store(store: Store, to: Path) -> datetime:
-    private_file(to)
-    with store.database.reading() as source:
-        if source.postgresql:
-            with _opened(to) as copied, copied.database.writing() as target:
-                copy_rows(source, target)
-        else:
-            store.database.copy_file(to)
-        return source.now
+def _count_on(tx: Transaction, table: sa.Table, number: int) -> None:
+    """Have the next row of a table get a number behind this one."""
+    if tx.postgresql:
+        sequence = sa.func.pg_get_serial_sequence(table.name, "id")
+        tx.execute(sa.select(sa.func.setval(sequence, max(1, number), number > 0)))
+    else:
+        counters = sa.table("sqlite_sequence", sa.column("name"), sa.column("seq"))
+        tx.execute(sa.delete(counters).where(counters.c.name == table.name))
+        tx.execute(sa.insert(counters).values(name=table.name, seq=number))
 
 
 def _take_all(
@@ -246,13 +238,3 @@ def _opened(path: Path) -> Iterator[Store]:
 def _sync() -> None:
     if hasattr(os, "sync"):  # once, not after every file
         os.sync()
-
-
-@contextlib.contextmanager
-def _file_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise FileError(
-            path, f"cannot be used ({error.strerror or error})", "check the disk and the folder"
-        ) from error

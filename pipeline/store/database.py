@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,20 +42,14 @@ _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 _migrating = threading.Lock()
 
 
-class JsonText(str):
-    """A value written as JSON; columns of JSON take it as it is."""
-
-
-def json_text(value: Any) -> JsonText:
+def json_text(value: Any) -> str:
     """Write a value as JSON that every database can hold.
 
     Raises:
         UnfitError: it has no form in JSON.
     """
-    if isinstance(value, JsonText):
-        return value
     try:
-        return JsonText(json.dumps(cleaned(value), allow_nan=False, separators=(",", ":")))
+        return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
     except (TypeError, ValueError) as error:
         raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error
 
@@ -125,20 +118,6 @@ class Database:
         with _store_errors(self.shown), self._engine.connect() as connection:
             yield Transaction(connection.execution_options(**options), self._now().astimezone(UTC))
 
-    def copy_file(self, path: Path) -> None:
-        """Copy a store in SQLite, as it is at one moment, into a new file; others go on writing.
-
-        Raises:
-            StoreError: it cannot be copied.
-        """
-        with _store_errors(self.shown), contextlib.closing(self._engine.raw_connection()) as connection:
-            try:
-                connection.cursor().execute("VACUUM INTO ?", (str(path),))
-            except sqlite3.Error as error:  # bare, for SQLAlchemy has no part in it
-                raise StoreError(
-                    f"the store {self.shown} cannot be copied ({error})", hint="make room on the disk"
-                ) from error
-
     @contextlib.contextmanager
     def writing(self) -> Iterator[Transaction]:
         """Begin a transaction that is durable when the block has ended, and undone where it raises.
@@ -184,7 +163,7 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: 
         if parsed.get_backend_name() == "sqlite":
             if as_it_is and not Path(str(parsed.database)).exists():
                 raise StoreError(f"there is no store {shown}", hint="name the service's --folder or --store")
-            held.enter_context(_file_locked(Path(str(parsed.database)), shown))
+            held.enter_context(_file_locked(Path(str(parsed.database))))
         engine = _engine(parsed)
         failed = held.enter_context(contextlib.ExitStack())
         failed.callback(engine.dispose)
@@ -194,21 +173,14 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: 
 
 
 @contextlib.contextmanager
-def _file_locked(file: Path, shown: str) -> Iterator[None]:
-    try:
-        with contextlib.ExitStack() as held:
-            file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            # also for the change to WAL, for which SQLite does not wait
-            held.enter_context(exclusively(file.with_name(file.name + ".lock")))
-            private_file(file)  # what SQLite makes beside it has its mode
-            for beside in ("-wal", "-shm"):
-                close_to_others(file.with_name(file.name + beside))
-            yield
-    except OSError as error:
-        raise StoreError(
-            f"the store {shown} cannot be opened ({error.strerror or error})",
-            hint="check that its folder is there and may be written",
-        ) from error
+def _file_locked(file: Path) -> Iterator[None]:
+    file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # also for the change to WAL, for which SQLite does not wait
+    with exclusively(file.with_name(file.name + ".lock")):
+        private_file(file)  # what SQLite makes beside it has its mode
+        for beside in ("-wal", "-shm"):
+            close_to_others(file.with_name(file.name + beside))
+        yield
 
 
 def _checked(url: str) -> URL:
@@ -285,15 +257,12 @@ def _prepare_postgresql(connection: DBAPIConnection, _entry: ConnectionPoolEntry
 
 
 def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
-    from alembic import command
-    from alembic.config import Config
+    from alembic.operations import Operations
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
     from alembic.util import CommandError
 
-    config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-    script = ScriptDirectory.from_config(config)
+    script = ScriptDirectory(str(MIGRATIONS))
     with (
         _migrating,
         engine.connect().execution_options(tactile_marks_writes=True) as connection,
@@ -301,7 +270,8 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
     ):
         if engine.dialect.name == "postgresql":
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))
-        context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+        options = {"version_table": VERSION_TABLE, "render_as_batch": True}
+        context = MigrationContext.configure(connection, opts=options)
         found = context.get_current_revision()
         if found == script.get_current_head():
             return
@@ -320,22 +290,21 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
             )
         if found is None:
             METADATA.create_all(connection, checkfirst=False)
-            context.stamp(script, "head")
         else:
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            with Operations.context(context):
+                for revision in reversed([*script.iterate_revisions("head", found)]):
+                    revision.module.upgrade()
+        context.stamp(script, "head")
 
 
 @contextlib.contextmanager
 def _store_errors(shown: str) -> Iterator[None]:
     try:
         yield
-    except exc.SQLAlchemyError as error:
+    except (exc.SQLAlchemyError, OSError) as error:
         orig = getattr(error, "orig", None) or error
         if isinstance(orig, UnfitError):
             raise orig from error
         reason = " ".join(str(orig).split())[:300]
-        raise StoreError(
-            f"the store {shown} does not answer ({reason})",
-            hint="check that the database runs, that it may be written, and its address",
-        ) from error
+        hint = "check that the database runs, that it or its folder may be written, and its address"
+        raise StoreError(f"the store {shown} does not answer ({reason})", hint=hint) from error

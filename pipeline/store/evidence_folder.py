@@ -71,7 +71,7 @@ class EvidenceFolder:
         self.incoming = root / "incoming"
         self._files = root / "files"
         self._lock = root / ".lock"
-        with _file_errors(root):
+        with file_errors(root):
             for folder in (root, self.incoming, self._files):
                 private_folder(folder)
             sync_folder(root)
@@ -91,7 +91,7 @@ class EvidenceFolder:
         Raises:
             FileError: it cannot be read or kept.
         """
-        with _file_errors(path):
+        with file_errors(path):
             sha256, n_bytes = _settle(path, sha256)
             target = self.path(sha256)
             # one that is there may be another thread's of this moment, or of a process that died at this place
@@ -107,7 +107,7 @@ class EvidenceFolder:
 
     def keep_content(self, content: bytes) -> tuple[str, int]:
         """Write content to a file and keep it, as `keep`."""
-        with _file_errors(self.incoming):
+        with file_errors(self.incoming):
             handle, name = tempfile.mkstemp(prefix="made-", dir=self.incoming)
             try:
                 with os.fdopen(handle, "wb") as stream:
@@ -162,11 +162,11 @@ class EvidenceFolder:
             FileError: it cannot be written.
         """
         target = self.path(sha256)
-        if target.exists() and self.state(sha256) is FileState.WHOLE:
+        if self.state(sha256) is FileState.WHOLE:
             return FileState.WHOLE
         if (state := other.state(sha256)) is not FileState.WHOLE:
             return state
-        with _file_errors(target):
+        with file_errors(target):
             target.parent.mkdir(mode=0o700, exist_ok=True)
             target.unlink(missing_ok=True)
             if link:
@@ -176,10 +176,9 @@ class EvidenceFolder:
             part = self.incoming / sha256
             shutil.copyfile(other.path(sha256), part)
             part.chmod(0o600)
-            with part.open("rb") as copy:
-                if hashlib.file_digest(copy, "sha256").hexdigest() != sha256:
-                    raise OSError(errno.EIO, "the copy is not what was copied")
             os.replace(part, target)
+            if self.state(sha256) is not FileState.WHOLE:
+                raise OSError(errno.EIO, "the copy is not what was copied")
         return state
 
     def check_room(self) -> None:
@@ -188,7 +187,7 @@ class EvidenceFolder:
         Raises:
             FileError: they cannot, and why.
         """
-        with _file_errors(self.root):
+        with file_errors(self.root):
             if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             with tempfile.TemporaryFile(dir=self.incoming) as probe:
@@ -202,7 +201,7 @@ class EvidenceFolder:
         Raises:
             FileError: it cannot be made.
         """
-        with _file_errors(self.incoming):
+        with file_errors(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
     def sweep(self, store: Store, *, older_than_s: float) -> int:
@@ -299,12 +298,10 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
 
 
 @contextlib.contextmanager
-def _file_errors(path: Path) -> Iterator[None]:
+def file_errors(path: Path) -> Iterator[None]:
+    """Report what the disk refuses as a FileError about a path."""
     try:
         yield
     except OSError as error:
-        raise FileError(
-            path,
-            f"cannot be kept ({error.strerror or error})",
-            "check that the disk has room and that the evidence folder can be written",
-        ) from error
+        hint = "check that the disk has room and that the folder can be written"
+        raise FileError(path, f"cannot be kept ({error.strerror or error})", hint) from error

@@ -17,7 +17,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.records import Delivery, WaitingResults
-from pipeline.store.database import JsonText, Transaction
+from pipeline.store.database import Transaction
 from pipeline.store.errors import cleaned, fit, fit_limit
 from pipeline.store.tables import outbox
 
@@ -29,15 +29,12 @@ _MAX_ERROR = 500
 _FREE = {"owner": None, "leased_until": None}
 
 
-def put_in_outbox(
-    tx: Transaction, part_id: str, targets: Sequence[str], payload: JsonText | Mapping[str, Any]
-) -> None:
+def put_in_outbox(tx: Transaction, part_id: str, targets: Sequence[str], payload: Mapping[str, Any]) -> None:
     """Have a part's record, or something else about it, sent to every target."""
-    about = {"part_id": part_id, "payload": payload, "attempts": 0, "error": ""}
-    times = {"created_at": tx.now, "due_at": AT_ONCE}
+    row = {"part_id": part_id, "payload": payload, "attempts": 0, "error": ""}
+    row |= {"created_at": tx.now, "due_at": AT_ONCE}
     for target in targets:
-        row = {**about, **times, "target": fit(target, "the target", limit=32)}
-        tx.execute(sa.insert(outbox).values(**row))
+        tx.execute(sa.insert(outbox).values(**row, target=fit(target, "the target", limit=32)))
 
 
 def lease(
@@ -69,10 +66,8 @@ def lease(
         until > now + timedelta(seconds=2.0 * LONGEST_LEASE_S),
     )
     is_due = sa.or_(due <= tx.now, due > tx.now + timedelta(seconds=LONGEST_WAIT_S))
-    asked = sa.select(outbox).where(free, is_due, ~waits).order_by(due, outbox.c.id)
-    asked = asked.limit(fit_limit(limit)).with_for_update(
-        skip_locked=True
-    )  # another may be about to lease them
+    asked = sa.select(outbox).where(free, is_due, ~waits).order_by(due, outbox.c.id).limit(fit_limit(limit))
+    asked = asked.with_for_update(skip_locked=True)  # another may be about to lease them
     rows = [row for target in sorted(targets) for row in tx.execute(asked.where(outbox.c.target == target))]
     if rows:
         taken = sa.update(outbox).where(outbox.c.id.in_([row.id for row in rows]))

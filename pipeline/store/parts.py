@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Required, TypedDict, Unpack
 
 import sqlalchemy as sa
 
@@ -51,26 +51,44 @@ _WAITS = parts.c.state == PartState.TOUCH_NEEDED
 _RUN = "run "
 
 
+class Added(TypedDict, total=False):
+    """Data that are added to a part in one transaction.
+
+    Attributes:
+        state: how far the part has come with them.
+        readings: the first one first; the last one counts.
+        evidence: files that are kept already.
+        plan: what to scan; with a reading by touch it says that the part was scanned because of it.
+        targets: where the result is published, also that touch is needed.
+        idempotency: of the request.
+        shadow: comparison with the line's own reader, in shadow mode.
+        audit: have a person read it as well, if it is accepted.
+        rules: checks of its serial, if it is accepted; with an objection a person gets it.
+    """
+
+    state: Required[PartState]
+    readings: Sequence[ReadingRecord]
+    evidence: Sequence[EvidenceRecord]
+    plan: ScanPlanRecord | None
+    targets: Sequence[str]
+    idempotency: IdempotencyKey | None
+    shadow: ShadowRecord | None
+    audit: bool
+    rules: SerialRules
+
+
 def add_part(
     tx: Transaction,
     *,
     part_id: str,
     name: str,
-    state: PartState,
-    readings: Sequence[ReadingRecord] = (),
-    evidence: Sequence[EvidenceRecord] = (),
     expected: str = "",
     database: str = "",
     job: str = "",
     line: str = "",
-    plan: ScanPlanRecord | None = None,
     touch: TouchWait | None = None,
     not_felt: str = "",
-    targets: Sequence[str] = (),
-    idempotency: IdempotencyKey | None = None,
-    shadow: ShadowRecord | None = None,
-    audit: bool = False,
-    rules: SerialRules = ANY_SERIAL,
+    **added: Unpack[Added],
 ) -> PartRecord:
     """Receive a part with what was read of it.
 
@@ -78,21 +96,13 @@ def add_part(
         tx: the transaction.
         part_id: from `pipeline.common.part_id.new_part_id`.
         name: what the line calls it.
-        state: how far it has come.
-        readings: the first one first; the last one counts.
-        evidence: files that are kept already.
         expected: text it should read.
         database: glyph database asked for.
         job: that it was read by.
         line: that it comes from.
-        plan: what to scan; with a reading by touch it says that the part was scanned because of it.
         touch: with TOUCH_NEEDED, how it waits.
         not_felt: why a part of which the camera is unsure is not felt.
-        targets: where the result is published, also that touch is needed.
-        idempotency: of the request.
-        shadow: what came of it in shadow mode.
-        audit: have a person read it as well, if it is accepted.
-        rules: what is asked of its serial, if it is accepted; where something speaks against that, a person gets it.
+        added: readings and what comes with them, as `Added`.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -100,8 +110,6 @@ def add_part(
     """
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
-    if rules.any:
-        ask_alone(tx)
     given: dict[str, Any] = {
         "name": fit(name, "the name"),
         "expected": fit(expected, "the text expected"),
@@ -109,50 +117,42 @@ def add_part(
         "job": fit(job, "the name of the job"),
         "line": fit(line, "the name of the line"),
     }
+    _ask_for_serials(tx, added)
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
-    part = PartRecord(id=part_id, state=state, text="", touch=touch, **times, **given)
-    part, happened, changed = _read(tx, part, readings, plan, shadow, audit, rules)
+    part = PartRecord(id=part_id, state=added["state"], text="", touch=touch, **times, **given)
+    part, happened, changed = _read(tx, part, added)
     happened = [("received", given), *happened, *([("not_felt", {"why": not_felt})] if not_felt else ())]
     figures = {"fell_back": False, "by_camera": False, "rejected": False, **changed}
-    part = write_part(tx, part, happened, targets=targets, new=True, figures=figures)
-    _keep_files(tx, part_id, evidence)
-    _claim_key(tx, idempotency, part_id)
+    part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
+    _keep_files(tx, part_id, added.get("evidence", ()))
+    _claim_key(tx, added.get("idempotency"), part_id)
     return part
 
 
-def add_readings(
-    tx: Transaction,
-    part_id: str,
-    *,
-    readings: Sequence[ReadingRecord],
-    state: PartState,
-    plan: ScanPlanRecord | None = None,
-    evidence: Sequence[EvidenceRecord] = (),
-    targets: Sequence[str] = (),
-    idempotency: IdempotencyKey | None = None,
-    shadow: ShadowRecord | None = None,
-    audit: bool = False,
-    rules: SerialRules = ANY_SERIAL,
-) -> PartRecord:
-    """Add what was read of a part later; arguments as `add_part`.
+def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartRecord:
+    """Add what was read of a part later; arguments as `Added`.
 
     Raises:
         AlreadyDoneError: the key is taken.
         ConflictError: the part was reviewed meanwhile.
     """
-    if rules.any:
-        ask_alone(tx)
+    _ask_for_serials(tx, added)
     part = part_by_id(tx, part_id, lock=True)
-    _claim_key(tx, idempotency, part_id)
+    _claim_key(tx, added.get("idempotency"), part_id)
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review")
-    part = replace(part, state=state)
-    part, happened, figures = _read(tx, part, readings, plan, shadow, audit, rules)
+    part, happened, figures = _read(tx, replace(part, state=added["state"]), added)
     if part.state is not PartState.ACCEPTED:  # nothing is left to audit
         figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
-    _keep_files(tx, part_id, evidence)
-    return write_part(tx, part, happened, targets=targets, figures=figures)
+    _keep_files(tx, part_id, added.get("evidence", ()))
+    return write_part(tx, part, happened, targets=added.get("targets", ()), figures=figures)
+
+
+def _ask_for_serials(tx: Transaction, added: Added) -> None:
+    """Lock out other checks of serials; to be called before a part is locked."""
+    if added.get("rules", ANY_SERIAL).any:
+        ask_alone(tx)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -161,22 +161,15 @@ def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]
     write_part(tx, part, [(fit(kind, "the kind of the event", limit=32), data)])
 
 
-def _read(
-    tx: Transaction,
-    part: PartRecord,
-    readings: Sequence[ReadingRecord],
-    plan: ScanPlanRecord | None,
-    shadow: ShadowRecord | None,
-    audit: bool,
-    rules: SerialRules,
-) -> tuple[PartRecord, list[Event], dict[str, Any]]:
+def _read(tx: Transaction, part: PartRecord, added: Added) -> tuple[PartRecord, list[Event], dict[str, Any]]:
     """A part in the state that readings bring it to, as it stands then; what has happened; figures that change."""
-    readings, alarms = [replace(reading, at=tx.now) for reading in readings], list[Event]()
+    plan, shadow, rules = added.get("plan"), added.get("shadow"), added.get("rules", ANY_SERIAL)
+    readings = [replace(reading, at=tx.now) for reading in added.get("readings", ())]
+    alarms: list[Event] = []
     if part.state is PartState.ACCEPTED and readings and rules.any:
         last = readings[-1]
         for one in objections(tx, rules, replace(part, text=cleaned(last.text))):
-            part = replace(part, state=PartState.REVIEW)
-            read = readings[-1]
+            part, read = replace(part, state=PartState.REVIEW), readings[-1]
             reasons = (*read.reasons, ReasonRecord(one.alarm))
             readings[-1] = replace(read, messages=(*read.messages, one.why), reasons=reasons)
             alarms.append(("serial_alarm", {"alarm": one.alarm, "why": one.why}))
@@ -195,12 +188,11 @@ def _read(
     figures: dict[str, Any] = {}
     if waits or (any(by_touch) and (plan is not None or part.plan is not None)):
         figures["fell_back"] = True
-    if audit and part.state is PartState.ACCEPTED:
+    if added.get("audit") and part.state is PartState.ACCEPTED:
         # not written to the history, because the auditor may look at it
         figures["audit"] = AUDIT_WAITS
     touch = part.touch or TouchWait(False, None) if waits else None
-    plan, shadow = None if any(by_touch) else plan, shadow or part.shadow
-    part = replace(part, plan=plan, touch=touch, shadow=shadow)
+    part = replace(part, plan=None if any(by_touch) else plan, touch=touch, shadow=shadow or part.shadow)
     if readings:
         last = readings[-1]
         part = replace(part, reading=last, text="" if waits else last.text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -14,8 +13,8 @@ import sqlalchemy as sa
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, from_json, to_json
 from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
-from pipeline.store.database import AnyRow, Transaction, json_text
-from pipeline.store.errors import ConflictError, NotFoundError, fit_limit
+from pipeline.store.database import AnyRow, Transaction
+from pipeline.store.errors import ConflictError, NotFoundError, cleaned, fit_limit
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.tables import events, evidence, parts
 
@@ -86,7 +85,7 @@ def write_part(
     new: bool = False,
     figures: Mapping[str, Any] = MappingProxyType({}),
 ) -> PartRecord:
-    """Write a part as it stands and what has happened to it, and have it sent; its record is serialised once.
+    """Write a part as it stands and what has happened to it, and have it sent.
 
     Args:
         tx: the transaction; it has the part locked unless it is new.
@@ -102,10 +101,8 @@ def write_part(
     Raises:
         ConflictError: it is not new.
     """
-    part = replace(part, changed_at=tx.now)
-    record = json_text(to_json(part))
-    if "\\ufffd" in record:
-        part = from_json(PartRecord, json.loads(record))
+    record = cleaned(to_json(replace(part, changed_at=tx.now)))
+    part = from_json(PartRecord, record)
     row = {**searched(part), **figures, "record": record}
     if not new:
         tx.execute(sa.update(parts).where(parts.c.id == part.id).values(**row))

@@ -19,26 +19,6 @@ from pipeline.store import alerts as _alerts
 from pipeline.store import parts as _parts
 from pipeline.store import review as _review
 from pipeline.store.database import Database, Transaction, open_database, utc_now
-from pipeline.store.errors import (
-    AlreadyDoneError,
-    ClaimedError,
-    ConflictError,
-    NotFoundError,
-    StoreError,
-    UnfitError,
-)
-from pipeline.store.parts import IdempotencyKey
-
-__all__ = [
-    "AlreadyDoneError",
-    "ClaimedError",
-    "ConflictError",
-    "IdempotencyKey",
-    "NotFoundError",
-    "Store",
-    "StoreError",
-    "UnfitError",
-]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -35,8 +35,10 @@ from pipeline.service.new_part import NewPart
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
+from pipeline.store.errors import AlreadyDoneError, StoreError
 from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store, StoreError
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
 from tests.support.run_tables import read_rows
 from tests.support.store_samples import reading

@@ -33,7 +33,7 @@ from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receive
-from pipeline.store.store import IdempotencyKey
+from pipeline.store.parts import IdempotencyKey
 
 Photos = Annotated[
     list[UploadFile] | None,

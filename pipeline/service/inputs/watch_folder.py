@@ -38,7 +38,8 @@ from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
-from pipeline.store.store import IdempotencyKey, StoreError, UnfitError
+from pipeline.store.errors import StoreError, UnfitError
+from pipeline.store.parts import IdempotencyKey
 
 if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings

@@ -8,19 +8,19 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, unquote
+from urllib.parse import quote, unquote, urlencode
 
 import jinja2
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.staticfiles import StaticFiles
 
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
-from pipeline.service.pages.assets import Assets
 from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.web.access import Access, Caller
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 SEAT_COOKIE, WHO_COOKIE = "tactile_marks_seat", "tactile_marks_who"
 MOST_WHO = 80
 MOST_COUNTED = 99
+PARTS_SHOWN = 50
 _A_YEAR_S = 365 * 24 * 3600
 _SEAT = re.compile(r"[A-Za-z0-9_-]{43}")
 _HEADERS = {
@@ -74,7 +75,7 @@ class Frame:
         """
         self.store, self.evidence, self.access = store, evidence, access
         self.review, self.undo, self.policy, self.outside_format = review, undo, policy, outside_format
-        self.assets = Assets()
+        self.assets = StaticFiles(packages=[(__package__, "static")])
         self.environment = jinja2.Environment(
             loader=jinja2.PackageLoader("pipeline.service.pages", "templates"),
             autoescape=True,
@@ -83,7 +84,7 @@ class Frame:
             undefined=jinja2.StrictUndefined,
         )
         self.environment.globals.update(
-            static=_static(self.assets),
+            static=_static,
             shadow=shadow,
             part_cells=part_cells,
             why_not_accepted=why_not_accepted,
@@ -172,6 +173,24 @@ class View:
         return answer
 
 
+def page_of(found: Sequence[PartRecord], path: str, asked: dict[str, str], before: str) -> dict[str, Any]:
+    """A page of a list of parts, with the addresses of the first page and of the next.
+
+    Args:
+        found: parts from this page on, one more than the page shows if there are more.
+        path: of the list.
+        asked: what the list is asked for.
+        before: last part of the page before; empty on the first page.
+    """
+    shown = found[:PARTS_SHOWN]
+    older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
+    return {
+        "parts": shown,
+        "older": f"{path}?{urlencode(older)}" if older else "",
+        "newest": f"{path}?{urlencode(asked)}" if before else "",
+    }
+
+
 def redirect(request: Request, address: str) -> Response:
     """Send the browser to another page of the service."""
     where = relative(request.scope, address)
@@ -193,8 +212,10 @@ def format_count(n: int) -> str:
     return f"{MOST_COUNTED}+" if n > MOST_COUNTED else str(n)
 
 
-def _static(assets: Assets) -> Callable[..., str]:
-    return jinja2.pass_context(lambda context, name: _here(context, assets.address(name)))
+@jinja2.pass_context
+def _static(context: jinja2.runtime.Context, name: str) -> str:
+    """The address of a script, a style or an icon."""
+    return _here(context, f"/static/{name}")
 
 
 @jinja2.pass_context

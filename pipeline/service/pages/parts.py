@@ -11,12 +11,11 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from pipeline.common.records import PartState
-from pipeline.service.pages.frame import Frame, View
+from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.passes import felt_passes
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 
-PARTS_SHOWN = 50
 Wanted = Annotated[str, Field(max_length=200)]
 Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
 
@@ -55,19 +54,14 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             limit=PARTS_SHOWN + 1,
             **sought,
         )
-        shown = found[:PARTS_SHOWN]
         table: dict[str, Any] = {**sought, "state": asked.get("state"), "since": since, "until": until}
         return view.page(
             "parts.html.j2",
-            parts=shown,
             asked=search,
             searched=bool(asked),
-            older=f"/parts?{urlencode({**asked, 'before': shown[-1].id})}"
-            if len(found) > PARTS_SHOWN
-            else "",
-            newest=f"/parts?{urlencode(asked)}" if search.before else "",
             table="/v1/parts.csv?" + urlencode({name: value for name, value in table.items() if value}),
             states=tuple(PartState),
+            **page_of(found, "/parts", asked, search.before),
         )
 
     @router.get("/parts/{part_id}")

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 from itertools import takewhile
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import PartRecord
+from pipeline.common.texts import EXTRA, align
 
 LOW_MARGIN = 0.3
 """Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""
@@ -117,13 +117,11 @@ def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
 
 def aligned(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
     """For each of the others the place among the chars that it answers to; None where there is none."""
-    if len(chars) == len(others):
-        return tuple(range(len(others)))
-    answers: list[int | None] = [None] * len(others)
-    matcher = SequenceMatcher(None, chars, others, autojunk=False)
-    for _, i0, i1, j0, j1 in matcher.get_opcodes():
-        for i, j in zip(range(i0, i1), range(j0, j1), strict=False):
-            answers[j] = i
+    place, answers = 0, list[int | None]()
+    for pair in align("".join(chars), "".join(others)):
+        if pair.place is not None:
+            answers.append(None if pair.true == EXTRA else place)
+        place += pair.true != EXTRA
     return tuple(answers)
 
 

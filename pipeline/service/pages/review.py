@@ -93,12 +93,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return _redirect_to(view, store.next_in_queue(after or None, person=view.person, audits=True), after)
 
     @router.get("/review/{part_id}")
-    def review(
-        part_id: str, done: str = "", alone: str = "", undone: str = "", view: View = looks
-    ) -> Response:
-        remark = "No other part is waiting." if alone else ""
-        if undone:
-            remark = "Your review is undone: the part waits for review again."
+    def review(part_id: str, done: str = "", undone: str = "", view: View = looks) -> Response:
+        remark = "Your review is undone: the part waits for review again." if undone else ""
         return _page(view, store.part(part_id), done=done, remark=remark)
 
     @router.post("/review/{part_id}")
@@ -108,11 +104,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         if not fault and said.action == "save" and said.mode is not ReviewMode.AUDIT:
             against = frame.outside_format(said.text, part.job)
             if against and said.text != said.outside:
-                outside = said.text
-                fault = (
-                    f"{said.text}: {against}. Nothing is saved yet: correct it, or save it again if the part "
-                    "reads so."
-                )
+                outside, todo = said.text, "correct it, or save it again if the part reads so"
+                fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
         if fault:
             return _page(view, part, said=said, fault=fault, outside=outside, status=422)
         try:
@@ -153,9 +146,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
 
 def _redirect_to(view: View, found: PartRecord | None, after: str) -> Response:
-    if found is None:
-        return view.redirect("/review")
-    return view.redirect(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
+    """Open the part found; the queue where there is none but the part left."""
+    return view.redirect("/review" if found is None or found.id == after else f"/review/{found.id}")
 
 
 def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:

@@ -58,6 +58,10 @@ def pages_router(
 
     @router.get("/static/{name}")
     async def static(request: Request, name: str) -> Response:
-        return await frame.assets.get_response(name, request.scope)
+        answer = await frame.assets.get_response(name, request.scope)
+        answer.headers["Cache-Control"] = (
+            "no-cache"  # asked for again each time, and sent where it has changed
+        )
+        return answer
 
     return router

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
@@ -14,13 +13,12 @@ from starlette.responses import Response
 from pipeline.common.records import Agreement, AgreementDay, PartRecord
 from pipeline.common.shares import share
 from pipeline.common.texts import same_text
-from pipeline.service.pages.frame import Frame, View
+from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
 from pipeline.service.pages.places import Cell, expected_cells
 from pipeline.service.web.problem import Problem
 
 SPANS = {"week": timedelta(weeks=1), "month": timedelta(days=30), "year": timedelta(days=365)}
 SHOWN = {"other": Agreement.OTHER, "nothing": Agreement.NOTHING}
-PARTS_SHOWN = 50
 
 
 def add_shadow_page(router: APIRouter, frame: Frame) -> None:
@@ -36,10 +34,7 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
         since = datetime.now(UTC) - SPANS[span]
         days = frame.store.agreement_by_day(since)
         found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
-        shown = found[:PARTS_SHOWN]
-        asked = {"span": span, "show": show}
-        older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
-        total = _counts(days)
+        total, page = _counts(days), page_of(found, "/shadow", {"span": span, "show": show}, before)
         return view.page(
             "shadow.html.j2",
             span=span,
@@ -51,9 +46,7 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
             acceptance=share(total["accepted"], total["compared"]),
             accepted_agreement=share(total["accepted"] - total["accepted_other"], total["accepted"]),
             days=[(one.day, _counts([one])) for one in reversed(days)],
-            parts=[(part, _said(part), who_was_right(part)) for part in shown],
-            older=f"/shadow?{urlencode(older)}" if older else "",
-            newest=f"/shadow?{urlencode(asked)}" if before else "",
+            **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in page["parts"]]},
         )
 
 

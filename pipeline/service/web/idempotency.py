@@ -14,7 +14,9 @@ from weakref import WeakValueDictionary
 
 from pipeline.common.records import PartRecord
 from pipeline.service.web.problem import Problem
-from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
+from pipeline.store.errors import AlreadyDoneError
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from pipeline.cli.exit_status import FAILED, USAGE
 from pipeline.cli.main import main
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.store.access import new_token, token_hash
-from pipeline.store.store import ConflictError, NotFoundError, Store, UnfitError
+from pipeline.store.errors import ConflictError, NotFoundError, UnfitError
+from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock
 
 

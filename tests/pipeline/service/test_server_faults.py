@@ -24,7 +24,8 @@ from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.idempotency import IdempotentRequests
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
-from pipeline.store.store import AlreadyDoneError, IdempotencyKey
+from pipeline.store.errors import AlreadyDoneError
+from pipeline.store.parts import IdempotencyKey
 from pipeline.workers.executors import WorkerLostError
 from tests.support.line_fakes import until_now
 from tests.support.service_fixtures import FORMAT, inline_service, triggered

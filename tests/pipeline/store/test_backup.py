@@ -28,7 +28,8 @@ from pipeline.store.check import CheckReport, Fault, check
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import IdempotencyKey, Store
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 from pipeline.store.tables import METADATA
 from tests.support.store_samples import PHOTO, PLAN, START, Clock, correct, due, reading, received
 
@@ -227,7 +228,7 @@ def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("pipeline.store.backup.last_delivery", killed)
+        patch.setattr("pipeline.store.backup._count_on", killed)
         with pytest.raises(KeyboardInterrupt):
             restore(backup, other, back)
     assert other.parts() == ()

@@ -107,7 +107,7 @@ def test_trouble_with_the_disk_is_told(
     folder: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(FileError, match="evidence folder can be written"):
+    with pytest.raises(FileError, match="the folder can be written"):
         EvidenceFolder(tmp_path / "file" / "evidence")
 
     def full(_handle: int) -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartRecord, PartState
-from pipeline.store.store import Store, UnfitError
+from pipeline.store.errors import UnfitError
+from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock, correct, received
 
 

@@ -12,15 +12,9 @@ from hypothesis import strategies as st
 
 from pipeline.common.reading_records import to_json
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
-from pipeline.store.store import (
-    AlreadyDoneError,
-    ConflictError,
-    IdempotencyKey,
-    NotFoundError,
-    Store,
-    StoreError,
-    UnfitError,
-)
+from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 from tests.support.store_samples import PHOTO, PLAN, SCAN, START, Clock, at_any_time, due, reading, received
 
 

@@ -12,7 +12,9 @@ from typing import Any
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
-from pipeline.store.store import AlreadyDoneError, ConflictError, IdempotencyKey, Store
+from pipeline.store.errors import AlreadyDoneError, ConflictError
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 from tests.support.store_samples import PHOTO, correct, race, reading, received
 
 
@@ -101,7 +103,9 @@ import sys
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
-from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
+from pipeline.store.errors import AlreadyDoneError
+from pipeline.store.parts import IdempotencyKey
+from pipeline.store.store import Store
 store = Store.open(sys.argv[1])
 who = sys.argv[2]
 for k in range(10_000):

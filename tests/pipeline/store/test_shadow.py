@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.common.records import Agreement, PartState, ShadowRecord
-from pipeline.store.store import Store, UnfitError
+from pipeline.store.errors import UnfitError
+from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock, correct, reading, received
 
 WOULD_BE = (PartState.ACCEPTED, PartState.TOUCH_NEEDED, PartState.REVIEW)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from pipeline.common.records import PartState
-from pipeline.store.store import Store, UnfitError
+from pipeline.store.errors import UnfitError
+from pipeline.store.store import Store
 from tests.support.store_samples import PLAN, START, Clock, correct, reading, received
 
 

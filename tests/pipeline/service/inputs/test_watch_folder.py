@@ -25,7 +25,8 @@ from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
-from pipeline.store.store import IdempotencyKey, StoreError
+from pipeline.store.errors import StoreError
+from pipeline.store.parts import IdempotencyKey
 from tests.support.line_fakes import LONG_S, part, until_now
 from tests.support.service_fixtures import InlinePool, inline_service
 
