@@ -1,8 +1,8 @@
 """Draw the pictures of the documentation with the program as it stands: `python docs/draw.py`, some minutes.
 
 The figure of the page on results is drawn from its table; three of the page on physics and the animation of active
-touch by the scripts beside this one. Screenshots of the service (`review.jpg`, `shadow.jpg`, `teach.jpg`) are made by
-hand from `demo --service --stay`, `covers.svg` by `tests/benchmarks/cover_reliability.py`.
+touch by the scripts beside this one; `review.jpg`, `shadow.jpg` and `teach.jpg` by `screenshots.py`, which needs a
+browser; `covers.svg` by `tests/benchmarks/cover_reliability.py`.
 """
 
 import contextlib
