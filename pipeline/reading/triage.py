@@ -47,7 +47,9 @@ def why_touch(reading: ReadingRecord) -> str:
     """Reason why the camera's reading is not accepted, for the operator."""
     if not reading.text:
         return "the camera has found no characters"
-    if reading.verdict in ("refuted", "undecided"):
-        return f"the camera reads {reading.text}, which leaves the text expected {reading.verdict}"
+    if reading.verdict == "refuted":
+        return f"the camera reads {reading.text}, which is not the expected serial"
+    if reading.verdict == "undecided":
+        return f"the camera reads {reading.text}; the expected serial is not confirmed beyond doubt"
     reasons = "; ".join(reading.messages) or "its thresholds are not met"
     return f"the camera is unsure of {reading.text} (confidence {reading.confidence:.2f}): {reasons}"

@@ -69,45 +69,38 @@ def look_for_alerts(
     ).all()
     if not latest:
         return ()
-    counts = {
-        REJECT_RATE: sum(row.rejected for row in latest),
-        REVIEW_RATE: sum(row.state != PartState.ACCEPTED for row in latest),
-    }
-    wrong: dict[str, str] = {}  # what is raised, and why
-    right: set[str] = set()
-    for name, n in counts.items():
+    standing = {alert.name: alert for alert in raised_alerts(tx)}
+    new: list[AlertRecord] = []
+
+    def rate(name: str, n: int) -> str | None:
         limit = limits.get(name, 0.0)
-        if limit and n > limit * window and len(latest) == window:
-            wrong[name] = (
-                f"{n} of the last {window} parts were {_WORDS[name]}; the limit is {100.0 * limit:g} %"
-            )
-        elif not limit or (len(latest) == window and n <= clear_at(limit, window) * window):
-            right.add(name)
-    drifting = {f"{DRIFT}:{job}" if job else DRIFT: message for job, message in drifts.items()}
-    for name, message in {**drifting, **others}.items():
-        if message:
-            wrong[name] = message
-        elif message is not None:
-            right.add(name)
-    stands = {alert.name: alert for alert in raised_alerts(tx)}
-    made = [AlertRecord(name, latest[0].id, tx.now, cleaned(why)) for name, why in wrong.items()]
-    new = [alert for alert in made if alert.name not in stands and tx.insert_if_new(alerts, vars(alert))]
-    over = [
-        stands[name]
-        for name in sorted(right & stands.keys())
-        if tx.execute(sa.delete(alerts).where(alerts.c.name == name)).rowcount
-    ]
-    # both are sent as the part's that raised it, for what is of one part arrives in its order
-    for alert, state in (*((one, "raised") for one in new), *((one, "cleared") for one in over)):
-        told = {
-            "alert": alert.name,
-            "state": state,
-            "message": alert.message,
-            "part_id": alert.part_id,
-            "raised_at": alert.at.isoformat(),
-            "at": tx.now.isoformat(),
-        }
+        if not limit or (len(latest) == window and n <= clear_at(limit, window) * window):
+            return ""
+        if len(latest) < window or n <= limit * window:
+            return None
+        return f"{n} of the last {window} parts were {_WORDS[name]}; the limit is {100.0 * limit:g} %"
+
+    def send(alert: AlertRecord, state: str) -> None:
+        # as the part's that raised it, for what is of one part arrives in its order
+        told = {"alert": alert.name, "state": state, "message": alert.message, "part_id": alert.part_id}
+        told |= {"raised_at": alert.at.isoformat(), "at": tx.now.isoformat()}
         put_in_outbox(tx, alert.part_id, targets, told)
+
+    found = {
+        REJECT_RATE: rate(REJECT_RATE, sum(row.rejected for row in latest)),
+        REVIEW_RATE: rate(REVIEW_RATE, sum(row.state != PartState.ACCEPTED for row in latest)),
+        **{f"{DRIFT}:{job}" if job else DRIFT: message for job, message in drifts.items()},
+        **others,
+    }
+    for name, message in sorted(found.items()):
+        if message and name not in standing:
+            alert = AlertRecord(name, latest[0].id, tx.now, cleaned(message))
+            if tx.insert_if_new(alerts, vars(alert)):
+                new.append(alert)
+                send(alert, "raised")
+        gone = sa.delete(alerts).where(alerts.c.name == name)
+        if message == "" and name in standing and tx.execute(gone).rowcount:
+            send(standing[name], "cleared")
     return tuple(new)
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.reading_records import to_json
+from pipeline.common.reading_records import ScanPlanRecord, to_json
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
@@ -75,12 +75,16 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
     assert store.part(part.id) == part
 
 
-def test_felt_within_the_same_request(store: Store) -> None:
+@pytest.mark.parametrize(("plan", "asked"), [(PLAN, ["touch_needed"]), (None, [])])
+def test_a_scan_of_the_same_request_is_a_fallback_where_it_was_asked_for(
+    store: Store, plan: ScanPlanRecord | None, asked: list[str]
+) -> None:
     both = (reading("KX4", "vision", "review"), reading("KX4", "fused"))
-    part = received(store, readings=both, plan=PLAN)
+    part = received(store, readings=both, plan=plan)
     assert part.plan is None
-    assert _kinds(store, part.id) == ["received", "read", "touch_needed", "read"]
-    assert store.statistics(START).fell_back == 1
+    assert _kinds(store, part.id) == ["received", "read", *asked, "read"]
+    figures = store.statistics(START)
+    assert (figures.parts, figures.fell_back, figures.by_camera) == (1, len(asked), 0)
 
 
 def test_reviews_are_added_never_replaced(store: Store, clock: Clock) -> None:

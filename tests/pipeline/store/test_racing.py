@@ -84,20 +84,6 @@ def test_a_scan_and_a_person_race(store: Store) -> None:
         assert store.reviews(part)[0].before == (readings[-1].text if n_felt else "")
 
 
-def test_many_write_and_look_at_once(store: Store) -> None:
-    def one(k: int) -> list[str]:
-        made = []
-        for n in range(8):
-            made.append(received(store, name=f"{k}-{n}", targets=("mqtt",)).id)
-            assert store.part(made[-1]).name == f"{k}-{n}"
-            store.parts(limit=5)
-        return made
-
-    made = [part_id for ids in race(one) for part_id in ids]
-    assert {p.id for p in store.parts(limit=1000)} == set(made)
-    assert len(set(made)) == len(made) == store.undelivered()
-
-
 _WRITER = """
 import sys
 from pipeline.common.part_id import new_part_id

@@ -8,7 +8,6 @@ import shutil
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
@@ -25,7 +24,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction, TouchWait
 from pipeline.store.check import check
-from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
+from pipeline.store.database import MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.errors import StoreError
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
@@ -55,24 +54,6 @@ def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
         assert store.part(part.id) == part
         store.close()
     assert [process.wait(60) for process in others] == [0, 0, 0]
-
-
-def test_a_start_waits_for_another_that_is_under_way(
-    postgres: Callable[[str], str],
-) -> None:
-    import psycopg
-
-    url = postgres("postgres")
-    waiting = b"SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
-    with psycopg.connect(url, autocommit=True) as other, ThreadPoolExecutor(1) as pool:
-        other.execute("SELECT pg_advisory_lock(%s)", (_ADVISORY_LOCK,))
-        opening = pool.submit(Store.open, url)
-        while not (other.execute(waiting).fetchone() or (0,))[0]:
-            assert not opening.done()
-            time.sleep(0.01)
-        assert other.execute("SELECT to_regclass('parts')").fetchone() == (None,)
-        other.execute("SELECT pg_advisory_unlock(%s)", (_ADVISORY_LOCK,))
-        opening.result(60).close()
 
 
 def test_a_store_of_a_version_that_is_not_known_is_left_alone(store_url: str) -> None:

@@ -366,30 +366,6 @@ def test_an_open_part_is_its_readers_until_the_page_is_left(service: Service, si
     assert service.store.claimed()[first].who == "Grace"
 
 
-def test_an_audit_is_read_from_the_pictures_alone(service: Service, sit_down: Sit) -> None:
-    ids = [
-        service.put("KX407251", name=f"P-{k}", state=PartState.ACCEPTED, audit=True, around=120)
-        for k in range(2)
-    ]
-    page = sit_down("/review")
-    page.click("text=Audit the oldest")
-    page.wait_for_url(f"**/review/{ids[0]}")
-    settled(page)
-    assert shown(page) == ""
-    assert "KX407251" not in page.content()
-    assert page.locator(".box").count() == 0
-    page.keyboard.type("kx407251")
-    assert page.inner_text("#verb") == "Save"
-    page.keyboard.press("Enter")
-    page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
-    assert "is what was accepted" in page.inner_text(".flash >> nth=0")
-    settled(page)
-    page.keyboard.press("Alt+u")
-    page.wait_for_url("**/review?done=*")
-    found = service.store.audit(ids[0])
-    assert (found.before, found.after, found.who) == ("KX407251", "KX407251", "Ada")
-
-
 def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:
     """Wait for what another thread is to do."""
     waited = threading.Event()
@@ -440,6 +416,7 @@ def test_pages_fit_their_window(service: Service, sit_down: Sit) -> None:
     pages = {
         "queue": "/review", "part": f"/review/{part_id}", "long": f"/review/{long_id}",
         "odd": f"/review/{odd_id}", "parts": "/parts", "history": f"/parts/{odd_id}", "dashboard": "/dashboard",
+        "jobs": "/jobs", "teach": f"/jobs/new?part={part_id}",
     }  # fmt: skip
     windows = ((1280, 900, "light"), (800, 1100, "dark"), (390, 844, "light"))
     for (name, address), (width, height, scheme) in itertools.product(pages.items(), windows):
@@ -502,43 +479,6 @@ def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) ->
     settings = service.jobs.settings("housing-left")
     assert settings.format == ("AA-99",)
     assert np.allclose(settings.region, [0.25, 0.25, 0.75, 0.75], atol=0.006)
-
-
-def test_a_job_is_taught_on_a_phone_and_by_keyboard(service: Service, sit_down: Sit) -> None:
-    part_id = service.put("KX407251", name="P-1")
-    page = sit_down(f"/jobs/new?part={part_id}&by=edges", viewport={"width": 390, "height": 800})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    assert page.evaluate("document.activeElement.id") == "text"
-    for key in [
-        "AB12",
-        "Tab",
-        "Tab",
-        "side-b",
-        "Tab",
-        "lot",
-        "Tab",
-        "Tab",
-        "Tab",
-    ]:  # format, job, line, height, left
-        if key == "Tab":
-            page.keyboard.press(key)
-        else:
-            page.keyboard.press("Control+a")
-            page.keyboard.type(key)
-    assert page.evaluate("document.activeElement.id") == "top"
-    page.keyboard.press("Control+a")
-    page.keyboard.type("12.5")
-    wait_for_value(page, "#format", "AA99")
-    box = page.evaluate("document.querySelector('rect.edge').y.baseVal.value / "
-                        "document.getElementById('drawn-on').viewBox.baseVal.height")  # fmt: skip
-    assert box == pytest.approx(0.125, abs=1e-3)
-    page.keyboard.press("Enter")
-    page.wait_for_url("**/jobs?done=side-b*")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    (line,) = service.jobs.settings("side-b").line
-    assert line.startswith("lot@")
-    assert line.endswith("=AA99")
-    assert line.split(",")[1] == "0.125"
 
 
 def test_on_a_phone_the_charts_begin_at_the_newest_hour(service: Service, sit_down: Sit) -> None:

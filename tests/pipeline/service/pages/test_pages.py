@@ -523,7 +523,7 @@ def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path)
     assert shop.client.get("/review").status_code == 303
     reviewer = shop.store.add_token("reviewer", [Scope.READ, Scope.REVIEW])
     shop.client.post("/login", data={**data, "secret": reviewer})
-    assert 'value="reviewer"' in shop.client.get(f"/review/{part_id}").text
+    assert "Signed as <b>reviewer</b>" in shop.client.get(f"/review/{part_id}").text
     assert shop.say(part_id, "KX407251") == 303
     assert shop.store.reviews(part_id)[-1].token == "reviewer"
     shop.store.close()

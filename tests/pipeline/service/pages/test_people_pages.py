@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from pipeline.common.people_records import Person
-from pipeline.common.records import EvidenceKind, PartState, Scope
+from pipeline.common.records import EvidenceKind, PartState
 from tests.support.page_shop import Shop, goes_to, reading
 
 SERIAL = "KX407251"
@@ -36,20 +35,6 @@ def hold(client: TestClient, part_id: str, **more: str) -> str:
     answer = client.post(f"/review/{part_id}/claim", data=more)
     assert answer.status_code == 200
     return answer.text
-
-
-def test_a_review_bears_the_tokens_name_where_tokens_are_asked_for(tmp_path: Path) -> None:
-    shop = Shop(tmp_path, required=True)
-    secret = shop.store.add_token("Grace", {Scope.READ, Scope.REVIEW})
-    shop.client.headers["Authorization"] = f"Bearer {secret}"
-    part_id = shop.add()
-    page = shop.client.get(f"/review/{part_id}").text
-    assert "Signed as <b>Grace</b>" in page
-    assert "Your name" not in page
-    assert shop.say(part_id, "KX407257", who="Somebody else") == 303
-    said = shop.store.reviews(part_id)[-1]
-    assert (said.who, said.token) == ("Grace", "Grace")
-    shop.store.close()
 
 
 def test_a_part_that_is_open_elsewhere_is_told_and_the_next_one_given(shop: Shop) -> None:
@@ -144,13 +129,3 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
         "mode": "audit",
     }  # a page that was open when somebody was quicker
     assert shop.client.post(f"/review/{ids[0]}", data=late).status_code == 409
-
-
-def test_somebody_at_an_audit_is_left_alone(shop: Shop) -> None:
-    part_id = shop.add(state=PartState.ACCEPTED, audit=True)
-    shop.store.claim_part(part_id, Person("Eve", seat="elsewhere"))
-    shop.client.get("/review")
-    assert goes_to(shop.client.get("/audit")) == "/review"
-    assert "Eve is at this part" in shop.client.get(f"/review/{part_id}").text
-    assert shop.say(part_id, SERIAL) == 409
-    assert shop.store.queue(audits=True) != ()
