@@ -1,6 +1,7 @@
 """The reader of photographs: how a picture becomes a reading.
 
 photograph --codes filled, pixels enough--> view --LineReader--> line and beliefs --format--> Reading --codes--> Reading
+                                            \\-> the same without stains, where that is surer -^
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from glyphs.errors import MarksError
 from recognition.belief.line_reader import LineReader, is_agreed
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.code_check import checked_by_codes
+from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
@@ -27,7 +29,7 @@ from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.codes import Code, codes_of, without_codes
-from recognition.views.registered import photo_views
+from recognition.views.registered import photo_views, stainless_view
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
@@ -81,10 +83,28 @@ class VisionReader:
         return checked_by_codes(made, codes)
 
     def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
+        """The reading as the photograph is, or without its stains where that is surer."""
+        bare = without_codes(photo, codes)
+        views, left_out = photo_views(bare)
         timer = StepTimer()
+        made = self._of_views(photo, views, about, timer, left_out=left_out)
+        if made.decision is not Decision.ACCEPT and not photo.others:
+            clean = stainless_view(bare)
+            if clean is not None:
+                made = max(made, self._of_views(photo, [clean], about, timer), key=lambda one: one.confidence)
+        return made
+
+    def _of_views(
+        self,
+        photo: Photo,
+        views: Sequence[View],
+        about: TextLine | None,
+        timer: StepTimer,
+        *,
+        left_out: tuple[int, ...] = (),
+    ) -> Reading:
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
-            views, left_out = photo_views(without_codes(photo, codes))
             part = self._readers[scaled].read(*views, about=about, twice=bool(self.prototypes))
             if part.main is not None:
                 part = replace(part, main=part.main.with_experts(self._templates(views, part.main)))

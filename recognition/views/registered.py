@@ -2,6 +2,7 @@
 
     photographs --gradient's size, whatever the light--> phase correlation, then ECC --> shift and turn --> views
     four or more views of different lights --> slopes, one more view
+    one photograph in colour --> without stains
 
 A lamp from another side turns bright flanks dark, but edges stay where they are: the size of the gradient is compared.
 Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
@@ -9,11 +10,15 @@ Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from recognition.views.slopes import slope_picture
+from recognition.views.stains import without_stains
 from recognition.views.view import GREY, KNOWN, View, photo_view
 
 Floats = NDArray[np.float32]
@@ -54,6 +59,12 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
     return [*_slopes(views), *views], tuple(left_out)
 
 
+def stainless_view(photo: Photo) -> View | None:
+    """View of a photograph in colour without its stains; None where there are none."""
+    clean = without_stains(photo)
+    return None if clean is None else _of_brightness(photo_view(photo), clean)
+
+
 def _slopes(views: list[View]) -> list[View]:
     """The view of how steep it is, where lights show that."""
     known = np.all([view.layers[KNOWN] > 0.5 for view in views], axis=0)
@@ -62,10 +73,7 @@ def _slopes(views: list[View]) -> list[View]:
     picture = slope_picture([np.where(v.layers[KNOWN] > 0.5, v.layers[GREY], first) for v in views])
     if picture is None:
         return []
-    layers = np.zeros_like(views[0].layers)
-    layers[KNOWN] = known
-    layers[GREY] = picture * known
-    return [View(views[0].kind, layers, views[0].pitch_mm, views[0].origin_mm)]
+    return [_of_brightness(views[0], picture, known)]
 
 
 def _gradient(grey: Floats, scale: float) -> Floats:
@@ -107,7 +115,14 @@ def _laid_over(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
     size = first.layers.shape[:0:-1]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     known = cv2.warpAffine(np.ones_like(grey), motion, size, flags=flags) > 0.999
+    return _of_brightness(first, cv2.warpAffine(grey, motion, size, flags=flags), known)
+
+
+def _of_brightness(
+    first: View, grey: NDArray[np.number[Any]], known: NDArray[np.bool_] | None = None
+) -> View:
+    """A view in the frame of the first, of another brightness that is known in places (default: everywhere)."""
     layers = np.zeros_like(first.layers)
-    layers[KNOWN] = known
-    layers[GREY] = cv2.warpAffine(grey, motion, size, flags=flags) * known
-    return View(first.kind, layers, first.pitch_mm, first.origin_mm)
+    layers[KNOWN] = 1.0 if known is None else known
+    layers[GREY] = grey * layers[KNOWN]
+    return replace(first, layers=layers)

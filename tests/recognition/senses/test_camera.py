@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -50,12 +51,33 @@ def photo(make_part: Callable[..., StampedPart]) -> tuple[StampedPart, Photo]:
     return part, taken(lit(part, rng=np.random.default_rng(0)), part)
 
 
+def rusty(part: StampedPart) -> Photo:
+    """The part under a flat light, blotched with rust, in colour."""
+    grey = 110.0 + 0.3 * (lit(part, rng=np.random.default_rng(0)) - 110.0)
+    blotches = cv2.GaussianBlur(np.random.default_rng(3).normal(size=grey.shape), (0, 0), 4.0)
+    cover = 1.0 / (1.0 + np.exp(-blotches / blotches.std() / 0.05))
+    rust = 1.0 - cover[..., None] * (1.0 - np.array([0.65, 0.26, 0.12]) ** (1.0 / 2.2))
+    return taken(grey[..., None] * rust, part)
+
+
 def check_places(found: Reading, part: StampedPart) -> None:
     """The middle of every character lies in its box."""
     for character, (x0, y0, x1, y1) in zip(found.characters, part.boxes_mm, strict=True):
         b = character.box
         assert b.x0_mm < 0.5 * (x0 + x1) < b.x1_mm
         assert b.y0_mm < 0.5 * (y0 + y1) < b.y1_mm
+
+
+def test_rust_is_told_from_relief_by_its_colour(
+    reader: VisionReader, photo: tuple[StampedPart, Photo]
+) -> None:
+    picture = rusty(photo[0])
+    colourless = replace(picture, pixels=np.rint(255.0 * picture.grey()).astype(np.uint8))
+    assert reader.read_photo(colourless).decision is not Decision.ACCEPT
+    found = reader.read_photo(picture)
+    assert found.text == TEXT
+    assert found.decision is Decision.ACCEPT
+    check_places(found, photo[0])
 
 
 def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
