@@ -32,7 +32,6 @@ from glyphs.surface.maps import EdgeMap, TraceDirection
 
 FORMAT_NAME = "tactile-marks glyph database"
 FORMAT_VERSION = 2
-_READABLE_VERSIONS = (1, 2)
 _BLOCK_BYTES = 512
 MOST_FILE_BYTES = 1_000_000_000
 MOST_OBJECTS = 20_000
@@ -42,6 +41,7 @@ MOST_GLYPH_POINTS = 5_000
 """Most points of one character: the work of drawing it grows with their square."""
 _LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 100
 """Data may always unpack to so much, beyond that to so many times the file's length; exemplars pack tenfold at most."""
+_FONT_ATTRIBUTES = ("name", "source", "stroke_ratio")
 _EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence")
 _EXEMPLAR_NUMBERS = ("height_mm", "rotation_deg", "raised")
 
@@ -150,51 +150,39 @@ def load_database(path: str | Path) -> GlyphDatabase:
     Raises:
         DatabaseError: the file is missing, damaged, cut short, of another kind, or newer than this program.
     """
-    name = str(path)
     try:
         require_file(Path(path), most_bytes=MOST_FILE_BYTES)
-        data = Path(path).read_bytes()
-    except FileError as error:
-        raise DatabaseError(f"{name!r} {error.what}", hint=error.hint) from error
+        return _unpack(_checked_body(Path(path).read_bytes()))
+    except MarksError as error:
+        raise DatabaseError(f"{str(path)!r} {error.what}", hint=error.hint) from error
     except OSError as error:
-        raise DatabaseError(
-            f"{name!r} cannot be read ({error.strerror or error})", hint="check its permissions"
-        ) from error
-    body = _checked_body(data, name)
-    try:
-        return _unpack(body)
-    except (
-        Exception
-    ) as error:  # the digest fits, so another program wrote nonsense: one message for all of it
-        raise DatabaseError(
-            f"{name!r} is not a glyph database ({error.what if isinstance(error, MarksError) else error})",
-            hint="write it again with save_database",
-        ) from error
+        what = f"{str(path)!r} cannot be read ({error.strerror or error})"
+        raise DatabaseError(what, hint="check its permissions") from error
 
 
-def _block(body: bytes, version: int = FORMAT_VERSION) -> bytes:
+def _block(body: bytes) -> bytes:
     """The user block in front of an HDF5 body."""
-    text = f"{FORMAT_NAME}\nformat_version {version}\nsha256 {hashlib.sha256(body).hexdigest()}\n"
+    text = f"{FORMAT_NAME}\nformat_version {FORMAT_VERSION}\nsha256 {hashlib.sha256(body).hexdigest()}\n"
     return text.encode("ascii").ljust(_BLOCK_BYTES, b"\0")
 
 
-def _checked_body(data: bytes, name: str) -> bytes:
+def _checked_body(data: bytes) -> bytes:
     """The HDF5 bytes behind the user block, once name, version and digest have proved right."""
-    head = data[:_BLOCK_BYTES].split(b"\n")
-    if head[0] != FORMAT_NAME.encode("ascii"):
+    head, body = data[:_BLOCK_BYTES], data[_BLOCK_BYTES:]
+    name, _, rest = head.partition(b"\n")
+    if name != FORMAT_NAME.encode("ascii"):
         raise DatabaseError(
-            f"{name!r} is not a glyph database, or its first bytes are damaged", hint="restore it from a copy"
+            "is not a glyph database, or its first bytes are damaged", hint="restore it from a copy"
         )
-    version = head[1].removeprefix(b"format_version ") if len(head) > 1 else b""
+    version = rest.partition(b"\n")[0].removeprefix(b"format_version ")
     if version.isdigit() and len(version) < 6 and int(version) > FORMAT_VERSION:
         raise DatabaseError(
-            f"{name!r} has format version {int(version)}, newer than {FORMAT_VERSION}",
+            f"has format version {int(version)}, newer than {FORMAT_VERSION}",
             hint="update this program to read it",
         )
-    body = data[_BLOCK_BYTES:]
-    if not any(data[:_BLOCK_BYTES] == _block(body, version) for version in _READABLE_VERSIONS):
+    if head != _block(body):
         raise DatabaseError(
-            f"{name!r} is damaged or cut short (its digest does not fit)", hint="restore it from a copy"
+            "is damaged or cut short (its digest does not fit)", hint="restore it from a copy"
         )
     return body
 
@@ -222,15 +210,27 @@ def _pack(database: GlyphDatabase) -> bytes:
 
 
 def _unpack(body: bytes) -> GlyphDatabase:
-    """The database from the bytes of an HDF5 file."""
+    """The database from the bytes of an HDF5 file.
+
+    Raises:
+        DatabaseError: whatever is wrong with it: the digest fits, so another program wrote nonsense.
+    """
     import h5py
 
-    with h5py.File(io.BytesIO(body), "r") as file:
-        _check_content(file, len(body))
-        fonts = [_unpack_font(group) for group in _in_order(file["fonts"])]
-        dies = {str(g.attrs["name"]): Die(**json.loads(g.attrs["die"])) for g in _in_order(file["dies"])}
-        exemplars = tuple(_unpack_exemplar(group) for group in _in_order(file["exemplars"]))
-    return GlyphDatabase({font.name: font for font in fonts}, dies, exemplars)
+    def in_order(group: Any) -> list[Any]:
+        return [group[key] for key in sorted(group, key=int)]
+
+    try:
+        with h5py.File(io.BytesIO(body), "r") as file:
+            _check_content(file, len(body))
+            fonts = {font.name: font for font in map(_unpack_font, in_order(file["fonts"]))}
+            dies = {str(g.attrs["name"]): Die(**json.loads(g.attrs["die"])) for g in in_order(file["dies"])}
+            return GlyphDatabase(fonts, dies, tuple(map(_unpack_exemplar, in_order(file["exemplars"]))))
+    except Exception as error:
+        reason = error.what if isinstance(error, MarksError) else error
+        raise DatabaseError(
+            f"is not a glyph database ({reason})", hint="write it again with save_database"
+        ) from error
 
 
 def _check_content(file: Any, length: int) -> None:
@@ -249,62 +249,50 @@ def _check_content(file: Any, length: int) -> None:
         raise DatabaseError(f"draws {lines:,} lines, over the limit of {MOST_LINES:,}")
 
 
-def _in_order(group: Any) -> list[Any]:
-    return [group[key] for key in sorted(group, key=int)]
-
-
 def _pack_font(group: Any, font: Font) -> None:
     """All points of a font in one dataset, with the length and owner of each line beside it."""
-    group.attrs["name"], group.attrs["source"] = font.name, font.source
-    group.attrs["stroke_ratio"] = font.stroke_ratio
+    for key in _FONT_ATTRIBUTES:
+        group.attrs[key] = getattr(font, key)
     glyphs = list(font.glyphs.values())
     lines = [(k, line) for k, glyph in enumerate(glyphs) for line in glyph.strokes + glyph.contours]
     group["characters"] = np.array([ord(g.char) for g in glyphs], dtype=np.uint32)
-    group["advance"] = np.array([g.advance for g in glyphs], dtype=np.float64)
-    group["stroke"] = np.array([g.stroke for g in glyphs], dtype=np.float64)
+    for key in ("advance", "stroke"):
+        group[key] = np.array([getattr(g, key) for g in glyphs], dtype=np.float64)
     group["outlined"] = np.array([bool(g.contours) for g in glyphs], dtype=np.uint8)
     group["line_glyph"] = np.array([k for k, _ in lines], dtype=np.uint32)
     group["line_points"] = np.array([len(line) for _, line in lines], dtype=np.uint32)
     group["points"] = np.concatenate([line for _, line in lines] or [np.empty((0, 2))])
-    learned = [(k, g.relief) for k, g in enumerate(glyphs) if g.relief is not None]
-    if learned:
+    if font.learned:
         group["guessed"] = np.array([g.guessed for g in glyphs], dtype=np.uint8)
-        for k, relief in learned:
-            _pack_layer(group, f"felt/{k}", relief)
+        for k, glyph in enumerate(glyphs):
+            if glyph.relief is not None:
+                _pack_layer(group, f"felt/{k}", glyph.relief)
 
 
 def _unpack_font(group: Any) -> Font:
-    points: NDArray[np.float64] = _numbers(group, "points")
-    ends = np.cumsum(_numbers(group, "line_points"))
-    lines = np.split(points, ends[:-1]) if ends.size else []
-    owner = _numbers(group, "line_glyph")
-    outlined, advance, stroke = (_numbers(group, key) for key in ("outlined", "advance", "stroke"))
-    guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(outlined.size)
-    learned = group.get("felt", {})
-    characters = _numbers(group, "characters")
-    lines_of: list[list[NDArray[np.float64]]] = [[] for _ in characters]
-    for line, k in zip(lines, owner, strict=True):
-        lines_of[int(k)].append(line)
+    keys = "characters", "outlined", "advance", "stroke", "line_glyph", "line_points", "points"
+    codes, outlined, advance, stroke, owner, lengths, points = (_numbers(group, key) for key in keys)
+    guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(codes.size)
+    felt = group.get("felt", {})
+    lines: list[list[NDArray[np.float64]]] = [[] for _ in codes]
+    for k, line in zip(owner, np.split(points, np.cumsum(lengths)[:-1]) if lengths.size else (), strict=True):
+        lines[int(k)].append(line)
     glyphs = {}
-    for k, code in enumerate(characters):
-        own = tuple(lines_of[k])
-        if sum(map(len, own)) > MOST_GLYPH_POINTS:
+    for k, char in enumerate(chr(int(code)) for code in codes):
+        if sum(map(len, lines[k])) > MOST_GLYPH_POINTS:
             raise DatabaseError(
-                f"draws {chr(int(code))!r} with more than {MOST_GLYPH_POINTS:,} points",
-                hint="simplify the font",
+                f"draws {char!r} with more than {MOST_GLYPH_POINTS:,} points", hint="simplify the font"
             )
-        glyphs[chr(int(code))] = Glyph(
-            chr(int(code)),
-            strokes=() if outlined[k] else own,
-            contours=own if outlined[k] else (),
+        glyphs[char] = Glyph(
+            char,
+            **{"contours" if outlined[k] else "strokes": tuple(lines[k])},
             advance=float(advance[k]),
             stroke=float(stroke[k]),
-            relief=_numbers(learned, str(k)) if str(k) in learned else None,
+            relief=_numbers(felt, str(k)) if str(k) in felt else None,
             guessed=bool(guessed[k]),
         )
-    return Font(
-        str(group.attrs["name"]), glyphs, float(group.attrs["stroke_ratio"]), str(group.attrs["source"])
-    )
+    name, source, ratio = (group.attrs[key] for key in _FONT_ATTRIBUTES)
+    return Font(str(name), glyphs, float(ratio), str(source))
 
 
 def _pack_exemplar(group: Any, exemplar: Exemplar) -> None:
@@ -333,11 +321,10 @@ def _unpack_exemplar(group: Any) -> Exemplar:
         pitch_mm=float(group.attrs["pitch_mm"]),
         origin_mm=(x, y),
     )
-    # what the first format did not have stays as it is by default
-    more: dict[str, Any] = {k: str(group.attrs[k]) for k in _EXEMPLAR_TEXTS if k in group.attrs}
-    more.update({k: group.attrs[k].item() for k in _EXEMPLAR_NUMBERS if k in group.attrs})
+    texts: dict[str, Any] = {key: str(group.attrs[key]) for key in _EXEMPLAR_TEXTS}
+    numbers: dict[str, Any] = {key: group.attrs[key].item() for key in _EXEMPLAR_NUMBERS}
     relief = _numbers(group, "relief") if "relief" in group else None
-    return Exemplar(edge_map=edges, relief=relief, **more)
+    return Exemplar(edge_map=edges, relief=relief, **texts, **numbers)
 
 
 def _numbers(group: Any, key: str) -> Any:

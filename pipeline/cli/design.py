@@ -111,9 +111,10 @@ def design(
             "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
         )
     from pipeline.cli.design_report import report
+    from pipeline.cli.design_words import explain_failure
     from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
-    from whisker_array.design.design import design_whisker
-    from whisker_array.design.limits import Limits, Request
+    from whisker_array.design.design import NoWhiskerError, design_whisker
+    from whisker_array.design.limits import DesignError, Limits, Request
     from whisker_array.design.trade import slide_trade_off, speed_trade_off
     from whisker_array.design.tuned import tune
 
@@ -144,7 +145,10 @@ def design(
         if sensitive_to is None
         else tune(math.radians(sensitive_to), request, limits=limits, section=section)
     )
-    made = tuned.design if tuned is not None else design_whisker(request, limits=limits, section=section)
+    try:
+        made = tuned.design if tuned is not None else design_whisker(request, limits=limits, section=section)
+    except NoWhiskerError as error:
+        raise DesignError(explain_failure(error)) from error
     trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()
     print("\n".join(report(made, trades=trades, tuned=tuned)))
     if out is not None:
@@ -169,9 +173,9 @@ def _save(figure: Figure, picture: Path) -> None:
 
 def _report_built(path: Path, request: Request) -> int:
     """Report what an identified whisker does for a request, and by how much it may be off."""
+    from pipeline.cli.design_words import fitness
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines
-    from whisker_array.design.built import fitness
     from whisker_array.identification.predictions import predictions
 
     built = read_whisker_file(path)

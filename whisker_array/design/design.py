@@ -28,7 +28,6 @@ from whisker_array.design.checks import (
     first_frequency_hz,
     normal_forces_n,
 )
-from whisker_array.design.failure import why_not
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
 from whisker_array.design.search import (
     HELD,
@@ -36,6 +35,7 @@ from whisker_array.design.search import (
     Problem,
     SectionKind,
     best,
+    conflict,
     polish,
     rounded,
     starts,
@@ -50,6 +50,28 @@ _STARTS = 5
 _ELASTICA_ROUNDS = 4
 _ELASTICA_NEAR = 0.02
 _FINE = 33
+
+
+class NoWhiskerError(DesignError):
+    """No whisker meets all limits together.
+
+    Attributes:
+        problem: the search.
+        nearest: the whisker that violates them least.
+        bounds: limits that meet there: those that cannot be met together.
+    """
+
+    def __init__(
+        self,
+        problem: Problem | None = None,
+        nearest: Candidate | None = None,
+        bounds: tuple[Bound, ...] = (),
+    ) -> None:
+        self.problem, self.nearest, self.bounds = problem, nearest, bounds
+        super().__init__(
+            f"no whisker meets all limits together: {', '.join(bound.label for bound in bounds)}",
+            hint=", or ".join(dict.fromkeys(bound.hint for bound in bounds)),
+        )
 
 
 class Lip(Enum):
@@ -173,7 +195,7 @@ def design_whisker(
         seed: of the starts of the search.
 
     Raises:
-        DesignError: no whisker keeps all limits; names those that cannot be met together.
+        NoWhiskerError: no whisker keeps all limits.
     """
     limits = limits or Limits()
     kinds: tuple[SectionKind, ...] = ("ribbon", "round") if section == "auto" else (section,)
@@ -188,7 +210,9 @@ def design_whisker(
         kinds = ("ribbon",)
     found = [c for kind in kinds if (c := _search(Problem(request, limits, kind), seed)) is not None]
     if not found:
-        raise DesignError(why_not(Problem(request, limits, kinds[0]), seed=seed))
+        failed = Problem(request, limits, kinds[0])
+        nearest, bounds = conflict(failed, list(starts(failed, n=3, rng=np.random.default_rng(seed))))
+        raise NoWhiskerError(failed, nearest, bounds)
     problem, candidate = max(found, key=lambda pair: pair[1].worth)
     return describe_design(
         candidate.whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm

@@ -32,12 +32,14 @@ def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flag
     samples = h.shape[1]
     one, zero = np.float32(1.0), np.float32(0.0)
     for i in range(first, last):
+        beside = mu[i % mu.shape[0]]
+        each = 1 if beside.size == samples else 0  # of a map; otherwise one number for all
         for j in range(samples):
             left, right = max(j - 1, 0), min(j + 1, samples - 1)
             p = (h[i, right] - h[i, left]) * inv_two_step
             if right - left == 1:  # one-sided at the ends of the trace
                 p = p + p
-            m = mu[i % mu.shape[0], j % mu.shape[1]]
+            m = beside[j * each]
             ax = -(p + m)
             ay = one - m * p
             reach = d0 + h[i, j]

@@ -14,8 +14,7 @@ Units are mm and N: moduli are in MPa = N/mm^2.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Self, TypeAlias
 
 from glyphs.errors import MarksError
@@ -70,42 +69,42 @@ MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3
 """Patented spring steel wire (physics.md: E 190 to 210 GPa, nu 0.29, 7.8 g/cm^3, about 2000 MPa)."""
 
 
-class Section(ABC):
-    """A cross-section; its dimensions are the fields of a frozen dataclass, mm."""
+@dataclass(frozen=True)
+class Section:
+    """A cross-section: its dimensions, and what follows from them.
+
+    Attributes:
+        area_mm2: area.
+        i_vertical_mm4: second moment for bending in the vertical plane of the whisker (about the lateral axis).
+        i_lateral_mm4: second moment for bending sideways (about the in-plane axis across the beam).
+        j_mm4: St. Venant torsion constant; of a section with round symmetry the polar second moment.
+        c_vertical_mm: distance from the lateral axis to the outer fibre.
+        c_lateral_mm: half of the lateral extent.
+    """
+
+    area_mm2: float = field(init=False, repr=False, compare=False)
+    i_vertical_mm4: float = field(init=False, repr=False, compare=False)
+    i_lateral_mm4: float = field(init=False, repr=False, compare=False)
+    j_mm4: float = field(init=False, repr=False, compare=False)
+    c_vertical_mm: float = field(init=False, repr=False, compare=False)
+    c_lateral_mm: float = field(init=False, repr=False, compare=False)
+
+    def _derive(self, **numbers: float) -> None:
+        for name, value in numbers.items():
+            object.__setattr__(self, name, value)
+
+    def _derive_round(self, outer_mm: float, inner_mm: float = 0.0) -> None:
+        """Set the numbers of a ring: pi (D^2 - d^2) / 4, pi (D^4 - d^4) / 64, D / 2."""
+        i = math.pi * (outer_mm**4 - inner_mm**4) / 64.0
+        self._derive(area_mm2=math.pi * (outer_mm**2 - inner_mm**2) / 4.0, j_mm4=2.0 * i)
+        self._derive(
+            i_vertical_mm4=i, i_lateral_mm4=i, c_vertical_mm=outer_mm / 2.0, c_lateral_mm=outer_mm / 2.0
+        )
 
     @property
-    @abstractmethod
-    def area_mm2(self) -> float:
-        """Area, mm^2."""
-
-    @property
-    @abstractmethod
-    def i_vertical_mm4(self) -> float:
-        """Second moment for bending in the vertical plane of the whisker (about the lateral axis), mm^4."""
-
-    @property
-    def i_lateral_mm4(self) -> float:
-        """Second moment for bending sideways (about the in-plane axis across the beam), mm^4."""
-        return self.i_vertical_mm4
-
-    @property
-    def j_mm4(self) -> float:
-        """St. Venant torsion constant, mm^4; of a section with round symmetry the polar second moment."""
-        return 2.0 * self.i_vertical_mm4
-
-    @property
-    @abstractmethod
-    def c_vertical_mm(self) -> float:
-        """Distance from the lateral axis to the outer fibre, mm."""
-
-    @property
-    def c_lateral_mm(self) -> float:
-        """Half of the lateral extent, mm."""
-        return self.c_vertical_mm
-
-    def scaled(self, factor: float) -> Self:
-        """The same shape with every dimension multiplied by the factor."""
-        return type(self)(*(factor * value for value in vars(self).values()))
+    def dimensions_mm(self) -> tuple[float, ...]:
+        """Dimensions in the order of the constructor."""
+        return tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def blend(self, other: Section, t: float) -> Self:
         """Mix the dimensions linearly: this section at t = 0, the other at t = 1.
@@ -118,7 +117,7 @@ class Section(ABC):
                 f"cannot taper from {type(self).__name__} to {type(other).__name__}",
                 hint="both ends must be of the same kind",
             )
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        pairs = zip(self.dimensions_mm, other.dimensions_mm, strict=True)
         return type(self)(*((1.0 - t) * a + t * b for a, b in pairs))
 
 
@@ -137,21 +136,7 @@ class Tube(Section):
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "outer_mm")
         require_range(WhiskerError, 0.0, math.nextafter(self.outer_mm, 0.0), self, "inner_mm")
-
-    @property
-    def area_mm2(self) -> float:
-        """pi (D^2 - d^2) / 4, mm^2."""
-        return math.pi * (self.outer_mm**2 - self.inner_mm**2) / 4.0
-
-    @property
-    def i_vertical_mm4(self) -> float:
-        """pi (D^4 - d^4) / 64, mm^4."""
-        return math.pi * (self.outer_mm**4 - self.inner_mm**4) / 64.0
-
-    @property
-    def c_vertical_mm(self) -> float:
-        """D / 2, mm."""
-        return self.outer_mm / 2.0
+        self._derive_round(self.outer_mm, self.inner_mm)
 
 
 @dataclass(frozen=True)
@@ -165,22 +150,8 @@ class Round(Section):
     diameter_mm: float
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self)
-
-    @property
-    def area_mm2(self) -> float:
-        """pi d^2 / 4, mm^2."""
-        return math.pi * self.diameter_mm**2 / 4.0
-
-    @property
-    def i_vertical_mm4(self) -> float:
-        """pi d^4 / 64, mm^4."""
-        return math.pi * self.diameter_mm**4 / 64.0
-
-    @property
-    def c_vertical_mm(self) -> float:
-        """d / 2, mm."""
-        return self.diameter_mm / 2.0
+        require_positive(WhiskerError, self, "diameter_mm")
+        self._derive_round(self.diameter_mm)
 
 
 @dataclass(frozen=True)
@@ -196,47 +167,24 @@ class Rectangle(Section):
     width_mm: float
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self)
+        require_positive(WhiskerError, self, "thickness_mm", "width_mm")
+        t, w = self.thickness_mm, self.width_mm
+        self._derive(area_mm2=t * w, j_mm4=_rectangle_torsion_mm4(t, w))
+        self._derive(i_vertical_mm4=w * t**3 / 12.0, i_lateral_mm4=t * w**3 / 12.0)
+        self._derive(c_vertical_mm=t / 2.0, c_lateral_mm=w / 2.0)
 
-    @property
-    def area_mm2(self) -> float:
-        """t w, mm^2."""
-        return self.thickness_mm * self.width_mm
 
-    @property
-    def i_vertical_mm4(self) -> float:
-        """w t^3 / 12, mm^4."""
-        return self.width_mm * self.thickness_mm**3 / 12.0
+def _rectangle_torsion_mm4(thickness_mm: float, width_mm: float) -> float:
+    """Torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
 
-    @property
-    def i_lateral_mm4(self) -> float:
-        """t w^3 / 12, mm^4."""
-        return self.thickness_mm * self.width_mm**3 / 12.0
-
-    @property
-    def j_mm4(self) -> float:
-        """Torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
-
-        J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4.
-        The sum is taken as its limit for a long section less a remainder that falls as exp(-n pi a / b):
-        exact to rounding.
-        """
-        b, a = sorted((self.thickness_mm, self.width_mm))
-        remainder = sum(
-            2.0 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1.0) / n**5 for n in range(1, 16, 2)
-        )
-        total = _SUM_ODD_FIFTH_POWERS - remainder
-        return a * b**3 / 3.0 * (1.0 - 192.0 * b / (math.pi**5 * a) * total)
-
-    @property
-    def c_vertical_mm(self) -> float:
-        """t / 2, mm."""
-        return self.thickness_mm / 2.0
-
-    @property
-    def c_lateral_mm(self) -> float:
-        """w / 2, mm."""
-        return self.width_mm / 2.0
+    J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4.
+    The sum is taken as its limit for a long section less a remainder that falls as exp(-n pi a / b):
+    exact to rounding.
+    """
+    b, a = sorted((thickness_mm, width_mm))
+    remainder = sum(2.0 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1.0) / n**5 for n in range(1, 16, 2))
+    total = _SUM_ODD_FIFTH_POWERS - remainder
+    return a * b**3 / 3.0 * (1.0 - 192.0 * b / (math.pi**5 * a) * total)
 
 
 @dataclass(frozen=True, repr=False)

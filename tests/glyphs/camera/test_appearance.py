@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
 
-from glyphs import stamp
-from glyphs.camera.appearance import draw_light, photograph
-from glyphs.camera.pose import Camera, apply_homography, draw_camera
+from glyphs.camera.appearance import photograph
+from glyphs.camera.pose import Camera, apply_homography
 from glyphs.camera.shading import Light, lit_share, openness, radiance
 from glyphs.soiling.coat import Look
 from glyphs.soiling.soil import Soil
-from glyphs.soiling.soiled import SoiledPart, Soiling, soil_part
-from glyphs.soiling.workshop.mixture import Dirt
+from glyphs.soiling.soiled import SoiledPart
 from glyphs.stamping.stamp import StampedPart
-from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap, MapError
 
 LAMP = Light(azimuth_deg=0.0, elevation_deg=40.0, ambient=0.0, shadows=False)
@@ -39,11 +35,6 @@ def _scene(z: np.ndarray, look: Look, pitch_mm: float = 0.1) -> SoiledPart:
     height_map = HeightMap(z.astype(np.float32), pitch_mm)
     part = StampedPart(height_map, "", 5.0, (), "none")
     return SoiledPart(part, height_map, Soil(np.zeros(z.shape), np.float32(1.0), np.float32(0.2)), look)
-
-
-@cache
-def _stamped() -> StampedPart:
-    return stamp("A7", variation=StampingVariation.none()).stamped
 
 
 @pytest.mark.parametrize("slope_x", [-0.5, -0.1, 0.0, 0.3])
@@ -168,33 +159,6 @@ def test_exposure_clips_and_corners_are_darker() -> None:
     lens = photograph(scene, LAMP, Camera(**{**vars(STILL), "vignetting": 0.5}), rng=np.random.default_rng(0))
     linear = (lens.pixels[..., 0] / 255.0) ** 2.2
     assert linear[0, 0] / linear[30, 45] == pytest.approx(0.5, abs=0.03)
-
-
-def test_oil_is_darker_and_the_lamp_shows_the_marks() -> None:
-    light, camera = Light(elevation_deg=40.0), Camera(noise=0.0)
-    clean = soil_part(_stamped(), Soiling(), rng=np.random.default_rng(1))
-    photo = photograph(clean, light, camera, rng=np.random.default_rng(0))
-    shown = photo.grey()
-    land = shown[:40]
-    assert np.abs(shown - np.median(shown)).max() > 8.0 * land.std()
-    oily = soil_part(_stamped(), Soiling(mixture=Dirt(oil=0.8)), rng=np.random.default_rng(1))
-    wet = oily.soil.friction < 0.12
-    assert wet.any()
-    matt = Light(elevation_deg=40.0, ambient=0.5, size_deg=1.0)
-    there, before = (radiance(s.height_map, s.look, matt)[wet].mean() for s in (oily, clean))
-    assert there < before
-
-
-def test_what_is_drawn_is_as_told() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        light = draw_light(rng)
-        assert 25.0 <= light.elevation_deg <= 65.0
-        assert draw_camera(rng).pitch_mm == 0.06
-    told = draw_light(np.random.default_rng(1), azimuth_deg=90.0, elevation_deg=30.0)
-    free = draw_light(np.random.default_rng(1))
-    assert (told.azimuth_deg, told.elevation_deg) == (90.0, 30.0)
-    assert (told.ambient, told.size_deg, told.colour) == (free.ambient, free.size_deg, free.colour)
 
 
 @pytest.mark.parametrize(

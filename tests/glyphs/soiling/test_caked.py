@@ -111,12 +111,3 @@ def test_oily_slides_dry_drags() -> None:
     assert friction.min() >= OILY_FRICTION - 1e-3
     assert friction.max() <= DRY_FRICTION + 1e-3
     assert np.quantile(friction, 0.9) - np.quantile(friction, 0.1) > 0.2
-
-
-def test_it_looks_dark_and_dull() -> None:
-    """Two hundredths of a millimetre hide the metal: no mirror, and darker than it."""
-    coat, soiled = _coat(), _caked(1.0, 1)
-    hidden = _laid(1.0, 1) > 0.05
-    assert hidden.mean() > 0.5
-    assert soiled.reflectance[hidden].max() < 0.06
-    assert soiled.albedo[hidden].max() < coat.albedo[hidden].mean()

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.mud import sheets as model
@@ -133,15 +132,3 @@ def test_rain_takes_the_lands_mud_first() -> None:
     sheltered = coat.brim_mm - coat.z_mm > 0.9 * grid.depth_mm
     assert left[sheltered].mean() > 0.9
     assert left[~sheltered].mean() < 0.85
-
-
-@pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
-def test_mud_is_matt_brown_and_rubs(height_mm: float) -> None:
-    clean = bare_part(height_mm=height_mm)
-    coat = mud(clean, 1.0, rng=np.random.default_rng(2))
-    thick = coat.z_mm - clean.z_mm > 0.08  # opaque: three times as thick as hides two thirds
-    red, green, blue = coat.albedo[thick].mean(axis=0)
-    assert red > green > blue
-    assert coat.roughness[thick].mean() > 0.6
-    assert coat.reflectance[thick].mean() < 0.08
-    assert 0.4 < coat.friction[thick].mean() < 0.7

@@ -53,13 +53,6 @@ def test_no_paint_is_lost_and_it_pools_in_grooves() -> None:
     assert film.min() >= 0.3 * 0.1 - 1e-6
 
 
-def test_paint_is_thicker_in_the_grooves_of_a_part() -> None:
-    hollow = _clean().hollow_mm()
-    groove = hollow > 0.6 * np.percentile(hollow, 98)
-    film = np.mean([_painted(0.3, seed).z_mm - _clean().z_mm for seed in range(6)], axis=0)
-    assert film[groove].mean() > 1.5 * film[hollow == 0.0].mean()
-
-
 def test_a_coat_on_open_land_is_as_thick_as_coats_are() -> None:
     land = _clean().hollow_mm() == 0.0
     thickness = [np.median((_painted(1.0, seed).z_mm - _clean().z_mm)[land]) for seed in range(8)]
@@ -92,10 +85,3 @@ def test_flakes_lay_bare_metal_with_sharp_edges() -> None:
         if step.any():
             assert rise[step].max() > 4 * np.median(rise)
     assert found > 20
-
-
-def test_it_hides_the_steel() -> None:
-    coat = _painted(1.0, 3)
-    assert np.median(coat.reflectance) == pytest.approx(0.04, abs=0.01)
-    # of one colour but for flakes and the first coat in them
-    assert np.median(np.abs(coat.albedo - np.median(coat.albedo, axis=(0, 1)))) < 0.01

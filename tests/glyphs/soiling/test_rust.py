@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.rust.corrosion import LAMINA, draw_pits, mark_depth_mm, rust
+from glyphs.soiling.rust.corrosion import draw_pits, mark_depth_mm, rust
 from tests.support.coats import bare_part
 
 SEEDS = range(5)
@@ -81,19 +81,6 @@ def test_only_the_top_of_the_rust_yields() -> None:
     # compact rust below stands as high as it did: most of what was laid on does not give way
     assert np.quantile(rusty.soft_mm, 0.9) < 0.35 * deep
     assert rusty.friction[soft].mean() > 0.4
-
-
-def test_one_lamina_is_about_a_tenth_of_a_millimetre_or_thinner() -> None:
-    for height_mm in (2.0, 5.0, 12.0):
-        assert 0.01 < LAMINA * mark_depth_mm(bare_part(height_mm=height_mm)) < 0.15
-
-
-def test_it_is_dull_and_red() -> None:
-    steel, rusty = bare_part(), _rusted(0.8)
-    red, green, blue = rusty.albedo.reshape(-1, 3).mean(axis=0)
-    assert red > 1.5 * green > 1.5 * blue
-    assert rusty.roughness.mean() > 0.7 > steel.roughness.mean()
-    assert rusty.reflectance.mean() < 0.1
 
 
 def test_it_begins_in_nests() -> None:

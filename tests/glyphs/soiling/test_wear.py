@@ -10,7 +10,7 @@ import pytest
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.wear import rubbing as wear
 from glyphs.soiling.wear.bench import on_bench
-from glyphs.soiling.wear.blows import DENT_ASPECT, MOST_HITS, dimples, knocked, peened
+from glyphs.soiling.wear.blows import MOST_HITS, dimples, knocked, peened
 from glyphs.soiling.wear.rubbing import wear as worn
 from glyphs.surface.noise import Field
 from tests.support.coats import bare_part
@@ -75,13 +75,6 @@ def test_dents_cover_as_random_hits_do(amount: float) -> None:
     coat = _coat()
     cover = np.mean([(dimples(coat, amount, np.random.default_rng(s)) > 0.0).mean() for s in range(12)])
     assert cover == pytest.approx(1.0 - np.exp(-MOST_HITS * min(amount / 0.9, 1.0)), abs=0.08)
-
-
-@pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
-def test_dents_are_no_deeper_than_shot_makes_them(height_mm: float) -> None:
-    dents = dimples(_coat(height_mm=height_mm), 1.0, np.random.default_rng(3))
-    # the widest: 0.14 of the height, e^(3 * 0.28) times that
-    assert 0.0 < dents.max() < DENT_ASPECT * 0.14 * 2.4 * height_mm
 
 
 def test_knocks_pile_metal_up_beside_them() -> None:

@@ -58,14 +58,6 @@ def test_a_disc_takes_tops_and_leaves_floors() -> None:
     assert (z - coat.z_mm)[land].max() < 0.35 * FURROW_MM[1] + 0.1 * depth
 
 
-def test_a_disc_wears_raised_marks_down() -> None:
-    coat = _coat(raised=True)
-    z, _ = ground(coat, coat.z_mm, crown(coat), 0.8, np.random.default_rng(2))
-    tops = coat.clean_mm > 0.7 * coat.clean_mm.max()
-    # pressed at 0.8, the disc means to take most of the height in its swathes and half of it or less between
-    assert (coat.z_mm - z)[tops].mean() > 0.3 * coat.clean_mm.max()
-
-
 def test_scale_is_thin_dark_and_in_plates() -> None:
     coat = _coat()
     for seed in range(4):

@@ -16,7 +16,6 @@ from glyphs.soiling.workshop.debris import HIGHEST_MM
 from glyphs.soiling.workshop.films import OIL_FRICTION, PAINT_MPA
 from glyphs.soiling.workshop.grime import HARDEST_MPA, SOFTEST_MPA
 from glyphs.soiling.workshop.mixture import Dirt
-from glyphs.stamping.errors import StampError
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import share, smooth_noise
@@ -42,16 +41,6 @@ def _soiled(seed: int = 0, raised: bool = False, **amounts: float) -> SoiledPart
 
 def _rise(soiled: SoiledPart) -> np.ndarray:
     return soiled.height_map.z_mm - soiled.part.height_map.z_mm
-
-
-def test_no_dirt_leaves_the_part_as_it_was() -> None:
-    clean = _soiled()
-    assert clean.height_map is _part().height_map
-    assert not clean.soil.thickness_mm.any()
-    np.testing.assert_array_equal(clean.soil.friction, STEEL)
-    assert Dirt().clean
-    assert Dirt.of(0.0) == Dirt()
-    assert not Dirt.of(0.1).clean
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -81,26 +70,6 @@ def test_what_yields_lies_on_what_was_there(seed: int, severity: float) -> None:
     assert (soiled.soil.hardness_mpa[soft] <= PAINT_MPA).all()
     assert (soiled.soil.friction >= OIL_FRICTION - 1e-6).all()
     assert (soiled.soil.friction <= 0.5).all()
-
-
-def test_the_same_stream_gives_the_same_dirt() -> None:
-    one, same, other = (
-        soil_part(_part(), Soiling(severity=0.7), rng=np.random.default_rng(seed)) for seed in (3, 3, 4)
-    )
-    np.testing.assert_array_equal(one.height_map.z_mm, same.height_map.z_mm)
-    np.testing.assert_array_equal(one.soil.hardness_mpa, same.soil.hardness_mpa)
-    np.testing.assert_array_equal(one.look.albedo, same.look.albedo)
-    assert (one.height_map.z_mm != other.height_map.z_mm).any()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_more_of_a_kind_is_the_same_and_some(kind: str) -> None:
-    changed = []
-    for amount in (0.0, 0.3, 0.8):
-        dirty = [_soiled(seed, **{kind: amount}) for seed in range(4)]
-        changed.append(float(np.mean([np.abs(_rise(d)).mean() for d in dirty])))
-    assert changed[0] == 0.0
-    assert (np.diff(changed) > 0.0).all()
 
 
 @pytest.mark.parametrize(
@@ -150,12 +119,6 @@ def test_grime_fills_grooves_and_is_as_hard_as_it_says() -> None:
     assert every.max() > 2.0 * every.min()
 
 
-def test_paint_levels_a_groove() -> None:
-    thick = np.stack([_soiled(seed, paint=1.0).soil.thickness_mm for seed in range(4)])
-    depth = -_part().height_map.z_mm
-    assert thick[:, depth > 0.12].mean() > 1.3 * thick[:, depth < 0.01].mean()
-
-
 def test_burr_rises_beside_the_marks_alone() -> None:
     rise = _rise(_soiled(burr=1.0))
     near = np.zeros(rise.shape, dtype=bool)
@@ -181,15 +144,6 @@ def test_one_kind_does_not_move_another() -> None:
     lies = _rise(swarf) > 0.0
     assert lies.any()
     assert (_rise(beside) > 0.0)[lies].mean() > 0.9
-
-
-@pytest.mark.parametrize("wrong", [-0.1, 1.1, float("nan"), float("inf")])
-def test_amounts_that_cannot_be(wrong: float) -> None:
-    for kind in KINDS:
-        with pytest.raises(StampError, match=kind):
-            Dirt(**{kind: wrong})
-    with pytest.raises(StampError, match="severity"):
-        Dirt.of(wrong)
 
 
 def test_a_surface_with_holes_is_refused() -> None:

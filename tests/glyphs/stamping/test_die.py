@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glyphs.fonts.glyph import Glyph, signed_distance
+from glyphs.fonts.glyph import Glyph
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, load_font
-from glyphs.stamping.die import die_glyph, ideal_relief, shape_relief_mm, to_plate
+from glyphs.stamping.die import die_glyph, ideal_relief
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Die, Face, default_depth_mm, default_die, relief_mm
 from glyphs.surface.maps import MapError
@@ -59,14 +59,6 @@ def test_sharp_is_a_v_to_the_medial_axis_but_never_below_the_depth():
     tip = relief_mm(-0.15, narrow, half_width_mm=0.15)
     # A root fillet of radius r takes r (1/cos bevel - 1) off the V's tip.
     assert float(tip) == pytest.approx(-(0.15 - 0.02 * (math.sqrt(2) - 1)), abs=1e-6)
-
-
-def test_default_sharp_die_just_reaches_its_depth():
-    die = default_die(5.0, font=GOTHIC, face=Face.SHARP)
-    half = die.stroke_mm / 2
-    z = relief_mm(np.linspace(-half, 0, 101), die, half_width_mm=half)
-    assert z[0] == pytest.approx(-die.depth_mm, rel=1e-3)
-    assert z[5] > z[0]
 
 
 def test_round_floor_is_an_arc_tangent_to_the_walls():
@@ -139,16 +131,6 @@ def test_a_mark_is_as_tall_as_it_says_and_no_deeper_than_the_die(char, face, hei
     assert (x0 + x1) / 2 == pytest.approx(ideal.centre_mm[0], abs=1e-6)
 
 
-def test_glyph_relief_is_the_profile_of_the_distance():
-    glyph = GOTHIC.glyph("K")
-    die = default_die(6.0, font=GOTHIC)
-    x, y = np.meshgrid(np.linspace(0, 5, 40), np.linspace(0, 6, 40))
-    shape = die_glyph(glyph, die, height_mm=6.0)
-    distance = signed_distance(shape, x / 6, y / 6, stroke=die.stroke_mm / 6) * np.float32(6)
-    expected = relief_mm(distance, die, half_width_mm=die.stroke_mm / 2)
-    assert np.array_equal(shape_relief_mm(shape, die, x, y, height_mm=6.0), expected)
-
-
 def relief_of(char="R", **options):
     settings_ = {"height_mm": 5.0, "pitch_mm": 0.1, "margin_mm": 1.0, **options}
     return ideal_relief(GOTHIC.glyph(char), default_die(5.0, font=GOTHIC), **settings_)
@@ -171,32 +153,6 @@ def test_rotation_runs_from_x_to_y_of_the_plate():
     assert half == pytest.approx(np.rot90(upright.height_map.z_mm, 2), abs=1e-5)
 
 
-def test_the_letter_stands_upright_in_the_plate_frame():
-    z = relief_of("L").height_map.z_mm
-    rows, cols = z.shape
-    assert z[rows // 2 :, cols // 2 :].sum() < 3 * z[: rows // 2, cols // 2 :].sum()  # foot of L: lower right
-    assert z[: rows // 2, : cols // 2].min() < -0.1
-
-
-def test_reference_point_is_the_middle_pixel_and_margin_is_kept():
-    ideal = relief_of("Q", rotation_deg=17.0)
-    rows, cols = ideal.height_map.shape
-    assert ideal.centre_mm == pytest.approx(((cols // 2) * 0.1, (rows // 2) * 0.1))
-    assert rows % 2 == cols % 2 == 1
-    x0, y0, x1, y1 = ideal.ink_box_mm
-    width, height = ideal.height_map.size_mm
-    assert min(x0, y0, width - x1, height - y1) >= 1.0 - 1e-9
-
-
-def test_scale_and_shear_leave_the_walls_alone():
-    plain, wide = relief_of("I"), relief_of("H", x_scale=1.3)
-    assert wide.height_map.z_mm.min() == plain.height_map.z_mm.min()
-    assert wide.height_map.shape[1] > relief_of("H").height_map.shape[1]
-    leaning = relief_of("I", shear=0.3).height_map.z_mm
-    top, bottom = leaning[12], leaning[-13]
-    assert np.argmin(top) > np.argmin(bottom)
-
-
 def test_dots_stand_about_a_pitch_apart_and_hold_the_ends():
     die = default_die(5.0, font=GOTHIC, face=Face.DOTTED)
     dots = np.concatenate(die_glyph(GOTHIC.glyph("I"), die, height_mm=5.0).strokes) * 5.0
@@ -204,17 +160,6 @@ def test_dots_stand_about_a_pitch_apart_and_hold_the_ends():
     assert gaps == pytest.approx(gaps[0])
     assert gaps[0] == pytest.approx(die.dot_pitch_mm, rel=0.1)
     assert dots[:, 1].max() - dots[:, 1].min() == pytest.approx(5.0 - die.stroke_mm)
-
-
-def test_a_single_point_is_a_single_dot():
-    die = default_die(5.0, font=GOTHIC, face=Face.DOTTED)
-    assert [len(s) for s in die_glyph(GOTHIC.glyph("."), die, height_mm=5.0).strokes] == [1]
-
-
-def test_corners_get_a_dot():
-    die = default_die(5.0, font=GOTHIC, face=Face.DOTTED)
-    shape = die_glyph(GOTHIC.glyph("A"), die, height_mm=5.0)
-    assert shape.ink_box[3] == pytest.approx(1.0)
 
 
 def test_dots_never_crowd_where_strokes_meet():
@@ -229,13 +174,6 @@ def test_outlined_glyphs_cannot_be_dotted():
     glyph = Glyph("A", contours=(np.array([[0.0, 0], [1, 0], [0.5, 1]]),))
     with pytest.raises(StampError, match="another face"):
         die_glyph(glyph, replace(DIE, face=Face.DOTTED), height_mm=5.0)
-
-
-@settings(max_examples=30, deadline=None)
-@given(x=st.floats(-9, 9), y=st.floats(-9, 9), angle=st.floats(-360, 360))
-def test_to_plate_is_its_own_inverse(x, y, angle):
-    px, py = to_plate(*to_plate(x, y, rotation_deg=angle), rotation_deg=angle)
-    assert (float(px), float(py)) == pytest.approx((x, y), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from glyphs.part import Part, stamp
+from glyphs.part import stamp
 from glyphs.soiling.coat import bare_coat
 from glyphs.stamping.blow import draw_stances
 from glyphs.stamping.dies import DIES, DieKind
@@ -18,10 +18,10 @@ from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Face, default_depth_mm
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
 from glyphs.stamping.layouts import LAYOUTS, Layout
-from glyphs.stamping.plates import PLATES, named_plate
+from glyphs.stamping.plates import PLATES
 from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
-from glyphs.stamping.variation import PRACTICES, PlateVariation, StampingVariation
+from glyphs.stamping.variation import PlateVariation, StampingVariation
 
 TEXT = "B8-K2"
 NONE, PERFECT = StampingVariation.none(), PlateVariation.none()
@@ -47,13 +47,6 @@ def outside_the_boxes(part: StampedPart, grow_mm: float) -> np.ndarray:
         columns, lines = (x > x0 - grow_mm) & (x < x1 + grow_mm), (y > y0 - grow_mm) & (y < y1 + grow_mm)
         left &= ~(columns[None, :] & lines[:, None])
     return left
-
-
-def test_the_usual_ones_are_what_is_stamped_unless_others_are_asked_for() -> None:
-    usual, named = made(), made(practice="press", die="flat", plate="machined", layout="straight")
-    np.testing.assert_array_equal(usual.height_map.z_mm, named.height_map.z_mm)
-    assert usual.boxes_mm == named.boxes_mm
-    assert usual.other_text == ""
 
 
 @pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
@@ -248,16 +241,6 @@ def test_boxes_hold_all_the_ink_of_every_layout(layout: str, seed: int) -> None:
     assert part.text == TEXT
 
 
-def test_a_line_is_turned_by_up_to_five_degrees() -> None:
-    turns = []
-    for seed in range(12):
-        boxes = bare(text="IIIII", layout="turned", seed=seed, variation=NONE, pitch_mm=0.3).boxes_mm
-        (ax, ay), (bx, by) = (((b[0] + b[2]) / 2, (b[1] + b[3]) / 2) for b in (boxes[0], boxes[-1]))
-        turns.append(math.degrees(math.atan2(by - ay, bx - ax)))
-    assert -5.0 <= min(turns) < -1.0
-    assert 1.0 < max(turns) <= 5.0
-
-
 @pytest.mark.parametrize("radius_mm", [30.0, -30.0])
 def test_characters_of_an_arc_stand_on_its_circle(radius_mm: float) -> None:
     part = bare(text="IIIIIII", layout=Layout(radius_mm=radius_mm), variation=NONE)
@@ -309,21 +292,6 @@ def test_a_jump_of_the_baseline_stays() -> None:
     assert np.count_nonzero(np.diff(middles)) < 9
 
 
-def test_all_of_it_together_is_one_part() -> None:
-    part: Part = stamp(
-        TEXT,
-        height_mm=3.0,
-        practice="hand",
-        die="blunt-v",
-        plate="cylinder",
-        layout="two-lines",
-        dirt=0.5,
-        seed=3,
-    )
-    assert part.height_map.shape == part.stamped.height_map.shape
-    assert part.photograph().pixels.std() > 1.0
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -361,12 +329,3 @@ def test_what_cannot_be_is_refused(wrong: dict[str, object], message: str) -> No
 def test_amounts_out_of_range_are_refused(make: object) -> None:
     with pytest.raises(StampError):
         make()  # type: ignore[operator]
-
-
-def test_every_name_gives_its_own_part() -> None:
-    for kind, names in (("practice", PRACTICES), ("die", DIES), ("plate", PLATES)):
-        maps = [made(**{kind: name}).height_map.z_mm for name in names]
-        for k, one in enumerate(maps):
-            for other in maps[k + 1 :]:
-                assert one.shape != other.shape or (one != other).any(), kind
-    assert named_plate("ring", height_mm=5.0, length_mm=34.0).form.radius_x_mm > 0.0

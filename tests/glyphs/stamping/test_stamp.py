@@ -1,7 +1,6 @@
 import math
 from dataclasses import replace
 
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +12,7 @@ from glyphs.stamping.die import die_glyph, shape_relief_mm, to_plate
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Face, default_die
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.stamp import stamp_line
 from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import MapError
 
@@ -107,20 +106,6 @@ def test_boxes_lie_on_the_plate_and_hold_all_the_ink(text, angle, seed, raised):
     assert not left.any()
 
 
-def test_boxes_are_tight_without_variation():
-    stamped = part("HI", variation=NONE)
-    for x0, y0, x1, y1 in stamped.boxes_mm:
-        assert y1 - y0 == pytest.approx(5.0)
-        window = stamped.height_map.z_mm[:, int(x0 / 0.1) - 1 : int(x1 / 0.1) + 3] < -0.02
-        cols, rows = np.flatnonzero(window.any(axis=0)), np.flatnonzero(window.any(axis=1))
-        assert (cols[-1] - cols[0]) * 0.1 == pytest.approx(x1 - x0, abs=0.25)
-        assert (rows[-1] - rows[0]) * 0.1 == pytest.approx(y1 - y0, abs=0.25)
-    width, height = stamped.height_map.size_mm
-    assert stamped.boxes_mm[0][0] == pytest.approx(4.0)
-    assert width - stamped.boxes_mm[-1][2] == pytest.approx(4.0, abs=0.11)
-    assert height == pytest.approx(13.0, abs=0.11)
-
-
 def test_characters_stand_left_to_right_and_spacing_widens_the_line():
     near, far = part("ABC", variation=NONE), part("ABC", variation=NONE, spacing=0.4)
     starts = [box[0] for box in near.boxes_mm]
@@ -128,18 +113,6 @@ def test_characters_stand_left_to_right_and_spacing_widens_the_line():
     for k in (1, 2):
         gain = (far.boxes_mm[k][0] - far.boxes_mm[0][0]) - (near.boxes_mm[k][0] - near.boxes_mm[0][0])
         assert gain == pytest.approx(k * 0.4 * 5.0)
-
-
-def test_raised_without_variation_is_sunk_turned_over():
-    burred = replace(DIE, burr_height_mm=0.03)
-    sunk = part(variation=NONE).height_map.z_mm
-    assert np.array_equal(part(die=burred, variation=NONE, raised=True).height_map.z_mm, -sunk)
-
-
-def test_default_pitch_and_margin_follow_the_height():
-    stamped = stamp_line("A", GOTHIC, DIE, height_mm=5.0, rng=rng())
-    assert stamped.height_map.pitch_mm == pytest.approx(0.05)
-    assert stamped.height_map.size_mm[1] == pytest.approx(13.0, abs=0.06)
 
 
 def depths(variation, n=60):
@@ -171,23 +144,6 @@ def test_worn_characters_are_shallower_and_faint_on_one_side():
     assert z[sunk].max() / z[sunk].min() < 0.5
 
 
-def test_double_strike_cuts_more_metal_and_never_less():
-    once = part("8", variation=NONE).height_map.z_mm
-    twice = part("8", variation=replace(NONE, double_strike_probability=1.0, double_strike_fraction=0.06))
-    assert (twice.height_map.z_mm <= once + 1e-6).all()
-    assert twice.height_map.z_mm.sum() < 1.05 * once.sum()
-    single = part("8", variation=NONE).boxes_mm[0]
-    double = twice.boxes_mm[0]
-    assert (double[2] - double[0]) + (double[3] - double[1]) > (single[2] - single[0]) + (
-        single[3] - single[1]
-    )
-
-
-def test_burr_rises_above_the_land():
-    assert part(variation=replace(NONE, burr_fraction=0.1)).height_map.z_mm.max() > 0.05 * DIE.depth_mm
-    assert part(variation=NONE).height_map.z_mm.max() == 0.0
-
-
 def test_roughness_has_the_ra_and_correlation_length_asked_for():
     x = y = np.arange(400) * 0.02
     only = replace(PlateVariation.none(), roughness_ra_um=1.5, roughness_length_mm=0.1)
@@ -215,13 +171,6 @@ def test_form_stays_within_its_amplitude_and_tilt():
     assert np.ptp(tilted) > 0
 
 
-def test_outlined_fonts_stamp_too():
-    font = load_font(f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf")
-    stamped = part("B8g", font=font, die=default_die(5.0, font=font), variation=NONE)
-    assert stamped.height_map.z_mm.min() == pytest.approx(-DIE.depth_mm, rel=1e-3)
-    assert stamped.font_name == "DejaVu Sans"
-
-
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
@@ -237,20 +186,3 @@ def test_outlined_fonts_stamp_too():
 def test_stamp_refuses(options, error, message):
     with pytest.raises(error, match=message):
         part(**options)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: StampingVariation(depth_fraction=-0.1), "depth_fraction"),
-        (lambda: StampingVariation(worn_probability=1.5), "worn_probability"),
-        (lambda: StampingVariation(rotation_deg=math.nan), "rotation_deg"),
-        (lambda: PlateVariation(waviness_wavelength_mm=0.0), "waviness_wavelength_mm"),
-        (lambda: PlateVariation(ironing=1.1), "ironing"),
-        (lambda: StampedPart(part("AB").height_map, "ABC", 5.0, ((0, 0, 1, 1),), "f"), "boxes"),
-    ],
-)
-def test_values_refuse(make, message):
-    with pytest.raises((StampError, ValueError), match=message):
-        make()
-    assert PlateVariation(lay_direction_deg=-30.0).lay_direction_deg == -30.0

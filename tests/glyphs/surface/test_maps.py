@@ -55,11 +55,6 @@ def edge_map(**change):
     return EdgeMap(**{**values, **change})
 
 
-def test_edge_map_takes_plain_degrees_as_directions():
-    assert edge_map(directions=(0, 270)).directions == (TraceDirection.FORWARD_X, TraceDirection.BACK_Y)
-    assert edge_map().shape == (3, 4)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -73,8 +68,3 @@ def test_edge_map_takes_plain_degrees_as_directions():
 def test_edge_map_refuses(change, message):
     with pytest.raises(MapError, match=message):
         edge_map(**change)
-
-
-def test_directions_know_their_axis():
-    assert [d.along_x for d in TraceDirection] == [True, False, True, False]
-    assert [d.backward for d in TraceDirection] == [False, False, True, True]

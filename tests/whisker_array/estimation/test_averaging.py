@@ -48,14 +48,6 @@ def test_layers_are_those_of_full_matrices(seed: int, holes: float, step: float)
     assert (layer[~valid] == 0.0).all()
 
 
-def test_the_sparse_weights_are_the_full_ones() -> None:
-    rng = np.random.default_rng(3)
-    position, pixel = rng.permutation(0.05 * np.arange(80)), 0.13 * np.arange(30)
-    np.testing.assert_allclose(
-        averaging_weights(position, pixel, 0.13).toarray(), full(position, pixel, 0.13), atol=1e-14
-    )
-
-
 def test_one_sample_alone_is_reached_within_a_pitch() -> None:
     weights = averaging_weights(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
     np.testing.assert_array_equal(np.diff(weights.indptr), [0, 1, 1, 0])

@@ -10,11 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from glyphs import stamp
-from glyphs.fonts.outlines import load_font
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
-from whisker_array.estimation.averaging import averaging_weights
 from whisker_array.estimation.edges import calibrated_moments, edge_map
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
@@ -27,7 +25,6 @@ from whisker_array.whisker.touch import default_touch
 TOUCH = default_touch(5.0)
 D0 = TOUCH.preload_mm
 PITCH = 0.05
-FONT = load_font("gothic")
 
 
 def plan_of(plate: HeightMap, directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS) -> RasterPlan:
@@ -237,25 +234,6 @@ def test_a_region_without_samples_is_not_valid(scan: Scan) -> None:
 
 
 # --- averaging
-
-
-def test_averaging_keeps_constants_and_straight_lines() -> None:
-    position = np.random.default_rng(7).permutation(0.05 * np.arange(200))
-    pixel = 0.5 + 0.125 * np.arange(70)
-    weights = averaging_weights(position, pixel, 0.125)
-    total = weights.sum(axis=1)
-    np.testing.assert_allclose(weights @ np.full(200, 3.0) / total, 3.0)
-    # the samples lie unevenly under the triangle; off by at most a twentieth of a pixel
-    np.testing.assert_allclose(weights @ position / total, pixel, atol=0.05 * 0.125)
-
-
-def test_averaging_interpolates_where_samples_are_coarse() -> None:
-    position = 0.5 * np.arange(11)
-    pixel = 0.125 * np.arange(41)
-    weights = averaging_weights(position, pixel, 0.125)
-    np.testing.assert_allclose(
-        weights @ position**2, np.interp(pixel, position, position**2), rtol=1e-5, atol=1e-6
-    )
 
 
 # --- refusals

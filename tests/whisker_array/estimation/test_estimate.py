@@ -75,14 +75,6 @@ def test_friction_comes_back_from_two_ways_whatever_the_gain(
     assert float(friction_from_two_ways(gain * dragged, gain * pushed, tip)) == pytest.approx(mu, abs=EXACT)
 
 
-@given(ks, frictions)
-def test_the_quotient_of_two_ways_is_the_stated_one(k: float, mu: float) -> None:
-    tip = l_shaped(k, 0.0)
-    q = felt(0.0, mu, tip, 1.0) / felt(0.0, mu, tip.pushed(), 1.0)
-    # the moment is to the land's lift what (24) leaves: 1 / (1 + 1.5 k mu), dragged, and so with -mu, pushed
-    assert q == pytest.approx((1.0 - 1.5 * k * mu) / (1.0 + 1.5 * k * mu), rel=1e-9)
-
-
 @given(ks, betas, slopes, frictions, preloads, st.floats(0.5, 2.0))
 def test_the_slope_comes_back_from_a_turned_whisker_whatever_lift_and_gain(
     k: float, beta: float, slope: float, mu: float, lift_mm: float, gain: float
@@ -125,15 +117,6 @@ def test_the_usual_sensor_makes_a_differentiator(k: float, beta: float) -> None:
     assert not is_profiler(l_shaped(k, beta, axial=True))
 
 
-@given(ks, betas, st.floats(-0.5, 1.5), frictions, preloads)
-def test_moment_per_lift_at_the_friction_angle_is_the_land(
-    k: float, beta: float, l3: float, mu: float, preload_mm: float
-) -> None:
-    tip = l_shaped(k, beta, l3)
-    land = land_moment_n_mm(tip, preload_mm=preload_mm, mu=mu)
-    assert float(moment_per_lift(math.atan(mu), tip)) == pytest.approx(land / preload_mm, rel=1e-9)
-
-
 def factor(tip: TipModel, *, alpha_rad: float, mu: float) -> float:
     """Eq. (16) as printed, for any sign of mu."""
     land = np.array([-mu, 1.0, 0.0])
@@ -152,14 +135,6 @@ def test_pushed_is_friction_with_the_other_sign(
     # `slope` is that of the travel, which is the whisker's own -x: there the surface falls by it
     ours = float(moment_ratio(slope, mu, tip.pushed()))
     assert ours == pytest.approx(factor(tip, alpha_rad=math.atan(slope), mu=-mu), rel=1e-9)
-
-
-@given(ks, betas, st.floats(-0.5, 1.5))
-def test_pushed_twice_is_dragged(k: float, beta: float, l3: float) -> None:
-    tip = l_shaped(k, beta, l3)
-    again = tip.pushed().pushed()
-    np.testing.assert_array_equal(again.compliance_mm_per_n, tip.compliance_mm_per_n)
-    np.testing.assert_array_equal(again.moment_arm_mm, tip.moment_arm_mm)
 
 
 @given(ks, betas, slopes, frictions, preloads)
@@ -190,13 +165,6 @@ def test_what_cannot_be_is_nan_and_leaves_its_neighbours_alone() -> None:
     theta = lean_from_moment(np.array([land, 0.0, -land, np.nan]), 1.0, tip)
     np.testing.assert_array_equal(np.isfinite(theta), [True, False, False, False])
     assert theta[0] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_shapes_broadcast() -> None:
-    tip = l_shaped(0.117, 0.0)
-    assert lean_from_moment(np.full((3, 1), -5.0), np.ones(4), tip).shape == (3, 4)
-    assert slope_from_turned(np.full((3, 1), -5.0), np.full(4, -5.0), tip, mu=0.2).shape == (3, 4)
-    assert lift_from_slope(-5.0, np.zeros((2, 3)), tip, mu=0.2).shape == (2, 3)
 
 
 def test_the_wrong_whisker_is_refused() -> None:

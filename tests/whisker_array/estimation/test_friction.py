@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from glyphs.surface.maps import HeightMap, TraceDirection
 from tests.factories import extruded, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, only
-from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
@@ -94,15 +94,6 @@ def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu
     assert abs(found.mu - mu) < 3.0 * found.sd + 0.005
 
 
-def test_a_bench_calibration_makes_up_for_unequal_gains() -> None:
-    chain = draw_sensor_chain(2 * N, rng=np.random.default_rng(1), gain_sd=0.03, memory=False)
-    raw = scan_of(0.4, two_way=False, chain=chain)
-    bench = replace(raw, calibration=Calibration(chain.gain, chain.offset_n_mm))
-    (found,) = land_friction(bench)
-    assert abs(found.mu - 0.4) < 3.0 * found.sd + 0.005
-    assert found.sd < 0.01 < land_friction(raw)[0].sd
-
-
 def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
     chain = SensorChain.ideal(2 * N)
     calibration = Calibration(chain.gain, chain.offset_n_mm, from_land=True)
@@ -121,12 +112,6 @@ def test_a_scan_that_tells_nothing_gives_nothing() -> None:
     assert land_friction(only(scan_of(0.3), kind=0)) == ()
 
 
-def test_ideal_sensors_give_the_friction_to_rounding() -> None:
-    for found in land_friction(scan_of(0.3, gain_sd=None)):
-        # moments are float32: 1e-7 / (1.5 k) of mu; the profiler's axial term is 1e-6 of its bending
-        assert found.mu == pytest.approx(0.3, abs=2e-5)
-
-
 def test_one_whisker_has_no_standard_error() -> None:
     scan = scan_of(0.3)
     columns = [0, N]
@@ -142,12 +127,3 @@ def test_one_whisker_has_no_standard_error() -> None:
     )
     for found in land_friction(replace(scan, sweeps=sweeps, kind=(0, 1))):
         assert found.sd == float("inf")
-
-
-def test_rows_on_other_lines_are_refused() -> None:
-    scan = scan_of(0.3, two_way=False)
-    (sweep,) = scan.sweeps
-    lines = sweep.plan.line_mm + np.repeat([0.0, 0.01], N)
-    moved = replace(scan, sweeps=(replace(sweep, plan=replace(sweep.plan, line_mm=lines)),))
-    with pytest.raises(MapError, match="do not run on the same lines"):
-        land_friction(moved)

@@ -70,24 +70,6 @@ def test_what_gauges_remember_is_taken_off_where_it_is_known(flat: bool) -> None
     assert off(remove_memory(remembering), without) < 0.0012
 
 
-def test_a_scan_of_unknown_memory_is_left_as_it_is() -> None:
-    scan = felt(chain(memory=True), known=False)
-    assert remove_memory(scan) is scan
-    done = remove_memory(felt(chain(memory=True), known=True))
-    assert remove_memory(done) is done
-
-
-def test_one_kind_of_whisker_is_steadied_by_its_own_memory() -> None:
-    scan = felt(chain(memory=True), known=True)
-    for a, b in zip(
-        only(remove_memory(scan), kind=1).sweeps, remove_memory(only(scan, kind=1)).sweeps, strict=True
-    ):
-        # one has felt the pushed sweeps between the dragged ones, too: slow creep, which each pass's air takes off
-        np.testing.assert_allclose(
-            *(s.moment_n_mm - np.median(s.air_n_mm, axis=2, keepdims=True) for s in (a, b)), atol=0.01
-        )
-
-
 def test_friction_and_relief_with_creep_known_and_unknown() -> None:
     """What the doubled ratio of two moments makes of hysteresis, and that it goes where the bench knows it."""
     frictions, depths = {}, {}

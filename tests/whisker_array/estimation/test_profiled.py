@@ -204,14 +204,6 @@ def test_without_a_profiler_it_is_the_relief_of_the_edge_map_at_the_friction_mea
     assert abs(bias) < 1.5
 
 
-def test_an_edge_map_at_hand_is_used() -> None:
-    scan = scan_of(45, 0.2, Fidelity.POINTWISE)
-    edges = edge_map(scan)
-    halved = replace(edges, enhancement=edges.enhancement * np.float32(0.5))
-    whole, half = estimate_relief(scan).height_mm, estimate_relief(scan, halved).height_mm
-    np.testing.assert_allclose(half, 0.5 * whole, atol=1e-6)
-
-
 def test_rows_on_other_lines_are_refused() -> None:
     scan = scan_of(45, 0.2, Fidelity.POINTWISE, others=(PROFILERS["straight"],))
     (sweep,) = scan.sweeps

@@ -14,7 +14,7 @@ from glyphs import stamp
 from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges
+from whisker_array.estimation.relief import Relief, Route, relief_from_edges
 from whisker_array.scan.scan import trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
@@ -129,14 +129,6 @@ def test_nothing_is_said_where_nothing_was_felt() -> None:
             np.testing.assert_array_equal(np.isfinite(relief.slope_x), valid)
 
 
-def test_slopes_no_die_has_are_cut() -> None:
-    one = np.full((2, 3), 1.0)  # twice the land's moment one way, and hardly any the other
-    relief = relief_from_edges(edges_of(np.stack([one, -0.5 * one]), BOTH), TOUCH)
-    assert relief.slope_x is not None
-    known = relief.slope_x[np.isfinite(relief.slope_x)]
-    assert (np.abs(known) <= STEEPEST).all()
-
-
 @cache
 def part() -> HeightMap:
     """Three characters on a plate as milled, but mounted level: what the land's fit takes off is not asked here."""
@@ -182,20 +174,6 @@ def test_a_stamped_part_comes_out_to_a_few_micrometres(fidelity: Fidelity, profi
     deep = true < -0.15
     assert deep.any()
     assert abs(float(np.nanmean(error[deep]))) < 15.0
-
-
-def test_one_way_says_that_walls_do_not_hold() -> None:
-    one, true = stamped(Fidelity.POINTWISE, directions=FORWARD)
-    both, same = stamped(Fidelity.POINTWISE, directions=BOTH)
-    assert one.route is Route.FLOORS
-    # the walls' enhancement is taken for height: clearly worse than both ways
-    assert np.nanstd(one.height_mm - true) > 1.5 * np.nanstd(both.height_mm - same)
-
-
-def test_mean_of_known_takes_what_there_is() -> None:
-    nan = math.nan
-    mean = mean_of_known([np.array([1.0, nan, nan]), np.array([3.0, 5.0, nan])])
-    np.testing.assert_array_equal(mean, [2.0, 5.0, nan])
 
 
 def test_refusals_say_what_is_wrong() -> None:

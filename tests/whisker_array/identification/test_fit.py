@@ -12,7 +12,6 @@ from glyphs.surface.pieces import Piece, PieceKind
 from tests.support.benches import recorded, worn
 from whisker_array.identification.bench import (
     BENCH_GAIN,
-    WORN_TIP,
     Bench,
     Unknown,
     nominal_bench,
@@ -73,25 +72,6 @@ def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
     k = list(Unknown).index(Unknown.STIFFNESS)
     # a variance; what the fit's grid does to either is not the gains' fault
     assert known.repeated[k, k] < 0.7 * loose.repeated[k, k]
-
-
-def test_a_height_map_is_as_good_as_the_piece_it_is_of() -> None:
-    scan, touch = recorded(PIECE, friction=0.25), default_touch(5.0)
-    drawn = identify(scan, PIECE.height_mm, whisker=touch, grid_mm=COARSE_MM)
-    mapped = identify(scan, heights_of(PIECE.height_map(0.02)), whisker=touch, grid_mm=COARSE_MM)
-    for name in (Unknown.RADIUS, Unknown.FRICTION, Unknown.PRELOAD):
-        (one, sd), (other, _) = drawn.of(name), mapped.of(name)
-        assert one == pytest.approx(other, abs=2.0 * sd + 1e-3)
-    # without a drawing lengths stay
-    assert drawn.sd[0] == drawn.before[0]
-
-
-def test_a_large_tip_is_found_by_a_grid_of_its_own() -> None:
-    """0.4 mm, for characters of 30 mm: on the usual grid its ball would span more samples than a map takes."""
-    scan = recorded(PIECE, touch=worn(0.44), friction=0.25)
-    scan = replace(scan, touch=replace(scan.touch, tip_radius_mm=0.4))
-    found = identify(scan, PIECE.height_mm, whisker=scan.touch, tip_sd=WORN_TIP)
-    assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.44, rel=0.1)
 
 
 def test_too_few_passes_are_refused() -> None:

@@ -27,15 +27,6 @@ def test_innovations_of_such_a_level_scatter_by_one_and_know_nothing_of_each_oth
         assert np.mean(left[apart:] * left[:-apart]) == pytest.approx(0.0, abs=0.014)
 
 
-def test_they_are_linear_and_the_same_for_one_and_for_many() -> None:
-    sigma = SCATTER * np.random.default_rng(2).uniform(1.0, 5.0, SAMPLES)
-    values = missed(3)
-    of_many = innovations(values, sigma, scatter=SCATTER)
-    np.testing.assert_allclose(innovations(values[:, 7], sigma, scatter=SCATTER), of_many[:, 7], rtol=1e-12)
-    both = innovations(2.0 * values[:, 0] - values[:, 1], sigma, scatter=SCATTER)
-    np.testing.assert_allclose(both, 2.0 * of_many[:, 0] - of_many[:, 1], atol=1e-9)
-
-
 def test_a_sample_that_is_not_used_says_nothing() -> None:
     sigma = np.full(SAMPLES, SCATTER)
     sigma[100:110] = np.inf

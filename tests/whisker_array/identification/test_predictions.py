@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.cli.design_words import fitness
 from tests.support.benches import known_whisker
-from whisker_array.design.built import fitness
 from whisker_array.design.limits import Request
 from whisker_array.identification.bench import Unknown
 from whisker_array.identification.predictions import Knowledge, predictions
@@ -51,22 +51,6 @@ def test_spread_is_that_of_whiskers_drawn_from_what_is_known() -> None:
     value, sd = of(KNOWN)["moment of the land, N mm"]
     assert value == pytest.approx(abs(TOUCH.land_moment_n_mm()))
     assert sd == pytest.approx(np.std(moments), rel=0.1)
-
-
-def test_nothing_is_off_where_all_is_known() -> None:
-    sure = Knowledge(KNOWN.names, 0.0 * KNOWN.covariance)
-    assert all(sd == 0.0 for _, sd in of(sure).values())
-
-
-def test_numbers_that_go_together_are_surer_than_either() -> None:
-    """Stiffness and preload make the land's moment by their product: where one makes up for the other it is sure."""
-    names = (Unknown.STIFFNESS, Unknown.PRELOAD)
-    apart = Knowledge(names, np.diag([0.02, 0.02 * TOUCH.preload_mm]) ** 2)
-    off = np.array([0.02, -0.02 * TOUCH.preload_mm])
-    together = Knowledge(names, np.outer(off, off))
-    what = "moment of the land, N mm"
-    assert of(apart)[what][1] == pytest.approx(math.sqrt(2.0) * 0.02 * of(apart)[what][0], rel=1e-3)
-    assert of(together)[what][1] < 1e-6
 
 
 def test_the_steepest_wall_is_where_the_whisker_jams() -> None:

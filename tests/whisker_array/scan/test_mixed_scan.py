@@ -15,13 +15,12 @@ from tests.support.h5_edits import Edit, attribute, drop, put
 from tests.support.scans import assert_same_scan
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.recording import load_scan, save_calibration, save_scan
+from whisker_array.scan.recording import load_scan, save_scan
 from whisker_array.scan.scan import Scan, only, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.enhancement import land_moment_n_mm
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import default_touch, profiling_touch
 
 N = 4
@@ -74,16 +73,6 @@ def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
     assert TWO_WAYS.n_passes == 2 * PLAN.n_passes
     assert TWO_WAYS.n_samples == 2 * PLAN.n_samples
     assert TWO_WAYS.scan_time_s == pytest.approx(2.0 * PLAN.scan_time_s)
-
-
-def test_the_default_plan_hands_both_on() -> None:
-    plan = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0, kinds=2, two_way=True)
-    assert plan.array.kinds == 2
-    assert plan.two_way
-    plain = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0)
-    assert (plain.array.kinds, plain.two_way) == (1, False)
-    with pytest.raises(WhiskerError, match="kinds is 0"):
-        WhiskerArray(3, 1.0, kinds=0)
 
 
 def test_shapes_kinds_and_touches() -> None:
@@ -259,27 +248,6 @@ def test_round_trip_is_exact(tmp_path: Path, from_land: bool | None) -> None:
         )
     save_scan(scan, tmp_path / "scan.h5")
     assert_same_scan(scan, load_scan(tmp_path / "scan.h5"))
-
-
-def test_a_calibration_saved_later_keeps_where_it_is_from(recording: Path) -> None:
-    for from_land in (True, False):
-        save_calibration(recording, Calibration(np.ones(2 * N), np.zeros(2 * N), from_land=from_land))
-        found = load_scan(recording)
-        assert found.calibration is not None
-        assert found.calibration.from_land is from_land
-        assert found.kind == (0,) * N + (1,) * N
-
-
-def test_without_the_new_names_a_file_is_read_as_before(recording: Path) -> None:
-    with h5py.File(recording, "r+") as file:
-        del file["whisker/kind"], file["whisker_1"], file["passes/pushed"]
-        # the pushed sweeps would now be dragged ones
-        assert file["passes/direction_deg"].shape[0] == MIXED.n_passes
-    scan = load_scan(recording)
-    assert scan.kind == (0,) * (2 * N)
-    assert scan.others == ()
-    assert not any(s.plan.pushed for s in scan.sweeps)
-    assert len(scan.sweeps) == 4
 
 
 def renumber(values: list[int]) -> Edit:

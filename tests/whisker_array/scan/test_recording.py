@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, TraceDirection
 from tests.support.h5_edits import Edit, attribute, drop, put
-from tests.support.scans import assert_same_calibration, assert_same_scan
+from tests.support.scans import assert_same_scan
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
@@ -87,23 +87,6 @@ def test_round_trip_is_exact(scan: Scan, tmp_path: Path) -> None:
         save_scan(one, path)
         assert_same_scan(one, load_scan(path))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5", "2.h5"]
-
-
-def test_creep_is_known_of_volts_too(scan: Scan, recording: Path) -> None:
-    known = remembering(Calibration(np.full(3, 0.5), np.zeros(3)))
-    save_calibration(recording, known)
-    with h5py.File(recording, "r+") as file:
-        file.attrs["units"] = "V"
-        file["calibration/offset_v"] = file["calibration/offset_n_mm"][()]
-    volts = load_scan(recording).calibration
-    # gain and offset are applied already
-    assert_same_calibration(volts, replace(known, gain=np.ones(3)))
-
-
-def test_all_directions_come_back_in_order(tmp_path: Path) -> None:
-    scan = make_scan(tuple(TraceDirection))
-    save_scan(scan, tmp_path / "scan.h5")
-    assert load_scan(tmp_path / "scan.h5").directions == tuple(TraceDirection)
 
 
 def test_the_stated_names_are_in_the_file(recording: Path) -> None:

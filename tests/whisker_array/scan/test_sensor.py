@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whisker_array.scan.calibration import Calibration, apply_calibration, calibrate_lead_in
-from whisker_array.scan.sensor import SensorChain, SensorError, convert, draw_sensor_chain, measure
+from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain, measure
 
 LAND = -6.5  # N mm, about default_whisker(5.0)
 RATE = 1000.0
@@ -78,27 +78,6 @@ def test_converter_rounds_to_the_nearest_count_and_clips() -> None:
     assert saturated[0].tolist() == [False, False, False, False, True, False, True, True, False]
 
 
-def test_rounding_error_is_at_most_half_a_count() -> None:
-    chain = SensorChain(np.ones(1), np.zeros(1), adc_range_n_mm=20.0, adc_bits=12)
-    signal = rng().uniform(-19, 19, (1, 5000)).astype(np.float32)
-    raw, saturated = convert(signal, chain)
-    float32_error = 20.0 * np.finfo(np.float32).eps
-    assert np.abs(raw - signal).max() <= chain.adc_step_n_mm / 2 + float32_error
-    assert np.sqrt(np.mean((raw - signal) ** 2)) == pytest.approx(
-        chain.adc_step_n_mm / math.sqrt(12), rel=0.05
-    )
-    assert not saturated.any()
-
-
-def test_same_seed_same_signal() -> None:
-    one, two = (draw_sensor_chain(5, rng=rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(one.gain, two.gain)
-    moment = np.full((2, 5, 100), LAND)
-    first, again, other = (run(moment, one, seed)[0] for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).any()
-
-
 def test_drawn_chains_have_the_spread_asked_for() -> None:
     n = 4000
     chain = draw_sensor_chain(n, rng=rng(), gain_sd=0.03, offset_sd_n_mm=0.2)
@@ -133,13 +112,6 @@ def test_calibration_recovers_gain_and_offset_within_the_noise() -> None:
     assert back.dtype == np.float32
 
 
-def test_exact_calibration_is_exact() -> None:
-    chain = SensorChain(np.array([0.9, 1.2]), np.array([0.1, -0.3]))
-    moment = rng().uniform(-9, 0, (3, 2, 40))
-    back = apply_calibration(run(moment, chain)[0], Calibration(chain.gain, chain.offset_n_mm))
-    np.testing.assert_allclose(back, moment, atol=9 * 4 * np.finfo(np.float32).eps)
-
-
 def lead_in(n: int = 3, samples: int = 100, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
     g = rng(9)
     return noise * g.standard_normal((n, samples)), LAND + noise * g.standard_normal((n, samples))
@@ -166,11 +138,6 @@ def test_lead_in_refusals() -> None:
     land[0, 0] = np.nan
     with pytest.raises(SensorError, match="land is not finite"):
         calibrate_lead_in(air, land, expected_land_moment_n_mm=LAND)
-
-
-def test_silent_lead_in_without_noise_is_refused_too() -> None:
-    with pytest.raises(SensorError, match="does not stand out"):
-        calibrate_lead_in(np.zeros((2, 20)), np.zeros((2, 20)), expected_land_moment_n_mm=LAND)
 
 
 def test_refusals_say_what_is_wrong() -> None:

@@ -19,7 +19,6 @@ from whisker_array.scan.sensor_memory import (
     SensorMemory,
     SensorState,
     draw_memory,
-    fit_memory,
     read_gauges,
     rest_gauges,
 )
@@ -99,12 +98,6 @@ def test_drift_goes_on_from_pass_to_pass() -> None:
     assert walked.std() == pytest.approx(expected, rel=6.0 / np.sqrt(2 * N))
 
 
-def test_without_creep_and_plays_a_gauge_reads_its_load() -> None:
-    none = replace(drawn(3), creep=np.zeros((3, 3)), play_weight=np.zeros((3, 4)))
-    load = rng().uniform(-LARGEST, LARGEST, 500)
-    np.testing.assert_allclose(read(load, none), np.broadcast_to(load, (3, 500)), atol=1e-12)
-
-
 def test_creep_alone_is_the_solution_of_the_kelvin_voigt_chain() -> None:
     """Against scipy's integration of tau dq/dt = x - q for a load that rises and falls."""
     from scipy.integrate import solve_ivp
@@ -146,14 +139,6 @@ def test_hanging_in_air_is_the_same_at_once_and_sample_by_sample(seconds: float,
     np.testing.assert_array_equal(one.play_n_mm, other.play_n_mm)
 
 
-@given(st.integers(1, 99), st.integers(0, 5))
-def test_passes_are_as_one_signal_cut_in_two(cut: int, seed: int) -> None:
-    memory, load = drawn(2, seed), rng(seed).uniform(-18.0, 0.0, 100)
-    state = SensorState.at_rest(2, memory)
-    halves = [read(part, memory, state) for part in (load[:cut], load[cut:])]
-    np.testing.assert_array_equal(np.concatenate(halves, axis=1), read(load, memory))
-
-
 def test_the_chain_carries_its_state_and_lifts_between_passes() -> None:
     chain = replace(SensorChain.ideal(2), memory=drawn(2))
     load = np.stack([np.full((2, 30), -15.0), np.zeros((2, 30))]).astype(np.float32)
@@ -173,26 +158,6 @@ def test_what_is_not_felt_loads_nothing() -> None:
     reading = read(load, memory)
     assert np.isnan(reading[:, 1]).all()
     np.testing.assert_array_equal(reading[:, 2], read(np.array([5.0, 0.0, 5.0]), memory)[:, 2])
-
-
-def test_memory_leaves_gains_and_noise_as_they_were() -> None:
-    with_, without = (draw_sensor_chain(4, rng=rng(7), memory=m) for m in (True, False))
-    np.testing.assert_array_equal(with_.gain, without.gain)
-    assert without.memory is None
-    few = with_.of([2, 0])
-    assert few.memory is not None
-    assert with_.memory is not None
-    np.testing.assert_array_equal(few.memory.creep, with_.memory.creep[[2, 0]])
-    air = np.zeros((4, 100))
-    raw = [measure(air, chain=c, sample_rate_hz=RATE, rng=rng(8))[0] for c in (with_, without)]
-    np.testing.assert_array_equal(*raw)  # unloaded from the start, they have nothing to remember
-
-
-def test_figures_of_a_known_whisker_give_back_its_memory() -> None:
-    memory = fit_memory(np.array([0.01]), np.array([0.02]), largest_n_mm=LARGEST)
-    assert (memory.creep > 0.0).all()
-    hold = int(HOLD_S * RATE)
-    assert read(cycles(1), memory)[0, hold] / LARGEST == pytest.approx(0.02, abs=5e-4)
 
 
 def test_refusals_say_what_is_wrong() -> None:

@@ -138,8 +138,3 @@ def test_a_closed_session_feels_nothing() -> None:
 def test_a_pass_for_another_array_is_refused() -> None:
     with pytest.raises(StageError, match="2 whiskers for an array of 4"):
         session().feel(replace(PLAN.passes()[0], line_mm=(1.0, 2.0)))
-
-
-def test_a_sensor_needs_a_generator() -> None:
-    with pytest.raises(ValueError, match="default_rng"):
-        session(sensor=draw_sensor_chain(4, rng=np.random.default_rng(1)))

@@ -11,7 +11,7 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.estimation.edges import play_between
 from whisker_array.scan.scan import trace_scan
-from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan, draw_stage_play
+from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -40,11 +40,6 @@ def wavy() -> HeightMap:
 def scan(stage: StagePlay | None) -> list[np.ndarray]:
     felt = trace_scan(wavy(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE, stage=stage, rng=rng())
     return [s.moment_n_mm for s in felt.sweeps]
-
-
-def test_a_stage_without_errors_is_an_ideal_stage() -> None:
-    for a, b in zip(scan(None), scan(STILL), strict=True):
-        np.testing.assert_array_equal(a, b)
 
 
 def test_the_nut_lags_by_half_the_play_whichever_way_it_goes() -> None:
@@ -78,14 +73,6 @@ def test_the_wave_shifts_samples_along_the_plate_either_way() -> None:
         assert not flags.any()
 
 
-def test_flags_of_both_neighbours_are_kept() -> None:
-    plan = PLAN.sweeps()[0]
-    flags = np.zeros((1, plan.n_samples), np.uint8)
-    flags[0, 50] = 4
-    _, out = apply_screw_wave(np.zeros(flags.shape, np.float32), flags, plan, replace(STILL, wave_mm=0.01))
-    assert 1 <= np.flatnonzero(out[0]).size <= 3
-
-
 def test_what_lies_on_the_part_is_what_was_asked_for() -> None:
     """Outermost lines and samples are asked for at the very rim: a miss by micrometres leaves them on the part."""
     ideal, real = (
@@ -113,13 +100,6 @@ def test_large_play_is_found_by_the_estimator() -> None:
     # a map felt where the stage lagged lies that much ahead: it is to go back, by half a pixel's tolerance
     assert shift[TraceDirection.FORWARD_X][0] == pytest.approx(-0.15, abs=0.06)
     assert shift[TraceDirection.BACK_X][0] == pytest.approx(0.15, abs=0.06)
-
-
-def test_drawn_stages_are_within_the_usual_figures() -> None:
-    for seed in range(20):
-        drawn = draw_stage_play(rng=np.random.default_rng(seed))
-        assert abs(drawn.rate) <= 0.023 / 300.0
-        assert (drawn.play_mm, drawn.wave_mm) == (0.010, 0.004)
 
 
 def test_refusals() -> None:

@@ -25,7 +25,7 @@ from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
-from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
+from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
 from whisker_array.whisker.touch import default_touch
 
@@ -446,12 +446,3 @@ def test_the_lag_is_that_of_the_sliding_force() -> None:
     tip = LShaped(30.0, 30.0 * k, None, 0.0, Rectangle(0.3, 4.5)).tip_model(axial=False)
     expected = (-MU * (3 * k**2 + k**3) - 1.5 * k) / (1.0 + 1.5 * k * MU)
     assert land_lag_mm(tip, preload_mm=0.7, friction=MU) == pytest.approx(0.7 * expected, rel=1e-9)
-
-
-def test_refusals_speak() -> None:
-    surface = surface_of(lambda x, z: 0.0 * x, pitch=0.05, size=(1.0, 1.0))
-    for wrong in (0.0, -1.0, math.inf):
-        with pytest.raises(WhiskerError, match="preload_mm is"):
-            trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=0.05, n=3, d0=wrong)
-        with pytest.raises(WhiskerError, match="step_mm"):
-            trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=wrong, n=3)

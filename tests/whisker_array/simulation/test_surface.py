@@ -61,12 +61,6 @@ def test_dilation_is_that_of_scipy(radius: float) -> None:
     np.testing.assert_allclose(dilate(z, radius), expected, atol=FLOAT32)
 
 
-def test_a_point_leaves_the_surface_as_it_is() -> None:
-    z = rough(2)
-    np.testing.assert_array_equal(dilate(z, 0.0), z)
-    np.testing.assert_array_equal(dilate(z, 0.99 * PITCH), z)
-
-
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), radius=st.floats(0.05, 0.16), lift=st.floats(-1.0, 1.0))
 def test_dilation_lies_above_keeps_order_and_follows_the_surface(
@@ -82,19 +76,6 @@ def test_dilation_lies_above_keeps_order_and_follows_the_surface(
     np.testing.assert_array_equal(dilate(np.roll(z, 5, axis=1), radius)[:, 9:-4], once[:, 4:-9])
 
 
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 10_000), radius=st.floats(0.05, 0.16))
-def test_what_the_ball_cannot_reach_is_closed_once_for_all(seed: int, radius: float) -> None:
-    def close(z: NDArray[np.float32]) -> NDArray[np.float32]:
-        return -dilate(-dilate(z, radius), radius)
-
-    z = rough(seed, (40, 40))
-    closed = close(z)
-    inside = (slice(13, -13),) * 2  # four reaches of at most three samples, and one
-    assert (closed[inside] >= z[inside] - FLOAT32).all()
-    np.testing.assert_allclose(close(closed)[inside], closed[inside], atol=2 * FLOAT32)
-
-
 @pytest.mark.parametrize("half_width", [0, 1, 2])
 def test_a_groove_narrower_than_the_ball_is_shallower_by_geometry(half_width: int) -> None:
     radius = 0.3
@@ -105,15 +86,6 @@ def test_a_groove_narrower_than_the_ball_is_shallower_by_geometry(half_width: in
     assert felt[30] == pytest.approx(np.sqrt(radius**2 - rim**2) - radius, abs=FLOAT32)
     assert felt.min() == felt[30]
     assert (np.delete(felt, np.arange(30 - half_width, 31 + half_width)) == 0.0).all()
-
-
-def test_a_ridge_is_as_high_and_wider() -> None:
-    z = np.zeros((9, 61), dtype=np.float32)
-    z[:, 30] = 0.1
-    felt = dilate(z, 0.3)[4]
-    assert felt.max() == pytest.approx(0.1)
-    # the ball's flank falls by 0.1 mm over sqrt(2 r h - h^2)
-    assert np.count_nonzero(felt > 0.0) == 2 * int(np.sqrt(2 * 0.3 * 0.1 - 0.1**2) / PITCH) + 1
 
 
 def test_refused_tips() -> None:
@@ -138,13 +110,6 @@ def test_dropouts_are_filled_and_the_measured_stay() -> None:
     # nothing is invented beyond what was measured
     assert z[~holes].min() <= filled.min()
     assert filled.max() <= z[~holes].max()
-
-
-def test_a_whole_map_is_handed_on() -> None:
-    z = rough(6)
-    filled, dropout = fill_dropouts(z)
-    assert filled is z
-    assert not dropout.any()
 
 
 # --- slopes, orientation, sampling
@@ -183,22 +148,6 @@ def test_all_layers_turn_as_slices_and_signs_say(shape: tuple[int, int], directi
         if direction.backward:
             expected = expected[:, ::-1] * np.array([1, -1, 1, 1, -1, 1, 1], np.float32)[: before.shape[2]]
         np.testing.assert_array_equal(got, expected)
-
-
-def test_dropouts_turn_with_the_surface() -> None:
-    z = rough(7)
-    z[3, 5] = np.nan
-    surface = prepare_surface(HeightMap(z, PITCH))
-    at = {
-        TraceDirection.FORWARD_X: (3, 5),
-        TraceDirection.BACK_X: (3, 31 - 1 - 5),
-        TraceDirection.FORWARD_Y: (5, 3),
-        TraceDirection.BACK_Y: (5, 24 - 1 - 3),
-    }
-    for direction, place in at.items():
-        dropout = orient(surface, direction).dropout
-        assert dropout[place]
-        assert dropout.sum() == 1
 
 
 def test_lines_are_sampled_bilinearly() -> None:
@@ -248,13 +197,6 @@ def test_a_plane_stays_where_it_is(pitch: float) -> None:
     np.testing.assert_allclose(fitted.z_mm[inside], exact[inside], atol=2e-6)
     # the first sample's centre stays at the origin, the last is not passed by more than half a block
     assert -1e-9 <= 69 * pitch - rows[-1] < fitted.pitch_mm + 1e-9
-
-
-def test_interpolation_passes_through_the_samples() -> None:
-    z = rough(9)
-    fitted, _ = fit_pitch(HeightMap(z, 0.15), 0.2, target_mm=PITCH)
-    assert fitted.shape == (23 * 3 + 1, 30 * 3 + 1)
-    np.testing.assert_allclose(fitted.z_mm[::3, ::3], z, atol=1e-6)
 
 
 def test_averaging_is_the_mean_of_centred_blocks() -> None:

@@ -58,14 +58,6 @@ def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(plan=plans)
-def test_whiskers_of_a_pass_are_one_comb_apart(plan: RasterPlan) -> None:
-    for sweep in plan.sweeps():
-        assert sweep.line_mm.shape[1] == plan.array.n_whiskers
-        np.testing.assert_allclose(np.diff(sweep.line_mm, axis=1), plan.array.pitch_mm, atol=1e-9)
-
-
-@settings(max_examples=100, deadline=None)
-@given(plan=plans)
 def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
     x0, y0, x1, y1 = plan.region_mm
     step = plan.sample_pitch_mm

@@ -26,7 +26,7 @@ from whisker_array.whisker.enhancement import (
     moment_n_mm,
     rotation,
 )
-from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, SectionLike, Taper, WhiskerError
+from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Taper, WhiskerError
 from whisker_array.whisker.shapes import Chain, LShaped, Whisker, straight_whisker
 
 SOLVER = 1e-6
@@ -228,39 +228,6 @@ def test_tiny_lift_is_the_linear_beam(k: float, beta: float, l3: float, mu: floa
     assert exact.moment_n_mm == pytest.approx(moment_n_mm(force, model), abs=3e-5 * scale)
 
 
-def test_many_short_segments_are_the_same_whisker() -> None:
-    points = np.array([s.start_mm for s in CHAIN.segments()] + [CHAIN.segments()[-1].end_mm])
-    sections: list[SectionLike] = []
-    fine = [points[0]]
-    for i, segment in enumerate(CHAIN.segments()):
-        for j in range(6):
-            a, b = segment.section_at(j / 6), segment.section_at((j + 1) / 6)
-            sections.append(Taper(a, b) if i == 1 else segment.section)
-            fine.append(points[i] + (j + 1) / 6 * (points[i + 1] - points[i]))
-    many = Chain(np.array(fine), tuple(sections), l3_mm=4.0)
-    one, other = (large_deflection(w, lift_mm=3.0, mu=0.2, alpha_rad=0.3) for w in (CHAIN, many))
-    np.testing.assert_allclose(one.force_n, other.force_n, rtol=SOLVER)
-    np.testing.assert_allclose(one.tip_shift_mm, other.tip_shift_mm, atol=3.0 * SOLVER)
-    assert one.moment_n_mm == pytest.approx(other.moment_n_mm, rel=SOLVER)
-
-
-def test_chain_repeats_the_l() -> None:
-    ell = LShaped(30.0, 3.5, 2.0, 0.2, Rectangle(0.3, 1.8))
-    points = np.array([s.start_mm for s in ell.segments()] + [ell.segments()[-1].end_mm])
-    chain = Chain(
-        points + np.array([5.0, -7.0, 2.0]), Rectangle(0.3, 1.8), l3_mm=2.0
-    )  # wherever it is clamped
-    one, other = (large_deflection(w, lift_mm=2.0, mu=0.2) for w in (ell, chain))
-    assert one.moment_n_mm == pytest.approx(other.moment_n_mm, rel=1e-9)
-    np.testing.assert_allclose(one.shape_mm, other.shape_mm, atol=1e-9)
-
-
-def test_answer_does_not_depend_on_the_load_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    leap = large_deflection(WIRE, lift_mm=3.0)  # one step
-    monkeypatch.setattr("whisker_array.whisker.elastica.LOAD_STEP", 0.02)
-    np.testing.assert_allclose(large_deflection(WIRE, lift_mm=3.0).force_n, leap.force_n, rtol=SOLVER)
-
-
 # --- equilibrium and energy of whatever comes out
 
 whiskers = st.builds(
@@ -372,24 +339,6 @@ def test_bent_straight_whisker_is_no_pure_profilometer() -> None:
 
 
 # --- the worst of force and moment
-
-
-def test_the_worst_share_is_that_of_force_or_moment() -> None:
-    small = linear_error(WIRE, lift_mm=1.0)
-    assert small.worst == small.force == pytest.approx(0.0083, abs=5e-5)
-    assert small.moment == pytest.approx(0.0047, abs=5e-5)
-    error = linear_error(WIRE, lift_mm=8.0)
-    assert error.worst == error.moment > error.force
-
-
-def test_arrays_are_read_only_and_checked() -> None:
-    exact = large_deflection(WIRE, lift_mm=1.0)
-    with pytest.raises(ValueError, match="read-only"):
-        exact.shape_mm[0] = 1.0
-    with pytest.raises(ElasticaError, match="tip_shift_mm"):
-        LargeDeflection(exact.force_n, 1.0, np.zeros(2), exact.shape_mm)
-    with pytest.raises(ElasticaError, match="finite"):
-        LargeDeflection(exact.force_n, math.nan, exact.tip_shift_mm, exact.shape_mm)
 
 
 def test_refusals_say_what_is_wrong() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.surface.maps import TraceDirection
-from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
+from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.passes import RAPID_MM_S, Pass
 from whisker_array.whisker.sections import WhiskerError
 
@@ -75,9 +75,3 @@ def test_a_raster_is_its_passes(two_way: bool, kinds: int) -> None:
 def test_a_pass_that_cannot_be(wrong: dict[str, object]) -> None:
     with pytest.raises(WhiskerError):
         replace(ONE, **wrong)  # type: ignore[arg-type]
-
-
-def test_a_pass_is_told_in_one_line() -> None:
-    plan = RasterPlan(WhiskerArray(4, 1.0), (0.0, 0.0, 6.0, 4.0), line_pitch_mm=0.25, sample_pitch_mm=0.05)
-    assert "\n" not in plan.passes()[0].describe()
-    assert "preload 0.80" in replace(ONE, preload_mm=0.8).describe()

@@ -1,4 +1,4 @@
-"""Why no whisker does what is asked: the constraints that cannot be met together, and what would help."""
+"""Sentences about designs: why no whisker meets all limits, and figures of a whisker that is built."""
 
 from __future__ import annotations
 
@@ -8,40 +8,38 @@ from collections.abc import Callable
 import numpy as np
 
 from whisker_array.design.checks import check, normal_forces_n
-from whisker_array.design.limits import Bound, Constraint
-from whisker_array.design.search import Candidate, Problem, conflict, starts
+from whisker_array.design.design import NoWhiskerError, worst_edge
+from whisker_array.design.limits import Bound, DesignError, Request
+from whisker_array.design.search import Problem
+from whisker_array.identification.predictions import Quantity
 from whisker_array.whisker.sections import Rectangle
 from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.touch import Touch
 
 
-def why_not(problem: Problem, *, seed: int) -> str:
-    """Name the constraints that cannot be met together, and what would help."""
-    rng = np.random.default_rng(seed)
-    nearest, bounds = conflict(problem, list(starts(problem, n=3, rng=rng)))
-    rows = _rows(nearest, problem)
-    limits_missed = "; ".join(
-        f"{bound.label} comes to {rows[bound].value:.3g} where "
-        f"{'at most' if rows[bound].at_most else 'at least'} {rows[bound].limit:.3g} is allowed"
-        for bound in bounds
-    )
-    hints = list(dict.fromkeys(bound.hint for bound in bounds))
-    kind = "round wire" if problem.section == "round" else "ribbon"
-    return (
-        f"no whisker of {kind} meets all limits together; the nearest one: {limits_missed}. Mend: {', or '.join(hints)}"
-        + (_jam_hint(problem) if Bound.JAMMING in bounds else "")
-    )
-
-
-def _rows(candidate: Candidate, problem: Problem) -> dict[Bound, Constraint]:
-    """The table of a candidate."""
+def explain_failure(error: NoWhiskerError) -> str:
+    """Name the limits that cannot be met together, by how much the nearest whisker misses them, and what would help."""
+    problem, nearest = error.problem, error.nearest
+    if problem is None or nearest is None:
+        return error.what
     checked = check(
-        candidate.whisker,
+        nearest.whisker,
         problem.request,
         problem.limits,
-        preload_mm=candidate.preload_mm,
+        preload_mm=nearest.preload_mm,
         error_scale=problem.error_scale,
     )
-    return {row.bound: row for row in checked.rows()}
+    rows = {row.bound: row for row in checked.rows()}
+    missed = "; ".join(
+        f"{bound.label} comes to {rows[bound].value:.3g} where "
+        f"{'at most' if rows[bound].at_most else 'at least'} {rows[bound].limit:.3g} is allowed"
+        for bound in error.bounds
+    )
+    kind = "round wire" if problem.section == "round" else "ribbon"
+    return (
+        f"no whisker of {kind} meets all limits together; the nearest one: {missed}. Mend: {error.hint}"
+        + (_jam_hint(problem) if Bound.JAMMING in error.bounds else "")
+    )
 
 
 def _jam_hint(problem: Problem) -> str:
@@ -81,3 +79,28 @@ def _largest(holds: Callable[[float], bool], low: float, high: float) -> float |
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
+
+
+def fitness(request: Request) -> dict[str, Quantity]:
+    """Figures by what they are called; NaN where the whisker jams on a wall of the request."""
+
+    def contrast(whisker: LShaped, touch: Touch) -> float:
+        return worst_edge(whisker, request, preload_mm=touch.preload_mm)[0].contrast
+
+    def factor(end: int) -> Quantity:
+        return lambda whisker, touch: worst_edge(whisker, request, preload_mm=touch.preload_mm)[1][end]
+
+    def or_jams(quantity: Quantity) -> Quantity:
+        def of(whisker: LShaped, touch: Touch) -> float:
+            try:
+                return quantity(whisker, touch)
+            except DesignError:
+                return math.nan
+
+        return of
+
+    return {
+        "worst edge contrast": or_jams(contrast),
+        "F over all walls, least": or_jams(factor(0)),
+        "F over all walls, greatest": or_jams(factor(1)),
+    }
