@@ -32,10 +32,10 @@ def make_parts(folder: Path, options: str) -> dict[str, str]:
 
 def live_pages(folder: Path) -> Iterator[tuple[str, str, int]]:
     """Pages of a service that decides: picture, address, height."""
-    dirty = make_parts(folder / "dirty", "--parts 6 --dirt 0.8 --seed 3")
+    dirty = make_parts(folder / "dirty", "--parts 2 --dirt 0.9 --seed 3")
     two = make_parts(folder / "two", "--parts 1 --layout two-lines --seed 4")
     stage = ("--stage.folder", str(folder / "dirty"), "--format", FORMAT)
-    with service_process(folder / "live", *stage) as service, Client(service.url) as client:
+    with service_process(folder / "live", *stage) as service, Client(service.url, timeout_s=900.0) as client:
         for name in dirty:
             part = client.read(photo=folder / "dirty" / f"{name}.png", name=name)
             if part.state is PartState.TOUCH_NEEDED:
@@ -50,10 +50,10 @@ def live_pages(folder: Path) -> Iterator[tuple[str, str, int]]:
 
 def shadow_page(folder: Path) -> Iterator[tuple[str, str, int]]:
     """The page of a service in shadow mode."""
-    parts = make_parts(folder / "parts", "--parts 24 --dirt 0.4 --seed 5")
+    parts = make_parts(folder / "parts", "--parts 16 --dirt 0.4 --seed 5")
     with (
         service_process(folder / "shadow", "--shadow", "--format", FORMAT) as service,
-        Client(service.url) as client,
+        Client(service.url, timeout_s=900.0) as client,
     ):
         for k, (name, text) in enumerate(parts.items()):
             said = text if k % 8 else text[:-1] + str((int(text[-1]) + 1) % 10)

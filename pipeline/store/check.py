@@ -21,7 +21,7 @@ from pipeline.common.records import PartRecord, PartState, ReviewRecord
 from pipeline.store.backup import unpacked
 from pipeline.store.database import AnyRow, Transaction
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
-from pipeline.store.rows import READ, REVIEWED, searched
+from pipeline.store.rows import READ, REVIEWED, search_columns
 from pipeline.store.store import Store
 from pipeline.store.tables import events, evidence, outbox, parts
 
@@ -183,7 +183,7 @@ def _by_part(tx: Transaction, found: Sequence[AnyRow], *tables: sa.Table) -> dic
 
 def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[str]:
     """Columns of a part's row that do not match the values derived from its record and its events."""
-    wrong = [name for name, value in searched(part).items() if getattr(row, name) != value]
+    wrong = [name for name, value in search_columns(part).items() if getattr(row, name) != value]
     last = {event.kind: event.data for event in happened}
     kinds: dict[str, tuple[str, type[Any]]] = {
         "reading": (READ, ReadingRecord),

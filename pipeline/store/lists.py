@@ -12,8 +12,8 @@ from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartRecord, PartState
 from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError, fit, fit_limit
-from pipeline.store.review import IS_AUDITED, held_by_another, said_by
-from pipeline.store.rows import REVIEWED, listed
+from pipeline.store.review import IS_AUDITED, claimed_by_another, has_opinion_of
+from pipeline.store.rows import REVIEWED, select_parts
 from pipeline.store.tables import events, parts
 
 _IDS = sa.select(parts.c.id)
@@ -66,12 +66,12 @@ def find_parts(
     if before is not None:
         wanted.append(parts.c.id < _page_end(before))
     ids = _IDS.where(*wanted).order_by(parts.c.id.desc()).limit(fit_limit(limit))
-    return listed(tx, ids, newest_first=True)
+    return select_parts(tx, ids, newest_first=True)
 
 
 def queue(tx: Transaction, *, audits: bool = False, limit: int = 50) -> tuple[PartRecord, ...]:
     """Parts that a person is to look at, or to audit, oldest first."""
-    return listed(tx, _awaiting(audits).limit(fit_limit(limit)))
+    return select_parts(tx, _awaiting(audits).limit(fit_limit(limit)))
 
 
 def next_in_queue(
@@ -87,9 +87,11 @@ def next_in_queue(
     """
     free = _awaiting(audits).limit(1)
     if person is not None:
-        free = free.where(~sa.func.coalesce(held_by_another(tx, person), sa.false()), ~said_by(person))
-    later = () if after is None else listed(tx, free.where(parts.c.id > _page_end(after)))
-    return next(iter(later or listed(tx, free)), None)
+        free = free.where(
+            ~sa.func.coalesce(claimed_by_another(tx, person), sa.false()), ~has_opinion_of(person)
+        )
+    later = () if after is None else select_parts(tx, free.where(parts.c.id > _page_end(after)))
+    return next(iter(later or select_parts(tx, free)), None)
 
 
 def reviewed(
@@ -109,7 +111,7 @@ def reviewed(
         query = query.where(sa.exists().where(*of_part, events.c.at >= since))
     if after is not None:
         query = query.where(parts.c.id > _page_end(after))
-    return listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
+    return select_parts(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
 
 
 def _page_end(part_id: str) -> str:

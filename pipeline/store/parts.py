@@ -38,7 +38,7 @@ from pipeline.store.errors import (
     fit,
     fit_limit,
 )
-from pipeline.store.rows import READ, Event, add_events, listed, part_by_id, write_part
+from pipeline.store.rows import READ, Event, add_events, part_by_id, select_parts, write_part
 from pipeline.store.serials import ask_alone, objections
 from pipeline.store.tables import idempotency as keys
 from pipeline.store.tables import parts
@@ -236,7 +236,7 @@ def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waitin
 def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[PartRecord, ...]:
     """Parts of a line that its stage is to feel, oldest first."""
     ids = sa.select(parts.c.id).where(_WAITS, parts.c.touch_by_stage.is_(True), parts.c.line == line)
-    return listed(tx, ids.order_by(parts.c.id).limit(fit_limit(limit)))
+    return select_parts(tx, ids.order_by(parts.c.id).limit(fit_limit(limit)))
 
 
 def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:
@@ -296,7 +296,7 @@ class IdempotencyKey:
         return cls(f"run {run} {digest} {part}", f"{_RUN}{digest}")
 
 
-def remembered(tx: Transaction, key: str) -> tuple[str, str] | None:
+def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
     """(fingerprint, part id) of the request with that idempotency key; None if there was none."""
     asked = sa.select(keys.c.fingerprint, keys.c.part_id).where(keys.c.key_hash == _hash(key))
     row = tx.execute(asked).one_or_none()
@@ -315,7 +315,7 @@ def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> N
         return
     fingerprint = fit(asked.fingerprint, "the fingerprint")
     row = {"key_hash": _hash(asked.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
-    if not tx.insert_if_new(keys, row) and (done := remembered(tx, asked.key)) is not None:
+    if not tx.insert_if_new(keys, row) and (done := find_request(tx, asked.key)) is not None:
         raise AlreadyDoneError(part_id=done[1], fingerprint=done[0])
 
 

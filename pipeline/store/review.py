@@ -32,7 +32,7 @@ from pipeline.store.rows import (
     AUDITED,
     HALF_REVIEWED,
     REVIEWED,
-    happened_to,
+    events_of,
     part_by_id,
     signature,
     write_part,
@@ -76,12 +76,12 @@ def release_part(tx: Transaction, part_id: str, person: Person) -> None:
     tx.execute(sa.update(parts).where(mine).values(**_NOT_CLAIMED))
 
 
-def claimed(tx: Transaction) -> Mapping[str, ClaimRecord]:
+def claims(tx: Transaction) -> Mapping[str, ClaimRecord]:
     """The claims that hold now, by part."""
     return _claims(tx, ~_free(tx))
 
 
-def held_by_another(tx: Transaction, person: Person) -> sa.ColumnElement[bool]:
+def claimed_by_another(tx: Transaction, person: Person) -> sa.ColumnElement[bool]:
     """Whether another person has claimed a part."""
     return sa.and_(~_free(tx), parts.c.claim_holder != person.holder)
 
@@ -200,7 +200,7 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
 def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
     """Opinions on a part since its last review, the latest of each person, oldest first."""
     last: dict[str, ReviewRecord] = {}
-    for row in happened_to(tx, part_id, REVIEWED, HALF_REVIEWED):
+    for row in events_of(tx, part_id, REVIEWED, HALF_REVIEWED):
         if row.kind == REVIEWED:
             last.clear()
         else:
@@ -217,7 +217,7 @@ def half_reviewed(tx: Transaction) -> Mapping[str, int]:
     return {row[0]: row[1] for row in tx.execute(asked)}
 
 
-def said_by(person: Person) -> sa.ColumnElement[bool]:
+def has_opinion_of(person: Person) -> sa.ColumnElement[bool]:
     """Whether a person has read a part that waits for another's reading."""
     mine = events.c.actor == signature(who=person.name, token=person.token)
     return sa.exists().where(events.c.part_id == parts.c.id, mine, is_open_opinion()).correlate(parts)
@@ -242,7 +242,7 @@ IS_AUDITED = sa.and_(parts.c.audit == AUDIT_WAITS, parts.c.state == PartState.AC
 
 def audit_of(tx: Transaction, part_id: str) -> ReviewRecord | None:
     """Result of the last audit of a part, with the accepted text and the person's; None before any audit."""
-    rows = happened_to(tx, part_id, AUDITED)
+    rows = events_of(tx, part_id, AUDITED)
     return from_json(ReviewRecord, rows[-1].data) if rows else None
 
 
@@ -261,7 +261,7 @@ def audit_figures(tx: Transaction, since: datetime) -> AuditFigures:
 
 
 def _refuse_if_held(tx: Transaction, part_id: str, person: Person) -> None:
-    held = _claims(tx, sa.and_(parts.c.id == part_id, held_by_another(tx, person))).get(part_id)
+    held = _claims(tx, sa.and_(parts.c.id == part_id, claimed_by_another(tx, person))).get(part_id)
     if held is not None and person.holder:
         who = held.who or "somebody else"
         what = f"{who} is at part {part_id} until {held.until:%H:%M:%S} UTC"

@@ -50,14 +50,16 @@ def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartReco
     return from_json(PartRecord, found.record)
 
 
-def listed(tx: Transaction, ids: sa.Select[Any], *, newest_first: bool = False) -> tuple[PartRecord, ...]:
+def select_parts(
+    tx: Transaction, ids: sa.Select[Any], *, newest_first: bool = False
+) -> tuple[PartRecord, ...]:
     """The parts whose ids a query gives, by their ids."""
     found = tx.execute(sa.select(parts.c.record).where(parts.c.id.in_(ids))).scalars()
     records = (from_json(PartRecord, record) for record in found)
     return tuple(sorted(records, key=lambda part: part.id, reverse=newest_first))
 
 
-def searched(part: PartRecord) -> dict[str, Any]:
+def search_columns(part: PartRecord) -> dict[str, Any]:
     """The columns of a part's row that follow from its record."""
     touch, shadow = part.touch, part.shadow
     return {
@@ -103,7 +105,7 @@ def write_part(
     """
     record = cleaned(to_json(replace(part, changed_at=tx.now)))
     part = from_json(PartRecord, record)
-    row = {**searched(part), **figures, "record": record}
+    row = {**search_columns(part), **figures, "record": record}
     if not new:
         tx.execute(sa.update(parts).where(parts.c.id == part.id).values(**row))
     elif not tx.insert_if_new(parts, row):
@@ -135,7 +137,7 @@ def signature(*, who: str, token: str, **_: Any) -> str:
     return f"token {token}" if token else f"name {who}"
 
 
-def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
+def events_of(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
     """A part's events, in order; of these kinds, if any are given.
 
     Raises:
@@ -150,19 +152,19 @@ def happened_to(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
 
 def history(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
     """Events of a part, in order."""
-    rows = happened_to(tx, part_id)
+    rows = events_of(tx, part_id)
     told = ({name: row.data[name] for name in _TOLD.get(row.kind, row.data)} for row in rows)
     return tuple(EventRecord(row.at, row.kind, data) for row, data in zip(rows, told, strict=True))
 
 
 def readings(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
     """A part's readings, the first one first."""
-    return tuple(from_json(ReadingRecord, row.data) for row in happened_to(tx, part_id, READ))
+    return tuple(from_json(ReadingRecord, row.data) for row in events_of(tx, part_id, READ))
 
 
 def reviews(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
     """All reviews of a part, oldest first."""
-    rows = happened_to(tx, part_id, REVIEWED, HALF_REVIEWED)
+    rows = events_of(tx, part_id, REVIEWED, HALF_REVIEWED)
     return tuple(from_json(ReviewRecord, row.data) for row in rows)
 
 

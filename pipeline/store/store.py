@@ -95,13 +95,13 @@ class Store:
     give_up_touch = _writes(_parts.give_up_touch)
 
     # requests that are sent again
-    remembered = _reads(_parts.remembered)
+    find_request = _reads(_parts.find_request)
     forget_keys = _writes(_parts.forget_keys)
 
     # people: claims, reviews, audits of accepted parts
     claim_part = _writes(_review.claim_part)
     release_part = _writes(_review.release_part)
-    claimed = _reads(_review.claimed)
+    claims = _reads(_review.claims)
     review = _writes(_review.review)
     undo_review = _writes(_review.undo_review)
     opinions = _reads(_review.opinions)

@@ -12,7 +12,7 @@ from starlette.responses import Response
 
 from pipeline.common.records import PartState
 from pipeline.service.pages.frame import PARTS_SHOWN, Frame, View, page_of
-from pipeline.service.pages.passes import felt_passes
+from pipeline.service.pages.passes import passes_view
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 
@@ -75,7 +75,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             part=found,
             readings=[(r, p, cells_of(r.text, p)) for r, p in zip(readings, places, strict=True)],
             pictures=pictures,
-            felt=felt_passes(readings, pictures[::-1]),
+            felt=passes_view(readings, pictures[::-1]),
             expected=expected_cells(found),
             reviews=[review for review in store.reviews(part_id) if review not in hidden],
             hidden=len(hidden),

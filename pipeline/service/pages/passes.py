@@ -32,7 +32,7 @@ class Felt:
     line_mm: float
 
 
-def felt_passes(readings: Sequence[ReadingRecord], pictures: Sequence[PictureView]) -> Felt | None:
+def passes_view(readings: Sequence[ReadingRecord], pictures: Sequence[PictureView]) -> Felt | None:
     """The passes of the last reading that has any; None without one. Of the pictures the first that fits is used."""
     reading = next((r for r in reversed(readings) if r.passes), None)
     if reading is None:

@@ -20,7 +20,7 @@ from statistics import median
 
 from pipeline.common.reading_records import Box, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
-from pipeline.service.pages.places import aligned, places_of
+from pipeline.service.pages.places import align_places, places_of
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
 # beside, and above and below the boxes in the view of the line, in heights of a character
@@ -239,7 +239,7 @@ def _boxes(
     part: PartRecord, reading: ReadingRecord, frame: PictureFrame, turns: int
 ) -> tuple[PictureBox, ...]:
     places = places_of(reading)
-    answers = aligned([p.char for p in places_of(part.reading)], [p.char for p in places])
+    answers = align_places([p.char for p in places_of(part.reading)], [p.char for p in places])
     pixels = [frame.pixels(character.box) for character in reading.characters]
     return tuple(
         PictureBox(answer, place.char, place.doubt, *frame.turned(box, turns))

@@ -107,7 +107,7 @@ def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateReco
 def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
     """The characters of a text, each with the place it answers to."""
     written = [k for k, char in enumerate(text) if not char.isspace()]
-    answers = aligned([p.char for p in places], [text[k] for k in written])
+    answers = align_places([p.char for p in places], [text[k] for k in written])
     found = {k: answers[n] for n, k in enumerate(written)}
     return tuple(
         Cell(char, place, "" if place is None else places[place].doubt)
@@ -115,7 +115,7 @@ def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
     )
 
 
-def aligned(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
+def align_places(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
     """For each of the others the place among the chars that it answers to; None where there is none."""
     place, answers = 0, list[int | None]()
     for pair in align("".join(chars), "".join(others)):
@@ -147,7 +147,7 @@ def part_cells(part: PartRecord) -> tuple[Cell, ...]:
 def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
     """Cells of the expected text; a character that differs from the part's own text there is a mismatch."""
     borne = [char for char in part.text if not char.isspace()]
-    answers = iter(aligned(borne, [char for char in part.expected if not char.isspace()]))
+    answers = iter(align_places(borne, [char for char in part.expected if not char.isspace()]))
     cells = []
     for char in part.expected:
         place = None if char.isspace() else next(answers)

@@ -17,7 +17,7 @@ from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.service.pages.frame import MOST_COUNTED, MOST_WHO, Frame, View, format_count
-from pipeline.service.pages.passes import felt_passes
+from pipeline.service.pages.passes import passes_view
 from pipeline.service.pages.pictures import picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 from pipeline.service.review_policy import ReviewMode
@@ -77,7 +77,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return view.page(
             "queue.html.j2",
             parts=store.queue(limit=QUEUE_SHOWN),
-            others={part: c.who for part, c in store.claimed().items() if c.holder != person.holder},
+            others={part: c.who for part, c in store.claims().items() if c.holder != person.holder},
             halves=store.half_reviewed() if frame.policy.readers > 1 else {},
             free=store.next_in_queue(person=person) is not None,
             audits=format_count(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
@@ -238,7 +238,7 @@ def _page(
         text=text,
         size=next((s for s in (12, 20, 30, 40) if len(text) <= s), 0),
         pictures=pictures,
-        felt=felt_passes(readings, pictures[::-1]),
+        felt=passes_view(readings, pictures[::-1]),
         expected=expected_cells(part),
         upper=upper,
         who=person.name if said is None else said.who,

@@ -56,7 +56,7 @@ class IdempotentRequests:
             return Received(await work())
         lock = self._locks.setdefault(idempotency.key, asyncio.Lock())
         async with lock:
-            known = await asyncio.to_thread(self._store.remembered, idempotency.key)
+            known = await asyncio.to_thread(self._store.find_request, idempotency.key)
             if known is None:
                 try:
                     return Received(await work())

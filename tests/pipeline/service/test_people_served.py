@@ -33,7 +33,7 @@ def test_the_table_and_an_open_pages_claim_pass_the_door(tmp_path: Path) -> None
         part = received(service.store, PartState.REVIEW)
         client.get(f"/review/{part.id}")  # gives the browser its seat
         assert client.post(f"/review/{part.id}/claim", data={"who": "Ada"}).text == ""
-        assert service.store.claimed()[part.id].who == "Ada"
+        assert service.store.claims()[part.id].who == "Ada"
         table = client.get("/v1/parts.csv")
         assert table.text.count("\r\n") == 2
         assert table.headers["content-disposition"].startswith("attachment; filename=")

@@ -209,11 +209,7 @@ def test_old_evidence_goes_unless_a_younger_part_needs_it(
     assert not any(e.gone for e in store.evidence(young.id))
     assert folder.expire(store, before=clock.at) == 0
     assert store.needed_hashes((photo, scan, again)) == {photo}
-
-
-def test_expiring_goes_through_any_number(folder: EvidenceFolder, store: Store, clock: Clock) -> None:
-    files = tuple(replace(SCAN, sha256=f"{k:064x}") for k in range(230))
-    received(store, evidence=files)
-    clock.go_on(days=1)
-    assert folder.expire(store, before=clock.at) == 0
-    assert store.needed_hashes([file.sha256 for file in files]) == frozenset()
+    told = [event for event in store.history(old.id) if event.kind == "evidence_expired"]
+    assert len(told) == 4
+    assert store.evidence_gone(old.id, scan), "asked again, it is still gone"
+    assert [event for event in store.history(old.id) if event.kind == "evidence_expired"] == told

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pipeline.common.reading_records import ScanPlanRecord, to_json
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
+from pipeline.common.records import EvidenceKind, PartState, ReviewAction
 from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
 from pipeline.store.store import Store
@@ -141,9 +141,9 @@ def test_reviews_that_make_no_sense(store: Store, read: str, said: dict[str, Any
 
 def test_a_request_is_done_once(store: Store) -> None:
     request = IdempotencyKey("line-3:" + "k" * 5000 + "\x00\ud800", "photo a")
-    assert store.remembered(request.key) is None
+    assert store.find_request(request.key) is None
     part = received(store, idempotency=request)
-    assert store.remembered(request.key) == ("photo a", part.id)
+    assert store.find_request(request.key) == ("photo a", part.id)
     with pytest.raises(AlreadyDoneError) as caught:
         received(store, idempotency=replace(request, fingerprint="photo b"), targets=("mqtt",))
     assert (caught.value.part_id, caught.value.fingerprint) == (part.id, "photo a")
@@ -159,9 +159,9 @@ def test_keys_are_forgotten_in_time(store: Store, clock: Clock) -> None:
     clock.go_on(days=2)
     received(store, idempotency=IdempotencyKey("new", "f"))
     assert store.forget_keys(clock.at) == 1
-    assert store.remembered("old") is None
-    assert store.remembered("new") is not None
-    assert store.remembered(IdempotencyKey.of_run("run", "part", "digest").key) is not None
+    assert store.find_request("old") is None
+    assert store.find_request("new") is not None
+    assert store.find_request(IdempotencyKey.of_run("run", "part", "digest").key) is not None
     assert store.part(part.id) == part
 
 
@@ -171,7 +171,7 @@ def test_an_id_is_given_once(store: Store) -> None:
         store.add_part(
             part_id=part.id, name="", state=PartState.REVIEW, idempotency=IdempotencyKey("another", "f")
         )
-    assert store.remembered("another") is None
+    assert store.find_request("another") is None
     assert store.part(part.id) == part
 
 
@@ -250,30 +250,6 @@ def test_times_keep_their_instant_in_utc(store: Store, clock: Clock) -> None:
     store.note_event(part.id, "enrolled", {"database": "line 3.glyphs"})
     assert store.part(part.id) == replace(part, changed_at=at)
     assert store.history(part.id)[-1].data == {"database": "line 3.glyphs"}
-
-
-def test_evidence_goes_when_nobody_needs_it(store: Store, clock: Clock) -> None:
-    files = tuple(EvidenceRecord(kind, f"{k:064x}", 2**40) for k, kind in enumerate(EvidenceKind))
-    assert store.evidence(received(store, evidence=files).id) == tuple(replace(f, at=START) for f in files)
-    clock.go_on(days=-1)
-    first = received(store, evidence=(PHOTO, SCAN))
-    at, hashes = clock.at, (PHOTO.sha256, SCAN.sha256)
-    clock.go_on(days=1)
-    second = received(store, evidence=(PHOTO,))
-    assert store.needed_hashes(hashes) == set(hashes)
-    old = store.evidence_before(clock.at)
-    assert old == ((first.id, replace(PHOTO, at=at)), (first.id, replace(SCAN, at=at)))
-    assert store.evidence_before(clock.at, 1) == old[:1]
-    assert store.evidence_gone(first.id, SCAN.sha256)
-    assert not store.evidence_gone(first.id, PHOTO.sha256)
-    assert store.evidence_before(clock.at) == ()
-    assert [e.gone for e in (*store.evidence(first.id), *store.evidence(second.id))] == [True, True, False]
-    assert store.needed_hashes(hashes) == {PHOTO.sha256}
-    assert store.history(first.id)[-1].data == {"sha256": PHOTO.sha256, "kinds": ["photo"]}
-    for _ in range(2):
-        assert store.evidence_gone(second.id, PHOTO.sha256), "asked again, it is still gone"
-        assert _kinds(store, second.id) == ["received", "read", "evidence_expired"]
-    assert store.needed_hashes(hashes) == frozenset()
 
 
 def test_a_store_that_has_gone_away(store_url: str) -> None:

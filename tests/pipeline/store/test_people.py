@@ -34,7 +34,7 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     claim = store.claim_part(first.id, ADA)
     assert (claim.who, claim.until) == ("Ada", START + timedelta(seconds=CLAIM_S))
     assert store.claim_part(first.id, GRACE) == claim
-    assert store.claimed() == {first.id: claim}
+    assert store.claims() == {first.id: claim}
     assert (store.next_in_queue(person=GRACE), store.next_in_queue(person=ADA)) == (second, first)
     with pytest.raises(ClaimedError, match="Ada is at part"):
         said(store, first.id, GRACE, "KX1", readers=1)
@@ -45,7 +45,7 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     assert store.claim_part(first.id, GRACE) == renewed
     assert store.claim_part(first.id, GRACE, take_over=True).who == "Grace"
     clock.go_on(seconds=CLAIM_S)
-    assert store.claimed() == {}
+    assert store.claims() == {}
     assert store.claim_part(first.id, ADA).who == "Ada"
 
 
@@ -53,7 +53,7 @@ def test_a_claim_of_a_clock_that_was_set_back_since_holds_nobody_up(store: Store
     part = received(store, PartState.REVIEW)
     store.claim_part(part.id, ADA)
     clock.go_on(days=-1.0)
-    assert store.claimed() == {}
+    assert store.claims() == {}
     assert store.claim_part(part.id, GRACE).who == "Grace"
     assert said(store, part.id, GRACE, "KX1", readers=1) is PartState.REVIEWED
 
@@ -64,9 +64,9 @@ def test_a_claim_ends_with_the_review_or_when_it_is_let_go(store: Store) -> None
         store.claim_part(part.id, ADA)
     said(store, first.id, ADA, "KX1", readers=1)
     store.release_part(second.id, GRACE)
-    assert set(store.claimed()) == {second.id}
+    assert set(store.claims()) == {second.id}
     store.release_part(second.id, ADA)
-    assert store.claimed() == {}
+    assert store.claims() == {}
     with pytest.raises(NotFoundError):
         store.claim_part("0" * 26, ADA)
 
@@ -154,7 +154,7 @@ def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store
     found = store.audit(part_id)
     assert found is not None
     assert (found.before, found.after, found.who) == ("KX4", "KX4", "Grace")
-    assert (store.queue(audits=True), store.undelivered(), store.claimed()) == ((), 0, {})
+    assert (store.queue(audits=True), store.undelivered(), store.claims()) == ((), 0, {})
     with pytest.raises(ConflictError, match="does not wait for an audit"):
         said(store, part_id, ADA, "KX4", audit=True)
 

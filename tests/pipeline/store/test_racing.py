@@ -55,17 +55,6 @@ def test_one_of_many_people_is_first(store: Store) -> None:
         assert len(store.reviews(part)) == 1
 
 
-def test_every_review_stands_where_nobody_asks_what_was_before(store: Store) -> None:
-    part = received(store, PartState.REVIEW, "KX4")
-    said = race(lambda k: correct(store, part.id, f"KX{k:03d}", f"person {k}"))
-    reviews = store.reviews(part.id)
-    assert sorted(r.who for r in reviews) == sorted(f"person {k}" for k in range(len(said)))
-    # a chain: each began where the one before ended
-    assert [r.before for r in reviews] == ["KX4", *(r.after for r in reviews[:-1])]
-    now = store.part(part.id)
-    assert (now.text, now.review) == (reviews[-1].after, reviews[-1])
-
-
 def test_a_scan_and_a_person_race(store: Store) -> None:
     for _ in range(5):
         part = received(store, PartState.TOUCH_NEEDED, "KX4").id
@@ -131,5 +120,5 @@ def test_what_was_answered_survives_the_kill(store_url: str) -> None:
         for part in listed.values():
             assert part.reading is not None
             assert [e.kind for e in store.history(part.id)] == ["received", "read"]
-            assert store.remembered(part.name) == ("f", part.id)
+            assert store.find_request(part.name) == ("f", part.id)
         store.add_part(part_id=new_part_id(), name="after", state=PartState.ACCEPTED)

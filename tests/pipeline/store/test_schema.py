@@ -82,7 +82,7 @@ def test_a_store_of_the_first_version_is_read_and_used_on(tmp_path: Path) -> Non
         assert (reviewed.review.who, reviewed.review.note) == ("Ada", "rust")
         assert [r.text for r in store.readings(reviewed.id)] == ["KXO", "KX0"]
         assert [e.kind for e in store.history(reviewed.id)][-1] == "reviewed"
-        assert store.remembered("line-3:1") == ("f", accepted.id)
+        assert store.find_request("line-3:1") == ("f", accepted.id)
         assert [token.name for token in store.tokens()] == ["line-3"]
         store.review(reviewed.id, action=ReviewAction.CORRECT, text="KX1", who="Bea", targets=("mqtt",))
         new = received(store, targets=("mqtt",))
@@ -169,7 +169,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.queue()
     store.next_in_queue(new_part_id())
     store.next_in_queue(new_part_id(), person=Person("Ada", seat="here"))
-    store.claimed()
+    store.claims()
     store.half_reviewed()
     store.opinions(part)
     store.audit(part)
@@ -183,7 +183,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.evidence_before(START)
     store.needed_hashes(("a" * 64,))
     store.token("x")
-    store.remembered("x")
+    store.find_request("x")
     due(store)
     assert len(asked) >= 22
     with engine.connect() as connection:

@@ -359,11 +359,11 @@ def test_an_open_part_is_its_readers_until_the_page_is_left(service: Service, si
     grace.goto(f"{service.url}/review/{first}")
     assert "Ada is at this part now" in grace.inner_text("#taken")
     ada.goto(f"{service.url}/dashboard")
-    wait_until(lambda: first not in service.store.claimed())
+    wait_until(lambda: first not in service.store.claims())
     grace.reload()
     settled(grace)
     assert not grace.is_visible("#taken")
-    assert service.store.claimed()[first].who == "Grace"
+    assert service.store.claims()[first].who == "Grace"
 
 
 def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:

@@ -37,7 +37,7 @@ from pipeline.common.records import (
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
-from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
+from pipeline.service.pages.places import align_places, cells_of, expected_cells, places_of
 from pipeline.store.errors import StoreError
 from tests.support.page_shop import HEIGHT, WIDTH, Shop, character, goes_to, reading
 
@@ -94,8 +94,8 @@ def test_cells_spell_the_text_and_name_places_in_order(text: str, read: str) -> 
 
 
 def test_a_character_too_many_leaves_its_neighbours_their_places() -> None:
-    assert aligned("KX407", "KX1407") == (0, 1, None, 2, 3, 4)
-    assert aligned("KX407", "K407") == (0, 2, 3, 4)
+    assert align_places("KX407", "KX1407") == (0, 1, None, 2, 3, 4)
+    assert align_places("KX407", "K407") == (0, 2, 3, 4)
 
 
 def test_characters_that_the_part_does_not_bear_are_marked_in_the_text_expected() -> None:
@@ -242,25 +242,6 @@ def test_what_is_read_surely_and_still_not_accepted_is_explained(shop: Shop, ver
 
 
 # ---- review
-
-
-def test_confirm_correct_and_unreadable_are_written_down_with_who_and_before(shop: Shop) -> None:
-    ids = [shop.add("KX407251", name=f"P-{k}") for k in range(3)]
-    assert shop.say(ids[0], "KX407251") == 303
-    assert goes_to(shop.answer) == f"/review/{ids[1]}?done={ids[0]}"
-    assert shop.say(ids[1], " KX407257 ", note="worn  die", before="KX407251") == 303
-    assert shop.say(ids[2], "whatever", action="unreadable") == 303
-    assert goes_to(shop.answer) == f"/review?done={ids[2]}"
-    said = [shop.store.reviews(i)[-1] for i in ids]
-    assert [r.action for r in said] == list(ReviewAction)
-    assert [(r.before, r.after) for r in said] == [
-        ("KX407251", "KX407251"), ("KX407251", "KX407257"), ("KX407251", ""),
-    ]  # fmt: skip
-    assert {r.who for r in said} == {"Ada"}
-    assert said[1].note == "worn die"
-    assert shop.store.undelivered() == 3
-    assert "Nothing waits for you" in shop.client.get(goes_to(shop.answer)).text
-    assert "marked unreadable" in shop.client.get(goes_to(shop.answer)).text
 
 
 def test_another_person_being_quicker_is_told_and_nothing_is_lost(shop: Shop) -> None:
