@@ -30,7 +30,7 @@ from glyphs.atomic import check_writable
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece
-from pipeline.common.parsed import Positive, Strict, read_toml, write_toml
+from pipeline.common.parsed import Strict, read_toml, write_toml
 from pipeline.errors import DataError, naming
 from pipeline.formats.touch_file import read_height_map
 from whisker_array.identification.bench import Unknown
@@ -89,14 +89,6 @@ class _Round(Strict):
 _SECTIONS = {"ribbon": Rectangle, "round": Round}
 
 
-class _Material(Strict):
-    name: str = Field(min_length=1)
-    e_mpa: Positive
-    poisson: float = Field(ge=0.0, lt=0.5)
-    density_g_cm3: Positive
-    yield_mpa: Positive
-
-
 class _Identified(Strict):
     names: tuple[Unknown, ...]
     sd: tuple[Annotated[float, Field(ge=0.0, allow_inf_nan=False)], ...]
@@ -119,7 +111,7 @@ class _Written(Strict):
     line_pitch_mm: Length | None = None
     sample_pitch_mm: Length | None = None
     speed_mm_s: Length | None = None
-    material: Literal["music wire"] | _Material = "music wire"
+    material: Literal["music wire"] | Material = "music wire"
     section: _Ribbon | _Round = Field(discriminator="kind")
     identified: _Identified | None = None
 
@@ -141,15 +133,13 @@ _OneKind = Annotated[_L | _Straight, Field(discriminator="kind")]
 _ANY: TypeAdapter[_L | _Straight] = TypeAdapter(
     Annotated[_OneKind, BeforeValidator(lambda given: {"kind": "", **given})]
 )
-_HIDDEN = ("L", "straight", "ribbon", "round", "_Material")
+_HIDDEN = ("L", "straight", "ribbon", "round", "Material")
 
 
 def _built(given: _L | _Straight) -> WhiskerFile:
     """Whisker, touch and raster, with defaults scaled to the character height."""
     section = _SECTIONS[given.section.kind](**given.section.model_dump(exclude={"kind"}))
-    material = (
-        Material(**given.material.model_dump()) if isinstance(given.material, _Material) else MUSIC_WIRE
-    )
+    material = given.material if isinstance(given.material, Material) else MUSIC_WIRE
     shape = math.radians(given.beta_deg), section, material
     whisker = (
         straight_whisker(given.l_mm, *shape)
@@ -183,11 +173,8 @@ def read_whisker_file(path: Path) -> WhiskerFile:
             the land.
     """
     written = read_toml(path, _ANY, format_version=FORMAT_VERSION, hidden=_HIDDEN)
-    try:
-        with naming(path):
-            return _built(written)
-    except WhiskerError as error:
-        raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
+    with naming(path):
+        return _built(written)
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
@@ -231,7 +218,7 @@ def _written(content: WhiskerFile) -> _L | _Straight:
             **({"kind": "straight", "l_mm": w.l1_mm} if w.is_straight else lengths),
             "beta_deg": math.degrees(w.beta_rad),
             "section": {"kind": kinds[0], **vars(w.section)},
-            "material": w.material.name if w.material == MUSIC_WIRE else vars(w.material),
+            "material": w.material.name if w.material == MUSIC_WIRE else w.material,
             "identified": identified,
             **{name: getattr(content.touch, name) for name in ("preload_mm", "tip_radius_mm", "friction")},
             **{name: getattr(content, name) for name in _RASTER},

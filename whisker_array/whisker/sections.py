@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Self, TypeAlias
+from typing import ClassVar, Self, TypeAlias
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_positive, require_range
@@ -43,6 +43,9 @@ class Material:
     Raises:
         WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
     """
+
+    # read from files as it is: unknown keys are errors
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     name: str
     e_mpa: float
