@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import NothingFoundError, discover
-from pipeline.formats.part_files import PartFiles, harmless_name, named_apart, split_name
+from pipeline.formats.part_files import PartFiles, named_apart, split_name
 
 FILES = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
 
@@ -169,17 +169,6 @@ def test_what_a_name_says() -> None:
         PartFiles("")
 
 
-@settings(deadline=None)
-@given(st.text(max_size=300))
-def test_no_name_leads_out_of_its_folder(name: str) -> None:
-    harmless = harmless_name(name)
-    place = Path("/folder") / harmless
-    assert place.parent == Path("/folder")
-    assert place.name == harmless
-    assert harmless not in ("", ".", "..")
-    assert len(harmless.encode()) < 200
-
-
 def test_a_part_is_words_alone_and_small() -> None:
     part = PartFiles("a", "/maps/a.npz")
     assert pickle.loads(pickle.dumps(part)) == part
@@ -215,18 +204,6 @@ def test_files_of_one_stem_are_one_part(folder: Path) -> None:
     mixed = discover([folder / "d.SUR", str(folder / "*.npz"), folder / "b.npz", folder / "b.png"])
     assert named(folder, mixed) == [whole[2], ("a", "a.npz", "", ""), whole[1]]
     assert not any(p.problem for p in (*parts, *mixed))
-
-
-def test_as_much_of_the_folders_as_makes_names_unique(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for folder in (".", "x/lot", "y/lot", "y/other"):
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        Path(folder, "a.npz").write_bytes(b"x")
-    Path("y/other/b.npz").write_bytes(b"x")
-    parts = discover([".", "x/lot", "y/lot", "y/other"])
-    assert [p.name for p in parts] == ["a", "x/lot/a", "y/lot/a", "other/a", "b"]
 
 
 def test_a_photograph_alone_is_a_part_where_it_is_meant(folder: Path) -> None:

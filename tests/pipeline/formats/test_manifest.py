@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import resource
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pyarrow
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pyarrow import parquet
 
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import row_of
 from pipeline.formats.find_parts import discover
-from pipeline.formats.manifest import COLUMNS, is_manifest, read_manifest
+from pipeline.formats.manifest import COLUMNS, read_manifest
 from pipeline.formats.part_files import PartFiles
 from pipeline.runs.quarantine import Quarantine
 
@@ -53,16 +49,6 @@ def test_every_column_is_read(tmp_path: Path) -> None:
     assert one == PartFiles("A1", *files, "KB74", "AA99,x", "block")
     assert other == PartFiles("A2", photo="s3://lots/7/b.jpg")
     assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
-
-
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_csv_as_spreadsheets_write_it(tmp_path: Path, delimiter: str, mark: bytes, end: str) -> None:
-    lines = [" Height_Map ", "PART", "Remark"], [" ö.npz", "A 1", "good"], ["", "", ""], ["b.npz", "B"]
-    text = end + end.join(delimiter.join(line) for line in lines) + end
-    parts = read_manifest(table(tmp_path, mark + text.encode()))
-    assert parts == [PartFiles("A 1", str(tmp_path / "ö.npz")), PartFiles("B", str(tmp_path / "b.npz"))]
 
 
 @pytest.mark.parametrize(
@@ -117,44 +103,6 @@ def test_beside_a_table_in_a_store_is_in_the_store() -> None:
     store.pipe_file("/lots/seven/bad.csv", b"name\n1\n")
     with pytest.raises(FileError, match=r"^memory://lots/seven/bad.csv: has the columns name"):
         read_manifest("memory://lots/seven/bad.csv")
-
-
-_TEXT = st.text(st.characters(blacklist_categories=["Cc", "Cs", "Zs", "Zl", "Zp", "Cf"]), max_size=12)
-_NAME = _TEXT.filter(
-    lambda t: t.strip() and not set("/\\") & set(t) and "://" not in t and t not in (".", "..")
-)
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    rows=st.lists(
-        st.tuples(_NAME, _NAME, _TEXT, _TEXT), min_size=1, max_size=6, unique_by=lambda row: row[0].strip()
-    ),
-    order=st.permutations(("part", "height_map", "expected", "format")),
-    delimiter=st.sampled_from(",;\t"),
-    as_parquet=st.booleans(),
-)
-def test_what_is_written_is_read(
-    rows: list[tuple[str, ...]], order: tuple[str, ...], delimiter: str, as_parquet: bool
-) -> None:
-    records = [dict(zip(("part", "height_map", "expected", "format"), row, strict=True)) for row in rows]
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        if as_parquet:
-            source = parquet_table(folder, {column: [r[column] for r in records] for column in order})
-        else:
-            text = io.StringIO()
-            # a quote within a field that does not begin with one is not strict CSV
-            writer = csv.DictWriter(text, order, delimiter=delimiter, quoting=csv.QUOTE_ALL)
-            writer.writeheader()
-            writer.writerows(records)
-            source = table(folder, text.getvalue())
-        parts = read_manifest(source)
-        stripped = [[cell.strip() for cell in r.values()] for r in records]
-        assert parts == [
-            PartFiles(name, str(folder / file), expected=text, format=form)
-            for name, file, text, form in stripped
-        ]
 
 
 # ---------------------------------------------------------------------------------------------------- bad tables
@@ -243,14 +191,6 @@ def test_columns_of_the_results_are_none_of_a_manifests_misspelled(tmp_path: Pat
     others = [name for name in row_of(ReadingRecord.failed("", "")) if name not in COLUMNS]
     source = table(tmp_path, ",".join(["height_map", *others, "problem"]) + "\na.npz\n")
     assert [p.name for p in read_manifest(source)] == ["a"]
-
-
-def test_manifests_are_told_by_their_ends() -> None:
-    assert is_manifest("a/lot.CSV")
-    assert is_manifest("https://host/lot.parquet?signature=x.npz")
-    assert is_manifest("s3://lots/lot.parquet")
-    assert not is_manifest("lots.csv/a.npz")
-    assert not is_manifest("https://host/a.npz?list=lot.csv")
 
 
 # ---------------------------------------------------------------------------------------------------- quarantine

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import http.server
-import multiprocessing
 import pickle
 import resource
 import socket
@@ -354,22 +353,6 @@ def test_a_server_that_says_nothing(s3: Callable[[str], None], monkeypatch: pyte
         s3(f"http://127.0.0.1:{silent.getsockname()[1]}")
         refused("s3://lots/a.npz", "cannot be fetched .*Timeout")
         refused(f"http://127.0.0.1:{silent.getsockname()[1]}/a.npz", "cannot be fetched .*[Tt]imeout")
-
-
-def _read_in_child(url: str, answers: multiprocessing.Queue[bytes]) -> None:
-    answers.put(read(url))
-
-
-def test_a_process_forked_after_fetching_fetches_too(bucket: str) -> None:
-    # workers of a pool that are forked find the parent's connections; fsspec makes its own
-    assert read(f"{bucket}/lot/a.npz") == b"map a"
-    context = multiprocessing.get_context("fork")
-    answers: multiprocessing.Queue[bytes] = context.Queue()
-    child = context.Process(target=_read_in_child, args=(f"{bucket}/lot/b.npz", answers))
-    child.start()
-    assert answers.get(timeout=BOUND_S) == b"map b"
-    child.join(BOUND_S)
-    assert child.exitcode == 0
 
 
 # ---------------------------------------------------------------------------------------------------- a web server

@@ -21,7 +21,6 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.touch_file import read_height_map, read_scan
 
 ROOT = Path(__file__).parents[3]
-INSTRUMENTS = ROOT.parent / "shared" / "data" / "instrument_files"
 
 
 def relief() -> NDArray[np.float64]:
@@ -118,31 +117,6 @@ def test_measured_strips_are_read(path: Path) -> None:
     with np.load(path) as raw:
         np.testing.assert_array_equal(loaded.z_mm, raw["z_mm"])
         assert loaded.pitch_mm == float(raw["pitch_mm"])
-
-
-@pytest.mark.skipif(not INSTRUMENTS.is_dir(), reason="the files of instruments are not there")
-@pytest.mark.parametrize(
-    ("name", "shape", "pitch_mm", "range_mm"),
-    [
-        ("sur-2.sur", (484, 563), 0.003484, 0.001476),
-        ("opd-1.opd", (480, 640), 0.00019673, 0.00012915),
-        ("plu-1.plu", (576, 768), 0.00166, 0.010016),
-        ("x3p-2.x3p", (1600, 650), 0.000127657, 0.00055436),
-    ],
-)
-def test_files_of_instruments_are_read_by_both_readers(
-    name: str, shape: tuple[int, int], pitch_mm: float, range_mm: float
-) -> None:
-    pytest.importorskip("SurfaceTopography")
-    from pipeline.formats.grid import height_map
-    from pipeline.formats.instruments import read_instrument
-
-    loaded = read_height_map(INSTRUMENTS / name)
-    assert loaded.shape == shape
-    assert loaded.pitch_mm == pytest.approx(pitch_mm, rel=1e-4)
-    assert np.nanmax(loaded.z_mm) - np.nanmin(loaded.z_mm) == pytest.approx(range_mm, rel=3e-3)
-    other = height_map(read_instrument(INSTRUMENTS / name), MapSettings())
-    np.testing.assert_allclose(loaded.z_mm, other.z_mm, atol=1e-9)
 
 
 def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
