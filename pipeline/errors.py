@@ -27,19 +27,6 @@ class DataError(MarksError):
         super().__init__(what, hint=hint)
 
 
-class UrlError(FileError):
-    """A file that cannot be used and is named by a URL, which no path spells; shown without what is secret in it.
-
-    Attributes:
-        url: as it is shown.
-    """
-
-    def __init__(self, url: str, what: str, hint: str) -> None:
-        self.url = without_secrets(url)
-        super().__init__(self.url, what, hint)
-        self.args = (self.url, what, hint)  # pickled without the secret
-
-
 def is_url(text: str | Path) -> bool:
     """Whether a name is a URL (s3://bucket/key), a chain of them (zip://a::s3://b) included; else it is a path."""
     return _URL.match(str(text)) is not None
@@ -57,10 +44,9 @@ def without_secrets(url: str) -> str:
 
 
 def problem_of(name: str | Path, what: str, hint: str) -> FileError:
-    """The error of a file named by a path or a URL, under the name by which it is shown."""
-    shown = _SHOWN.get().get(str(name), str(name))
-    what = what if shown == str(name) else what.replace(str(name), without_secrets(shown))
-    return UrlError(shown, what, hint) if is_url(shown) else FileError(shown, what, hint)
+    """The error of a file named by a path or a URL, under the name by which it is shown, without its secrets."""
+    shown = without_secrets(_SHOWN.get().get(str(name), str(name)))
+    return FileError(shown, what.replace(str(name), shown), hint)
 
 
 @contextlib.contextmanager
@@ -77,9 +63,9 @@ def shown_as(names: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except FileError as error:
-        if str(error.path) not in names or isinstance(error, UrlError):
+        if str(error.path) not in names:
             raise
-        raise problem_of(str(error.path), error.what, error.hint) from error
+        raise problem_of(error.path, error.what, error.hint) from error
     finally:
         _SHOWN.reset(token)
 

@@ -65,12 +65,12 @@ class _Pass:
     air: Floats
 
 
-def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> Scan:
+def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) -> Scan:
     """Read a scan from trace files; moments in N mm, volts unchanged.
 
     Args:
         paths: trace files, in the order in which they were recorded.
-        told: description of the files.
+        layout: description of the files.
         touch: the whiskers.
 
     Raises:
@@ -81,48 +81,37 @@ def import_traces(paths: Sequence[Path], told: TracesFile, *, touch: Touch) -> S
     rates = []
     for path in paths:
         with reading(path, kind=path.suffix, most_bytes=_MOST_BYTES):
-            table = read_trace_table(path, told)
+            table = read_trace_table(path, layout)
         with naming(path):
-            own = tuple(_passes(path, table, told))
+            own = tuple(_passes(path, table, layout))
             passes += own
-            rates.append(_rate_hz(table, told))
-            if told.columns.time is not None:
+            rates.append(_rate_hz(table, layout))
+            if layout.columns.time is not None:
                 step_mm = float(np.median([p.step_mm for p in own]))
-                check_speed(step_mm=step_mm, rate_hz=rates[-1], unit=told.time_unit)
+                check_speed(step_mm=step_mm, rate_hz=rates[-1], unit=layout.time_unit)
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
             worst, f"was sampled at {max(rates):g} Hz, others at {min(rates):g} Hz", "import them apart"
         )
     ways = sorted({p.direction for p in passes}, key=int)
-    sweeps = tuple(_sweep([p for p in passes if p.direction is way], told) for way in ways)
+    sweeps = tuple(_sweep([p for p in passes if p.direction is way], layout) for way in ways)
     return Scan(
         sweeps=sweeps,
         touch=touch,
         line_pitch_mm=line_pitch_of(sweeps),
         sample_rate_hz=float(np.median(rates)),
-        part_id=told.part_id,
-        start_time=told.start_time,
+        part_id=layout.part_id,
+        start_time=layout.start_time,
         notes=(f"imported from {', '.join(p.name for p in paths)}"[:1000],),
     )
 
 
-def _rate_hz(table: TraceTable, told: TracesFile) -> float:
-    columns = told.columns
-    if columns.time is not None and table.n_rows > 1:
-        scale = 1.0 if columns.time in table.stamped else SECONDS[told.time_unit]
-        return rate_hz(table, table.column(columns.time) * scale, table.column(columns.number))
-    rate = told.sampling_rate_hz or table.rate_hz
-    if not rate:
-        raise DataError("has no time, and its rate is not told", "give columns.time or sampling_rate_hz")
-    return rate
-
-
-def _passes(path: Path, table: TraceTable, told: TracesFile) -> Iterable[_Pass]:
-    columns = told.columns
-    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[told.position_unit]
+def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass]:
+    columns = layout.columns
+    at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment])
-    signal *= UNIT_N_MM.get(told.moment_unit, 1.0)
+    signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")
@@ -185,12 +174,12 @@ def between_polls(u: Floats) -> Floats:
     return made
 
 
-def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
+def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
     """All passes of one direction on one raster."""
-    direction, n = passes[0].direction, len(told.columns.moment)
-    behind = np.asarray(told.behind_mm or (0.0,) * n)
-    side = np.asarray(told.across_mm or (0.0,) * n)
-    if told.turns and direction in (TraceDirection(90), TraceDirection(180)):
+    direction, n = passes[0].direction, len(layout.columns.moment)
+    behind = np.asarray(layout.behind_mm or (0.0,) * n)
+    side = np.asarray(layout.across_mm or (0.0,) * n)
+    if layout.turns and direction in (TraceDirection(90), TraceDirection(180)):
         side = -side  # the frame has y down the part, so right of +x is +y, and right of +y is -x
     step = float(np.median([p.step_mm for p in passes]))
     low, high = max(p.u[0] for p in passes), min(p.u[-1] for p in passes) - float(behind.max())
@@ -204,17 +193,17 @@ def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
             f"{max(0.0, high - low):.3f} mm in common of {longest:.3f}",
             "leave out passes that were broken off, or import them apart",
         )
-    if told.part_mm is not None:
+    if layout.part_mm is not None:
         # run-in and run-out are on the part's land: no whisker feels anything before it
-        edges = told.part_mm[::2] if direction.along_x else told.part_mm[1::2]
+        edges = layout.part_mm[::2] if direction.along_x else layout.part_mm[1::2]
         first, last = sorted(-v if direction.backward else v for v in edges)
         low, high = max(low, first), min(high, last)
         n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
-    n_lead = round(told.lead_mm / step)
+    n_lead = round(layout.lead_mm / step)
     if 2 * n_lead >= n_samples:
         raise FileError(
             passes[0].path,
-            f"has passes of {high - low:.3f} mm, twice lead_mm is {2 * told.lead_mm:g}",
+            f"has passes of {high - low:.3f} mm, twice lead_mm is {2 * layout.lead_mm:g}",
             "correct lead_mm",
         )
     u = low + step * np.arange(n_samples)
@@ -229,10 +218,10 @@ def _sweep(passes: Sequence[_Pass], told: TracesFile) -> Sweep:
     missing = ~np.isfinite(moment)
     moment[missing], flags[missing] = 0.0, SampleFlag.OUT_OF_RANGE
     line_mm = np.array([p.across_mm for p in passes])[:, None] + side
-    if told.part_mm is not None:
-        flags[_beyond(told.part_mm, line_mm, -u if direction.backward else u, along_x=direction.along_x)] |= (
-            np.uint8(SampleFlag.OUTSIDE)
-        )
+    if layout.part_mm is not None:
+        flags[
+            _beyond(layout.part_mm, line_mm, -u if direction.backward else u, along_x=direction.along_x)
+        ] |= np.uint8(SampleFlag.OUTSIDE)
     n_air = min(p.air.shape[0] for p in passes)
     late = np.rint(behind / step) * step
     plan = SweepPlan(
@@ -257,21 +246,20 @@ def _beyond(
     return ((line_mm < least) | (line_mm > most))[:, :, None] | ((along_mm < low) | (along_mm > high))
 
 
-def rate_hz(table: TraceTable, time_s: Floats, number: Floats) -> float:
-    """Samples a second.
-
-    Args:
-        table: for messages.
-        time_s: (rows,) of its rows.
-        number: (rows,) of the pass of each row: a clock may start anew with a pass.
-
-    Raises:
-        DataError: times that are missing, run back within a pass, or never change.
-    """
+def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
+    """Samples a second, by the clock of the rows if they have one; it may start anew with a pass."""
+    columns = layout.columns
+    if columns.time is None or table.n_rows < 2:
+        if not (rate := layout.sampling_rate_hz or table.rate_hz):
+            raise DataError("has no time and no sampling rate", "give columns.time or sampling_rate_hz")
+        return rate
+    time_s = table.columns[columns.time] * (
+        1.0 if columns.time in table.stamped else SECONDS[layout.time_unit]
+    )
     table.require(time_s, "time", "fill it in, or take that row out")
     steps = np.diff(time_s)
     steps = np.where(np.abs(steps + SECONDS["d"]) < 0.5 * SECONDS["d"], steps + SECONDS["d"], steps)
-    back = np.flatnonzero((steps < 0.0) & (np.diff(number) == 0.0))
+    back = np.flatnonzero((steps < 0.0) & (np.diff(table.column(columns.number)) == 0.0))
     if back.size:
         raise DataError(
             f"has a time that runs back {table.at(int(back[0]) + 1)}",

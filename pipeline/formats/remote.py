@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, MarksError, MissingExtraError
-from pipeline.errors import WEB, UrlError, is_url, is_web, shown_as, without_secrets
+from pipeline.errors import WEB, is_url, is_web, problem_of, shown_as
 from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.part_files import (
     LOCAL,
@@ -127,7 +127,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         # of a web address the file's own head says as much, and why it does not come
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
-            raise UrlError(url, "is not a file", "name a file, or the folder among the inputs")
+            raise problem_of(url, "is not a file", "name a file, or the folder among the inputs")
         guard.set_size(entry.get("size"))
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
     with folder as name:
@@ -135,7 +135,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         with _as_file_errors(url):
             files.get_file(path, str(target), callback=guard)
             guard.absolute_update(target.stat().st_size)
-        with shown_as({str(target): without_secrets(url)}):
+        with shown_as({str(target): url}):
             yield target
 
 
@@ -150,9 +150,9 @@ def _guard(url: str, most_bytes: int) -> Any:
             size = max(self.size or 0, self.value)
             if size > most_bytes:
                 sizes = f"{size / 1e9:.1f} GB long, over the limit of {most_bytes / 1e9:.1f} GB"
-                raise UrlError(url, f"is {sizes}", "crop it")
+                raise problem_of(url, f"is {sizes}", "crop it")
             if time.monotonic() - began_s > _START_S + self.value / _LEAST_BYTES_PER_S:
-                raise UrlError(url, "comes too slowly to wait for", _NETWORK_MEND)
+                raise problem_of(url, "comes too slowly to wait for", _NETWORK_MEND)
 
     return Guard()
 
@@ -170,7 +170,7 @@ def _file_system(url: str) -> Any:
     """
     scheme = scheme_of(url)
     if scheme not in _SCHEMES:
-        raise UrlError(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
+        raise problem_of(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
     try:
         import fsspec
         from fsspec.config import conf
@@ -185,7 +185,7 @@ def _file_system(url: str) -> Any:
         except ImportError as error:
             if scheme in _EXTRAS:
                 raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
-            raise UrlError(url, f"needs a library ({error})", "install it") from error
+            raise problem_of(url, f"needs a library ({error})", "install it") from error
     if scheme in ("s3", "s3a"):
         files.retries = _ATTEMPTS
     return files
@@ -218,7 +218,7 @@ def _as_file_errors(url: str) -> Iterator[None]:
     except MarksError:
         raise
     except FileNotFoundError as error:
-        raise UrlError(url, "is not there", "check the name") from error
+        raise problem_of(url, "is not there", "check the name") from error
     except Exception as error:
         lines = str(error).splitlines()
         reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
@@ -228,7 +228,7 @@ def _as_file_errors(url: str) -> Iterator[None]:
             what, hint = "may not be read", "check the credentials"
         elif isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             what, hint = "cannot be copied", "make room in the folder that TMPDIR names"
-        raise UrlError(url, f"{what} ({_QUERY.sub('', reason)[:300]})", hint) from error
+        raise problem_of(url, f"{what} ({_QUERY.sub('', reason)[:300]})", hint) from error
 
 
 _NO_CREDENTIALS = (

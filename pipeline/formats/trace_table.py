@@ -68,25 +68,25 @@ class TraceTable:
             raise DataError(f"has no {what} {self.at(int(lost[0]))}", hint)
 
 
-def read_trace_table(path: Path, told: TracesFile) -> TraceTable:
+def read_trace_table(path: Path, layout: TracesFile) -> TraceTable:
     """Read the columns that the description names; time stamps become seconds.
 
     TDMS channels that begin at other times than the first, or were sampled at another rate, are laid on its samples.
 
     Args:
         path: the file.
-        told: description of the columns and of the text layout.
+        layout: description of the columns and of the text layout.
 
     Raises:
         DataError: a file of another kind or damaged; a missing column; a value that is not a number.
         MissingExtraError: the library for TDMS is missing.
     """
     if path.suffix.lower() == ".tdms":
-        return _tdms(path, told.columns)
+        return _tdms(path, layout.columns)
     if path.suffix.lower() not in CSV_SUFFIXES:
         hint = f"give {', '.join(CSV_SUFFIXES)} or .tdms files"
         raise DataError(f"ends in {path.suffix or 'nothing'}", hint)
-    return _text(path, told.columns, told.csv)
+    return _text(path, layout.columns, layout.csv)
 
 
 def _text(path: Path, asked: Columns, how: Csv) -> TraceTable:

@@ -69,32 +69,19 @@ class Accuracy:
         self.characters += len(stamped)
         self.edits += distance
 
-    @property
-    def not_read(self) -> int:
-        """Parts that have a truth but were not among the inputs."""
-        return len(self.truth) - len(self.seen)
-
-    @property
-    def character_accuracy(self) -> float:
-        """1 - edits / characters, not below 0."""
-        return max(0.0, 1.0 - self.edits / self.characters) if self.characters else 0.0
-
-    @property
-    def serial_accuracy(self) -> float:
-        """Share of parts read without any error."""
-        return self.parts_right / self.parts if self.parts else 0.0
-
     def describe(self) -> str:
         """One line for a person."""
         if not self.parts:
             return "no part that was read has a truth"
+        not_read = len(self.truth) - len(self.seen)
         more = [f"{self.without_truth} without a truth"] if self.without_truth else []
-        more += [f"{self.not_read} of the truth not read"] if self.not_read else []
-        return (
-            f"characters {self.character_accuracy:.2%} ({self.edits} edits in {self.characters}), "
-            f"serials {self.serial_accuracy:.2%} ({self.parts_right} of {self.parts})"
-            + (f"; {', '.join(more)}" if more else "")
+        more += [f"{not_read} of the truth not read"] if not_read else []
+        characters = max(0.0, 1.0 - self.edits / max(1, self.characters))
+        said = (
+            f"characters {characters:.2%} ({self.edits} edits in {self.characters})",
+            f"serials {self.parts_right / self.parts:.2%} ({self.parts_right} of {self.parts})",
         )
+        return "; ".join([", ".join(said), *([", ".join(more)] if more else [])])
 
 
 @dataclass(frozen=True)
