@@ -19,7 +19,7 @@ angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_m
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -217,7 +217,10 @@ def _written(content: WhiskerFile) -> _L | _Straight:
         {
             **({"kind": "straight", "l_mm": w.l1_mm} if w.is_straight else lengths),
             "beta_deg": math.degrees(w.beta_rad),
-            "section": {"kind": kinds[0], **vars(w.section)},
+            "section": {
+                "kind": kinds[0],
+                **{f.name: getattr(w.section, f.name) for f in fields(w.section) if f.init},
+            },
             "material": w.material.name if w.material == MUSIC_WIRE else w.material,
             "identified": identified,
             **{name: getattr(content.touch, name) for name in ("preload_mm", "tip_radius_mm", "friction")},
