@@ -28,8 +28,8 @@ from pipeline.service.web.problem import Problem
 MOST_TEXT = 200
 _SIDES = ("left", "top", "right", "bottom")
 _WHOLE: Region = (0.0, 0.0, 1.0, 1.0)
-# room about a line that was read, in heights of its characters: lines seldom stand closer
-_ROOM_HEIGHTS = 0.5
+# room about a line that was read, in heights of its characters: lines stand twice as far apart and more
+_ROOM_HEIGHTS = 0.25
 Typed = Annotated[str, AfterValidator(lambda text: text.strip()[:MOST_TEXT])]
 
 

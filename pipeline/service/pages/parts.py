@@ -39,27 +39,20 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/parts")
     def parts(search: Annotated[Search, Query()], view: View = looks) -> Response:
-        given = search.model_dump(mode="json", exclude={"before"})
-        asked: dict[str, str] = {name: value for name, value in given.items() if value}
+        asked = search.model_dump(mode="json", exclude={"before"}, exclude_defaults=True)
         sought: dict[str, Any] = {
-            name: asked[name].strip() for name in ("text", "name", "job", "line") if name in asked
+            **{name: getattr(search, name).strip() for name in ("text", "name", "job", "line")},
+            "state": search.state,
+            "since": datetime.combine(search.first, time(), UTC) if search.first else None,
+            "until": datetime.combine(search.last, time(), UTC) + timedelta(days=1) if search.last else None,
         }
-        since = datetime.combine(search.first, time(), UTC) if search.first else None
-        until = datetime.combine(search.last, time(), UTC) + timedelta(days=1) if search.last else None
-        found = store.parts(
-            state=search.state or None,
-            since=since,
-            until=until,
-            before=search.before or None,
-            limit=PARTS_SHOWN + 1,
-            **sought,
-        )
-        table: dict[str, Any] = {**sought, "state": asked.get("state"), "since": since, "until": until}
+        sought = {name: value for name, value in sought.items() if value}
+        found = store.parts(**sought, before=search.before or None, limit=PARTS_SHOWN + 1)
         return view.page(
             "parts.html.j2",
             asked=search,
             searched=bool(asked),
-            table="/v1/parts.csv?" + urlencode({name: value for name, value in table.items() if value}),
+            table="/v1/parts.csv?" + urlencode(sought),
             states=tuple(PartState),
             **page_of(found, "/parts", asked, search.before),
         )

@@ -100,14 +100,15 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     @router.post("/review/{part_id}")
     def say(part_id: str, said: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
         part, said = store.part(part_id), said.clean(view.caller.token)
-        fault, outside = said.fault(), ""
+        fault = said.fault()
         if not fault and said.action == "save" and said.mode is not ReviewMode.AUDIT:
             against = frame.outside_format(said.text, part.job)
             if against and said.text != said.outside:
-                outside, todo = said.text, "correct it, or save it again if the part reads so"
+                todo = "correct it, or save it again if the part reads so"
                 fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
+                said = said.model_copy(update={"outside": said.text})
         if fault:
-            return _page(view, part, said=said, fault=fault, outside=outside, status=422)
+            return _page(view, part, said=said, fault=fault, status=422)
         try:
             following = _keep(view, part, said)
         except ClaimedError as error:
@@ -209,7 +210,6 @@ def _page(
     done: str = "",
     remark: str = "",
     fault: str = "",
-    outside: str = "",
     status: int = 200,
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
@@ -224,7 +224,8 @@ def _page(
         part = replace(part, text="", reading=None, review=None, expected="", plan=None)
         readings, pictures = (), (without_reading(pictures[0]), without_reading(pictures[1]))
     places = places_of(part.reading)
-    text = part.text if said is None else said.text
+    taken = _claim(view, part.id) if waits and said is None else ""
+    said = said or ReviewForm(text=part.text, who=person.name)
     return view.page(
         "review.html.j2",
         status=status,
@@ -232,22 +233,17 @@ def _page(
         mode=mode.value,
         audit=store.audit(part.id),
         waits=waits,
-        next=f"/audit?after={part.id}" if mode is ReviewMode.AUDIT else f"/review/next?after={part.id}",
+        said=said,
         places=places,
-        cells=cells_of(text, places),
-        text=text,
-        size=next((s for s in (12, 20, 30, 40) if len(text) <= s), 0),
+        cells=cells_of(said.text, places),
         pictures=pictures,
         felt=passes_view(readings, pictures[::-1]),
         expected=expected_cells(part),
         upper=upper,
-        who=person.name if said is None else said.who,
         signed=bool(person.token),
-        note="" if said is None else said.note,
         most=MOST,
         remark=remark,
-        taken=_claim(view, part.id) if waits and said is None else "",
+        taken=taken,
         fault=fault,
-        outside=outside,
         **_outcome(frame, done),
     )
