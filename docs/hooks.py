@@ -8,7 +8,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 from pipeline.cli.main import app, whole_help
-from pipeline.cli.settings_reference import settings_reference
+from pipeline.cli.settings_reference import settings_file
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
@@ -42,8 +42,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the tables of settings where a page asks for them."""
-    return markdown.replace("<!-- settings -->", settings_reference())
+    """Put the file of settings where a page asks for it."""
+    return markdown.replace("<!-- settings -->", f"```toml\n{settings_file()}```")
 
 
 def library_pages() -> Iterator[tuple[str, str, list[str]]]:

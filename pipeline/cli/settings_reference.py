@@ -1,4 +1,4 @@
-"""The settings as text: a table for the documentation, a commented file to begin with."""
+"""All settings as a commented file, to begin with and for the documentation."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic.fields import FieldInfo
 from pydantic_core import to_jsonable_python
 
-from pipeline.cli.settings import MODELS, flag_of
+from pipeline.cli.settings import MODELS
 from pipeline.common.settings import Settings
 
-_HEADINGS = ("setting", "flag", "variable", "type", "default", "what it does")
 _BEGINNING = """\
 # Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
 # Environment variables and flags go over this file; `tactile-marks serve --help-all` names them.
@@ -27,14 +25,6 @@ _TYPES = {
     Path: "file or folder",
     dict: "table",
 }
-
-
-def settings_reference() -> str:
-    """Every setting as Markdown: name, flag, environment variable, type, default and description.
-
-    One table for each part of `tactile-marks.toml`, under a heading of the second level.
-    """
-    return "\n".join(_section(model) for model in MODELS)
 
 
 def settings_file() -> str:
@@ -60,26 +50,12 @@ def _table_of_file(model: type[Settings]) -> str:
         if section != last:
             written.append(f"[{model.table}.{section}]\n")
             last = section
-        lines = textwrap.wrap(str(field.description), 98)
+        lines = textwrap.wrap(str(field.description), 98, break_on_hyphens=False)
         default = to_jsonable_python(field.get_default(call_default_factory=True))
         unset = default is None or (field.default_factory is not None and default)
         value = f"   # {_type(field.annotation)}" if unset else json.dumps(default)
         written.append("".join(f"# {line}\n" for line in lines) + f"#{name} = {value}\n")
     return "\n".join(written)
-
-
-def _section(model: type[Settings]) -> str:
-    heading = str(model.__doc__).splitlines()[0].rstrip(".")
-    where = f"In the table `[{model.table}]` of" if model.table else "At the top of"
-    rows = [_HEADINGS, ("---",) * len(_HEADINGS)]
-    for name, field in model.leaves().items():
-        described = str(field.description).replace("|", r"\|")
-        rows.append(
-            (f"`{name}`", f"`{flag_of(name)}`", f"`{model.variable(name)}`", _type(field.annotation), _default(field),
-             described)
-        )  # fmt: skip
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return f"## {heading}\n\n{where} `tactile-marks.toml`.\n\n{table}\n"
 
 
 def _type(annotation: Any) -> str:
@@ -96,12 +72,3 @@ def _type(annotation: Any) -> str:
             f"{_type(arguments[0])}, {'any number' if arguments[-1] is ... else f'{len(arguments)} of them'}"
         )
     return _TYPES[origin or annotation]
-
-
-def _default(field: FieldInfo) -> str:
-    value = field.default
-    if field.default_factory is not None or value in (None, "", ()):
-        return ""
-    if isinstance(value, bool):
-        return f"`{str(value).lower()}`"
-    return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
