@@ -93,7 +93,7 @@ def design(
 
         check_picture(picture)
     if array:
-        from pipeline.cli.design_report import array_report
+        from pipeline.cli.design_report import print_arrays
         from pipeline.plots.array_picture import array_figure
         from whisker_array.design.array_design import ArrayRequest, design_arrays
 
@@ -102,7 +102,7 @@ def design(
             speed_error=speed_error,
         )  # fmt: skip
         choices = design_arrays(wanted, sizes=_sizes(whiskers))
-        print("\n".join(array_report(wanted, choices)))
+        print_arrays(wanted, choices)
         if picture is not None:
             _save(array_figure(wanted, choices), picture)
         return 0
@@ -110,7 +110,7 @@ def design(
         raise UsageError(
             "design: --alpha, --mu and --depth-mm say what the whisker is for", "give all three, or --array"
         )
-    from pipeline.cli.design_report import report
+    from pipeline.cli.design_report import print_report
     from pipeline.cli.design_words import explain_failure
     from pipeline.formats.whisker_file import check_whisker_file, write_whisker_file
     from whisker_array.design.design import NoWhiskerError, design_whisker
@@ -150,7 +150,7 @@ def design(
     except NoWhiskerError as error:
         raise DesignError(explain_failure(error)) from error
     trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()
-    print("\n".join(report(made, trades=trades, tuned=tuned)))
+    print_report(made, trades=trades, tuned=tuned)
     if out is not None:
         write_whisker_file(out, _file(made))
         print(f"wrote {out}")

@@ -7,13 +7,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pipeline.cli.tables import plain_table, screen
 from pipeline.common.section_words import describe_section
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
 from whisker_array.design.design import Design, worst_edge
 from whisker_array.design.limits import Bound, Constraint, DesignError
 from whisker_array.design.plan_accuracy import ways_words
 from whisker_array.design.trade import TradeOff
-from whisker_array.design.tuned import NEIGHBOUR_RAD, Kind, Tuned, factors
+from whisker_array.design.tuned import Kind, Tuned
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.shapes import LShaped
 
@@ -21,14 +22,16 @@ _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
 """Ranges of what can be made: named where they bind."""
 
 
-def report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> list[str]:
-    """The lines to print."""
-    lines = [_asked(design), "", *_built(design), *_used(design), ""]
-    lines += _tuned(tuned) if tuned is not None else _contrast(design)
-    lines += ["", *_table(design.constraints)]
+def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> None:
+    """Print what was asked for, what to build, how well it shows edges, and which limits bind."""
+    print("\n".join([_asked(design), "", *_built(design), *_used(design), ""]))
+    if tuned is not None:
+        _print_tuned(tuned)
+    else:
+        print("\n".join(_contrast(design)))
+    _print_limits(design.constraints)
     for trade in trades:
-        lines += ["", *_trade(trade)]
-    return lines
+        _print_trade(trade)
 
 
 def _asked(design: Design) -> str:
@@ -89,101 +92,90 @@ def _at_clamp(w: LShaped) -> LShaped:
     return LShaped(w.l1_mm, w.l2_mm, 0.0, w.beta_rad, w.section, w.material)
 
 
-def _table(constraints: Iterable[Constraint]) -> list[str]:
-    lines = [f"{'limit':<42}{'here':>10}{'':>5}{'allowed':>9}{'room':>8}"]
+def _print_limits(constraints: Iterable[Constraint]) -> None:
+    table = plain_table(("limit", "here", "", "allowed", "room"), ("limit",))
     for c in constraints:
-        if c.bound in _SIZES and not c.binding:
+        if c.bound in (*_SIZES, Bound.LOWERED) and not c.binding:
             continue
-        if c.bound is Bound.LOWERED and not c.binding:
-            continue
-        sign = "<=" if c.at_most else ">="
         room = "binds" if c.binding else f"{100.0 * c.slack:.0f} %" if c.slack < 10.0 else "ample"
-        lines.append(f"{c.bound.label:<42}{c.value:>10.4g}{sign:>5}{c.limit:>9.4g}{room:>8}")
-    return lines
+        table.add_row(c.bound.label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}", room)
+    print()
+    screen().print(table)
 
 
-def _trade(trade: TradeOff) -> list[str]:
-    cells = ["none" if c is None else f"{c:.3f}" for c in trade.contrast]
-    allowed = [f"{a:.3g}" for a in trade.allowed]
-    width = max(len(text) for text in (*cells, *allowed)) + 2
-    head, under = f"{trade.name}, {trade.unit}", "worst edge contrast"
-    first = max(len(head), len(under)) + 1
-    mark = "".join(f"{'^' if a == trade.at else '':>{width}}" for a in trade.allowed).rstrip()
-    return [
-        f"{head:<{first}}" + "".join(f"{text:>{width}}" for text in allowed),
-        f"{under:<{first}}" + "".join(f"{text:>{width}}" for text in cells),
-        *([f"{'':<{first}}{mark} as designed"] if mark else []),
-    ]
+def _print_trade(trade: TradeOff) -> None:
+    table = plain_table((f"{trade.name}, {trade.unit}", "worst edge contrast", ""), ("",))
+    for allowed, contrast in zip(trade.allowed, trade.contrast, strict=True):
+        found = "none" if contrast is None else f"{contrast:.3f}"
+        table.add_row(f"{allowed:.3g}", found, "as designed" if allowed == trade.at else "")
+    print()
+    screen().print(table)
 
 
-def _tuned(tuned: Tuned) -> list[str]:
+def _print_tuned(tuned: Tuned) -> None:
     low, middle, high = tuned.table_mu
-    places = [f"{math.degrees(p):.1f}" for p in tuned.place_rad]
+    places = ", ".join(f"{math.degrees(p):.1f}" for p in tuned.place_rad)
     at = f"{math.degrees(tuned.alpha_rad):g} deg"
-    what = (
-        f"null at {at}: the moment vanishes there and changes sign, gentler walls one way, steeper ones the other"
-        if tuned.kind is Kind.NULL
-        else f"threshold at {at}: no other whisker grows faster there; steeper walls than {at} may jam it"
+    if tuned.kind is Kind.NULL:
+        print(
+            f"null at {at}: the moment vanishes there and changes sign, gentler walls one way, steeper ones the other"
+        )
+    else:
+        print(f"threshold at {at}: no other whisker grows faster there; steeper walls than {at} may jam it")
+    print(
+        f"{'the moment vanishes' if tuned.kind is Kind.NULL else 'it would jam'} at {places} deg at friction "
+        f"{low:.2g}, {middle:.2g}, {high:.2g}: friction shifts the place of every whisker by its friction angle\n"
+        f"ten degrees off change F by at least {tuned.selectivity:.3f} at any friction of the range\n"
     )
-    place = "the moment vanishes" if tuned.kind is Kind.NULL else "it would jam"
-    lines = [
-        what,
-        f"{place} at {places[0]}, {places[1]}, {places[2]} deg at friction {low:.2g}, {middle:.2g}, {high:.2g}: "
-        "friction shifts the place of every whisker by its friction angle",
-        f"ten degrees off change F by at least {tuned.selectivity:.3f} at any friction of the range",
-        _beside(tuned),
-        "",
-        f"{'alpha, deg':<14}" + "".join(f"{d:>7}" for d in tuned.table_deg),
-    ]
-    for column, mu in enumerate(tuned.table_mu):
-        cells = ["jams" if np.isnan(f) else _two(f) for f in tuned.table[:, column]]
-        lines.append(f"{f'F, mu = {mu:.2g}':<14}" + "".join(f"{text:>7}" for text in cells))
-    return lines
+    table = plain_table(("alpha, deg", *(f"F, mu = {mu:.2g}" for mu in tuned.table_mu)), ())
+    for degrees, row in zip(tuned.table_deg, tuned.table, strict=True):
+        table.add_row(f"{degrees:g}", *map(_factor, row))
+    screen().print(table)
 
 
-def _beside(tuned: Tuned) -> str:
-    """F at the inclination and ten degrees to either side, at middle friction."""
-    at = tuned.alpha_rad + np.array([-NEIGHBOUR_RAD, 0.0, NEIGHBOUR_RAD])
-    mu = tuned.table_mu[1]
-    found = factors(tuned.design.whisker, alpha_rad=at, mu=np.array([mu]))[:, 0]
-    pairs = (
-        f"{'jams' if np.isnan(f) else _two(f)} at {math.degrees(a):g}" for f, a in zip(found, at, strict=True)
-    )
-    return f"at friction {mu:.2g} F is {', '.join(pairs)} deg"
+def _factor(value: float) -> str:
+    """F with two decimals, and no minus before nothing."""
+    return "jams" if np.isnan(value) else f"{round(float(value), 2) + 0.0:.2f}"
 
 
-def _two(value: float) -> str:
-    """Two decimals, and no minus before nothing."""
-    return f"{round(float(value), 2) + 0.0:.2f}"
-
-
-def array_report(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> list[str]:
-    """List the choices as a table and the quickest one in words; no line is wider than 80 characters."""
+def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
+    """Print the choices as a table and the quickest one in words; no line is wider than 80 characters."""
     x0, y0, x1, y1 = request.region_mm
-    out = [
-        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,",
-        f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):",
-        "",
-        "whiskers  rows  stagger  pitch  ribbon  incl.  lines  ways  passes  mm/s  stage",
-        "                     mm     mm      mm                                        s",
-    ]
+    print(
+        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,\n"
+        f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):\n"
+    )
+    table = plain_table(
+        (
+            "whiskers",
+            "rows",
+            "stagger mm",
+            "pitch mm",
+            "ribbon mm",
+            "beta deg",
+            "lines",
+            "ways",
+            "passes",
+            "mm/s",
+            "stage s",
+        ),
+        (),
+    )
     for c in choices:
         a = c.plan.array
-        out.append(
-            f"{a.n_whiskers:8d}  {a.rows:4d}  {a.stagger_mm:7.2f}  {a.pitch_mm:5.2f}  {ribbon_mm(c.whisker):6.2f}"
-            f"  {math.degrees(c.whisker.beta_rad):4.0f}°  {c.lines:5d}  {len(c.measured.directions):4d}"
-            f"  {c.plan.n_passes:6d}  {c.plan.speed_mm_s:4.0f}  {c.stage_s:5.1f}"
-        )
+        table.add_row(
+            str(a.n_whiskers), str(a.rows), f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{ribbon_mm(c.whisker):.2f}",
+            f"{math.degrees(c.whisker.beta_rad):.0f}", str(c.lines), str(len(c.measured.directions)),
+            str(c.plan.n_passes), f"{c.plan.speed_mm_s:.0f}", f"{c.stage_s:.1f}",
+        )  # fmt: skip
+    screen().print(table)
     best = min(choices, key=lambda c: c.stage_s)
     read = best.measured
-    out += [
-        "",
-        f"Quickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
-        f"{ways_words(read.directions)}; of {read.parts} parts so",
+    print(
+        f"\nQuickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
+        f"{ways_words(read.directions)}; of {read.parts} parts so\n"
         f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
-        f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.",
-        "Accuracy was measured with the default whisker, slow: python",
-        "tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by "
-        f"{100 * request.speed_error:g} %.",
-    ]
-    return out
+        f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.\n"
+        "Accuracy was measured with the default whisker, slow: python\n"
+        f"tests/benchmarks/plan_accuracy.py. Speed makes the edge map wrong by {100 * request.speed_error:g} %."
+    )
