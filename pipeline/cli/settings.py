@@ -68,9 +68,6 @@ JobPath = Annotated[
         "beside it go over it."
     ),
 ]
-StoreAddress = Annotated[
-    str | None, Parameter(help="Address of the store (default: the one of the service's settings).")
-]
 READING, SERVICE, MAPS = ReadSettings(), ServiceSettings(), MapSettings()
 
 
@@ -119,11 +116,12 @@ def flag_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _leaves(argument: Argument) -> dict[str, Argument]:
+def _leaves(argument: Argument, within: str = "") -> dict[str, Argument]:
     """The arguments of a model's settings by name."""
     found: dict[str, Argument] = {}
     for child in argument.children:
-        found |= _leaves(child) if child.children else {".".join(child.keys): child}
+        name = f"{within}{child.keys[-1]}"
+        found |= _leaves(child, f"{name}.") if child.children else {name: child}
     return found
 
 

@@ -6,6 +6,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,7 +15,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from pipeline.cli.exit_status import FAILED
-from pipeline.cli.settings import SERVICE, Config, ServiceOfFile, StoreAddress
+from pipeline.cli.settings import SERVICE, Config, ServiceOfFile
 
 if TYPE_CHECKING:
     from pipeline.common.records import TokenRecord
@@ -25,8 +26,53 @@ if TYPE_CHECKING:
 
 ScopeName = Literal["read", "write", "review"]
 Days = Annotated[int | None, Parameter(validator=Number(gte=1, lte=36_500))]
-Folder = Annotated[Path | None, Parameter(help="Folder of the service (default: the one of its settings).")]
 _MOST_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class StoreOptions:
+    """The store of a service and its files.
+
+    Attributes:
+        store: Address of the store (default: the one of the service's settings).
+        folder: Folder of the service (default: the one of its settings).
+        service: Settings of the service.
+        config: TOML file with settings; tactile-marks.toml in the working folder is read by itself.
+    """
+
+    store: str | None = None
+    folder: Path | None = None
+    service: ServiceOfFile = SERVICE
+    config: Config = None
+
+    @property
+    def settings(self) -> ServiceSettings:
+        """Settings of the service, at this folder and store."""
+        given = {"store": self.store, "folder": self.folder}
+        return self.service.model_copy(update={k: v for k, v in given.items() if v is not None})
+
+    @property
+    def evidence(self) -> EvidenceFolder:
+        """Files of the service."""
+        from pipeline.store.evidence_folder import EvidenceFolder
+
+        return EvidenceFolder(self.settings.evidence_folder)
+
+    @contextlib.contextmanager
+    def opened(self, *, as_it_is: bool = False) -> Iterator[Store]:
+        """Open the store.
+
+        Raises:
+            StoreError: it cannot be opened.
+        """
+        from pipeline.store.store import Store
+
+        with contextlib.closing(Store.open(self.settings.store_url, as_it_is=as_it_is)) as store:
+            yield store
+
+
+AtStore = Annotated[StoreOptions, Parameter(name="*")]
+STORE = StoreOptions()
 
 
 def add(
@@ -34,9 +80,7 @@ def add(
     *,
     scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
     days: Days = None,
-    store: StoreAddress = None,
-    service: ServiceOfFile = SERVICE,
-    config: Config = None,
+    at: AtStore = STORE,
 ) -> int:
     """Make a token and print its secret, once: the store keeps only its hash.
 
@@ -49,7 +93,7 @@ def add(
     days
         Days for which it is valid (default: for ever).
     """
-    with opened_store(store, service) as opened:
+    with at.opened() as opened:
         from pipeline.common.records import Scope
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
@@ -61,11 +105,9 @@ def add(
     return 0
 
 
-def list_tokens(
-    *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
-) -> int:
+def list_tokens(*, at: AtStore = STORE) -> int:
     """List the tokens, without their secrets."""
-    with opened_store(store, service) as opened:
+    with at.opened() as opened:
         found = opened.tokens()
     for token in found:
         scopes = ", ".join(sorted(token.scopes))
@@ -75,9 +117,7 @@ def list_tokens(
     return 0
 
 
-def revoke(
-    name: str, *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
-) -> int:
+def revoke(name: str, *, at: AtStore = STORE) -> int:
     """Refuse a token from now on.
 
     Parameters
@@ -85,7 +125,7 @@ def revoke(
     name
         Name of the user or machine.
     """
-    with opened_store(store, service) as opened:
+    with at.opened() as opened:
         opened.revoke(name)
     print(f"token {name} is refused from now on")
     return 0
@@ -95,10 +135,7 @@ def backup(
     to: Path,
     *,
     previous: Path | None = None,
-    folder: Folder = None,
-    store: StoreAddress = None,
-    service: ServiceOfFile = SERVICE,
-    config: Config = None,
+    at: AtStore = STORE,
 ) -> int:
     """Copy the store and its files, while the service runs.
 
@@ -112,11 +149,10 @@ def backup(
     previous
         Backup on the same disk: files that it has are linked to it, and take no room twice.
     """
-    service = _in_folder(service, folder)
-    with opened_store(store, service, as_it_is=True) as opened:
+    with at.opened(as_it_is=True) as opened:
         from pipeline.store.backup import back_up
 
-        made = back_up(opened, _evidence(service), to, previous=previous)
+        made = back_up(opened, at.evidence, to, previous=previous)
     print(f"wrote {to}: {made.rows['parts']:,} parts, {made.files:,} files, {made.n_bytes / 1e6:,.1f} MB")
     print(f"sha256 of its store.db: {made.sha256}")
     return _report_lost(made.lost)
@@ -125,10 +161,7 @@ def backup(
 def restore(
     backup: Path,
     *,
-    folder: Folder = None,
-    store: StoreAddress = None,
-    service: ServiceOfFile = SERVICE,
-    config: Config = None,
+    at: AtStore = STORE,
 ) -> int:
     """Bring a backup back, into a store without any row: SQLite or PostgreSQL, whatever it was taken from.
 
@@ -137,13 +170,12 @@ def restore(
     backup
         Folder that `store backup` has written.
     """
-    service = _in_folder(service, folder)
-    with opened_store(store, service) as opened:
+    with at.opened() as opened:
         from pipeline.common.private import private_folder
         from pipeline.store.backup import restore as bring_back
 
-        private_folder(service.folder)
-        back = bring_back(backup, opened, _evidence(service))
+        private_folder(at.settings.folder)
+        back = bring_back(backup, opened, at.evidence)
     print(f"restored {back.rows['parts']:,} parts as they were on {back.made_at[:16].replace('T', ' ')} UTC")
     return _report_lost(back.lost)
 
@@ -153,10 +185,7 @@ def check(
     files: bool = True,
     against: Path | None = None,
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
-    folder: Folder = None,
-    store: StoreAddress = None,
-    service: ServiceOfFile = SERVICE,
-    config: Config = None,
+    at: AtStore = STORE,
 ) -> int:
     """Look through the store and its files, while the service runs, and say what is wrong and what to do.
 
@@ -171,26 +200,12 @@ def check(
     json_output
         Print JSON.
     """
-    service = _in_folder(service, folder)
-    with opened_store(store, service, as_it_is=True) as opened:
+    with at.opened(as_it_is=True) as opened:
         from pipeline.store.check import check as look_through
 
-        report = look_through(opened, _evidence(service), read_files=files, against=against)
+        report = look_through(opened, at.evidence, read_files=files, against=against)
     print(_as_json(report) if json_output else "\n".join(_lines(report)))
     return 0 if report.well else FAILED
-
-
-@contextlib.contextmanager
-def opened_store(url: str | None, service: ServiceSettings, *, as_it_is: bool = False) -> Iterator[Store]:
-    """Open the store at an address, else the service's.
-
-    Raises:
-        StoreError: it cannot be opened.
-    """
-    from pipeline.store.store import Store
-
-    with contextlib.closing(Store.open(url or service.store_url, as_it_is=as_it_is)) as store:
-        yield store
 
 
 def _standing(token: TokenRecord) -> str:
@@ -200,16 +215,6 @@ def _standing(token: TokenRecord) -> str:
         return "good for ever"
     expired = token.expires_at <= datetime.now(UTC)
     return f"{'expired' if expired else 'good until'} {token.expires_at:%Y-%m-%d}"
-
-
-def _in_folder(service: ServiceSettings, folder: Path | None) -> ServiceSettings:
-    return service if folder is None else service.model_copy(update={"folder": folder})
-
-
-def _evidence(service: ServiceSettings) -> EvidenceFolder:
-    from pipeline.store.evidence_folder import EvidenceFolder
-
-    return EvidenceFolder(service.evidence_folder)
 
 
 def _report_lost(lost: Sequence[object]) -> int:

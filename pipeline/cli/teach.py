@@ -13,7 +13,8 @@ from cyclopts.validators import Number
 
 from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import FAILED, CommandError, UsageError
-from pipeline.cli.settings import READING, SERVICE, Config, ReadingOfFile, ServiceOfFile, StoreAddress
+from pipeline.cli.settings import READING, ReadingOfFile
+from pipeline.cli.store import STORE, AtStore
 
 if TYPE_CHECKING:
     from pipeline.reading.enrolment import EnrolReport, ReviewedPart
@@ -29,13 +30,11 @@ def enroll(
     font: str,
     truth: Path | None = None,
     from_store: Flag = False,
-    store: StoreAddress = None,
     since: Annotated[float | None, Parameter(validator=Number(gt=0, lte=36_500))] = None,
     picture: Path | None = None,
     check: bool = True,
     reading: ReadingOfFile = READING,
-    service: ServiceOfFile = SERVICE,
-    config: Config = None,
+    at: AtStore = STORE,
 ) -> int:
     """Learn the shapes of a die from reviewed parts, and keep them in a glyph database.
 
@@ -62,10 +61,9 @@ def enroll(
         raise UsageError("enroll: name parts with --truth, or give --from-store")
     if inputs and truth is None:
         raise UsageError("enroll: give --truth, a table of what stands on the parts")
-    if not from_store and (store is not None or since is not None):
+    if not from_store and (at.store is not None or since is not None):
         raise UsageError("enroll: --store and --since go with --from-store")
     from glyphs.atomic import check_writable
-    from pipeline.cli.store import opened_store
     from pipeline.plots.pictures import check_picture
     from pipeline.reading.enrolment import enrol
     from pipeline.reading.enrolment_check import check_held_out
@@ -76,11 +74,9 @@ def enroll(
         if truth is not None and inputs:
             parts = _of_table(inputs, truth)
         else:
-            from pipeline.store.evidence_folder import EvidenceFolder
-
-            opened = stack.enter_context(opened_store(store, service))
+            opened = stack.enter_context(at.opened())
             links = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            parts, left_out = _of_store(opened, EvidenceFolder(service.evidence_folder), links, since)
+            parts, left_out = _of_store(opened, at.evidence, links, since)
         if not parts:
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
         picture = picture or database.with_suffix(".png")
