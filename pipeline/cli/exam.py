@@ -66,8 +66,8 @@ def run(
         side each time), a reader of your own, module:function, that takes a pipeline.ExamPart and gives its text, or
         another program, such as "rapidocr relief". Also groups: experts (what every expert of the modes named would
         read alone), peers (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers),
-        plans (touch that chooses its passes against uniform, random and whole plans; of plans alone the report is
-        active.html, active.csv and active.png: accepted serials against stage seconds).
+        plans (touch that chooses its passes against uniform, random and whole plans; the report draws accepted serials
+        against stage seconds).
     give
         What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
         format alone, or what the design says, unless given. Repeat it to read every part with each:
@@ -112,12 +112,10 @@ def run(
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     """
     from pipeline.benchmark.readers.modes import expanded
-    from pipeline.benchmark.readers.plans import TouchPlan
-    from pipeline.benchmark.report.stage_time import write_stage_time
     from pipeline.benchmark.report.writing import command_line, write_report
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-    from pipeline.cli.exam_tables import print_plans, print_result
+    from pipeline.cli.exam_tables import print_result
     from pipeline.common.settings import SettingsError
     from pipeline.reading.certificate import checked
     from pipeline.reading.perturbation import PERTURBATIONS
@@ -149,9 +147,6 @@ def run(
         trials = run_benchmark(
             tried, out, executor=executor, on_start=progress.start, on_part=lambda _: progress.advance()
         )
-        if all(TouchPlan.of(one) for one in tried.modes):
-            print_plans(trials, write_stage_time(trials, out, command=command_line()))
-            return 0
         progress.step("drawing the report")
         written = write_report(
             tried, trials, out, command=command_line(), certificate=vouching, executor=executor

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 from pipeline.cli.tables import plain_table, screen
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rich.table import Table
 
     from pipeline.benchmark.analysis.changes import Row
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
     from pipeline.benchmark.report.change_report import Compared
     from pipeline.benchmark.report.writing import Written
     from pipeline.benchmark.trials.answers import Answers
-    from pipeline.benchmark.trials.journal import Trial
 
 _MOST_ROWS = 24
 _MOST_FACTORS = 6
@@ -36,6 +33,7 @@ def print_result(written: Written) -> None:
     by_severity = len(found.by_severity) <= _MOST_ROWS
     screen().print(_table(found.by_severity if by_severity else found.by_mode, dirt=by_severity))
     print("ms: median time to compute a part; read ms: less the simulated scan")
+    _print_plans(found)
     _print_factors(found)
     _print_stability(found)
     # of readers given several things the page has them all
@@ -91,8 +89,8 @@ def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
         first = (severity_name(g.key.severity),) if dirt else ()
         table.add_row(
             *first, g.key.reader, str(g.serials.total), f"{g.serials.value:.2%}",
-            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split.accepted_wrong),
-            str(g.split.failed), f"{1000 * g.compute_s[0]:.0f}", f"{1000 * g.reading_s[0]:.0f}",
+            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split["accepted_wrong"]),
+            str(g.split["failed"]), *(f"{1000 * g.seconds[name][0]:.0f}" for name in ("compute_s", "reading_s")),
         )  # fmt: skip
     return table
 
@@ -121,18 +119,16 @@ def _print_factors(found: Statistics) -> None:
     print(f"points: characters right of {lead}, less the mean of the factor's other levels\n")
 
 
-def print_plans(trials: Sequence[Trial], written: Sequence[Path]) -> None:
-    """Print what each plan of touch costs and brings, and name the files."""
-    from pipeline.benchmark.report.stage_time import by_severity
+def _print_plans(found: Statistics) -> None:
+    """Print what each plan of touch costs and brings."""
+    from pipeline.benchmark.readers.plans import TouchPlan
 
-    for severity, rows in by_severity(trials):
-        print("\nall parts" if severity is None else f"\ndirt {severity:g}")
-        for row in rows:
-            print(
-                f"  {row.plan.name:8} {row.plan.level_text:32} {row.stage_s:6.1f} s (median {row.median_s:.1f})  "
-                f"accepted {row.accepted} of {row.n}, {row.wrong} of them wrong; {row.right} right"
-            )
-    print(f"wrote {', '.join(map(str, written[:-1]))} and {written[-1]}")
+    plans = [(g, plan) for g in found.by_severity if (plan := TouchPlan.of(g.key.mode)) is not None]
+    for g, plan in plans:
+        print(
+            f"dirt {g.key.severity}  {plan.name:8} {plan.level_text:32} {g.stage_s:6.1f} s, "
+            f"accepted {g.accepted.count} of {g.accepted.total}, {g.wrong_of_accepted.count} of them wrong"
+        )
 
 
 def print_scores(read: Mapping[str, Answers]) -> None:
@@ -165,9 +161,9 @@ def print_scores(read: Mapping[str, Answers]) -> None:
         )
     for reader, trials in others:
         pairs = mcnemar([t.right for t in trials], [t.right for t in of_first])
-        difference = compare_characters(right[reader], right[first], total)
+        difference = compare_characters(right[reader], right[first], total).difference
         print(
-            f"{reader} less {first}: characters {difference.difference:+.2%} "
+            f"{reader} less {first}: characters {difference.value:+.2%} "
             f"({difference.low:+.2%} to {difference.high:+.2%}), serials only right by it {pairs.only_first}, "
             f"only by the other {pairs.only_second} (p {pairs.p_differ:.2g})"
         )
@@ -180,8 +176,8 @@ def print_comparison(written: Compared) -> None:
     found = written.changes
     print(f"{found.parts} parts, B less A; characters in percentage points")
     _print_rows(found.overall, of=False)
-    largest = sorted(found.by_factor, key=lambda row: -abs(row.compared.characters.difference))
-    if shown := [row for row in largest if row.compared.characters.difference][:_MOST_CHANGES]:
+    largest = sorted(found.by_factor, key=lambda row: -abs(row.compared.characters.difference.value))
+    if shown := [row for row in largest if row.compared.characters.difference.value][:_MOST_CHANGES]:
         print("\nlargest by factor")
         _print_rows(shown, of=True)
     if found.flips:
@@ -203,16 +199,15 @@ def print_comparison(written: Compared) -> None:
 
 
 def _print_rows(rows: Sequence[Row], *, of: bool) -> None:
-    from pipeline.benchmark.analysis.changes import level_words
     from pipeline.benchmark.report.page import points
 
     words = ("reader", "of") if of else ("reader",)
     table = plain_table((*words, "parts", "chars", "95 %", "gained", "lost", "p"), words)
     for row in rows:
-        c = row.compared
+        c, less = row.compared, row.compared.characters.difference
         table.add_row(
-            c.first.reader, *([level_words(row)] if of else []), str(c.parts), points(c.characters.difference),
-            f"{points(c.characters.low)} to {points(c.characters.high)}", str(c.serials.only_first),
+            c.first.reader, *([row.name] if of else []), str(c.parts), points(less.value),
+            f"{points(less.low)} to {points(less.high)}", str(c.serials.only_first),
             str(c.serials.only_second), f"{c.serials.p_differ:.3f}",
         )  # fmt: skip
     screen().print(table)

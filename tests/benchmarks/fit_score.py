@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.analysis.risk import risk_coverage
+from pipeline.benchmark.analysis.shares import bounded
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.evidence import Measure
 from recognition.decision.score import FITTED, SOURCES, Score, Term

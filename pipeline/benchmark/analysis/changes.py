@@ -54,6 +54,11 @@ class Change:
     before: Trial
     after: Trial
 
+    @property
+    def reader(self) -> str:
+        """The mode, and what it was given."""
+        return GroupKey(self.after.mode, ((GIVEN_FACTOR, self.after.given),)).reader
+
 
 @dataclass(frozen=True)
 class Row:
@@ -68,6 +73,11 @@ class Row:
     factor: str
     level: Level
     compared: Comparison
+
+    @property
+    def name(self) -> str:
+        """The level and its factor."""
+        return f"{factor_name(self.factor)}: {level_name(self.level)}" if self.factor else "all"
 
 
 @dataclass(frozen=True)
@@ -93,13 +103,8 @@ class Changes:
         """Number of flips of each kind, by reader."""
         found: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
         for change in self.flips:
-            found[reader_of(change.after)][change.flip] += 1
+            found[change.reader][change.flip] += 1
         return found
-
-
-def reader_of(trial: Trial) -> str:
-    """The mode, and what it was given."""
-    return GroupKey(trial.mode, ((GIVEN_FACTOR, trial.given),)).reader
 
 
 def changes(
@@ -201,8 +206,3 @@ def _readers(keys: Iterable[GroupKey]) -> str:
 def _named(names: set[str]) -> str:
     found = sorted(names)
     return ", ".join(found[:_SHOWN_NAMES]) + (" ..." if len(found) > _SHOWN_NAMES else "")
-
-
-def level_words(row: Row) -> str:
-    """Name a row."""
-    return f"{factor_name(row.factor)}: {level_name(row.level)}" if row.factor else "all"

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from pipeline.benchmark.analysis.bounds import Bounded
 from pipeline.benchmark.analysis.comparisons import FUSED, SINGLE_MODES
 from pipeline.benchmark.analysis.statistics import Statistics
+from pipeline.common.shares import Share
 
 SIGNIFICANT = 0.05
 WRONG_LIMIT = 0.001
@@ -52,7 +52,7 @@ def verdicts(statistics: Statistics) -> list[Verdict]:
     return [*_fused(statistics), *_steady(statistics)]
 
 
-def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
+def at_most(measured: Share, limit: float) -> tuple[Outcome, bool]:
     """Judge whether a share is at most a limit, by its exact bound; and whether the whole interval agrees."""
     if measured.high <= limit:
         return Outcome.MET, True
@@ -84,18 +84,16 @@ def _fused(statistics: Statistics) -> Iterator[Verdict]:
         at_one = "severity" in dict(c.first.levels)  # over all severities it would be judged twice
         if not at_one or c.first.mode != FUSED or c.second.mode not in SINGLE_MODES:
             continue
-        lost = c.serials.only_second - c.serials.only_first
-        met = lost <= 0 and c.characters.difference >= 0.0
-        p = min(c.serials.p_first_worse, c.characters.p_first_worse)
+        difference, p = c.characters.difference, min(c.serials.p_differ, c.characters.p_differ)
+        met = c.serials.only_second <= c.serials.only_first and difference.value >= 0.0
         found = (
             f"serials {c.serials.only_first} gained, {c.serials.only_second} lost "
-            f"(McNemar p = {c.serials.p_differ:.3g}); "
-            f"characters {c.characters.difference:+.2%} "
-            f"({c.characters.low:+.2%} to {c.characters.high:+.2%}, p = {c.characters.p_differ:.3g})"
+            f"(McNemar p = {c.serials.p_differ:.3g}); characters {difference.value:+.2%} "
+            f"({difference.low:+.2%} to {difference.high:+.2%}, p = {c.characters.p_differ:.3g})"
         )
         if not met and p >= SIGNIFICANT:
             found += "; no more than chance may bring"
-        sure = p < SIGNIFICANT if not met else c.characters.low > 0.0
+        sure = difference.low > 0.0 if met else p < SIGNIFICANT
         outcome = Outcome.NOT_MET if not met else Outcome.MET if sure else Outcome.NOT_SHOWN
         target = f"not below {c.second.mode}, the better single mode"
         yield Verdict(c.first.reader, c.severity, target, found, outcome, sure)

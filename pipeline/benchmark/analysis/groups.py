@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.benchmark.analysis.bounds import Bounded, bounded
 from pipeline.benchmark.analysis.calibration import Reliability, reliability
-from pipeline.benchmark.analysis.confusion import Confusion, characters_right, confusion, edits
+from pipeline.benchmark.analysis.confusion import characters_right, confusion, edits
 from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
-from pipeline.benchmark.analysis.shares import resampled
+from pipeline.benchmark.analysis.shares import Estimate, bounded, resampled
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share, share
@@ -26,6 +25,10 @@ from pipeline.common.texts import align
 
 GIVEN_FACTOR = "given"
 """Everything given to a reader, as one factor."""
+FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
+"""What becomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
+TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
+"""Times of a trial: the program's, of it the reading alone, of it the simulated scan; and the real array's."""
 
 
 @dataclass(frozen=True)
@@ -71,33 +74,9 @@ def grouped(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupK
     return found
 
 
-@dataclass(frozen=True)
-class Split:
-    """Numbers of parts by decision.
-
-    Attributes:
-        accepted_right: vouched for, and right.
-        accepted_wrong: vouched for, and wrong: the worst there is.
-        review: left to a person.
-        rejected: refused.
-        failed: an error, so no reading.
-    """
-
-    accepted_right: int
-    accepted_wrong: int
-    review: int
-    rejected: int
-    failed: int
-
-    @property
-    def accepted(self) -> int:
-        """Vouched for."""
-        return self.accepted_right + self.accepted_wrong
-
-
 @dataclass(frozen=True, eq=False)
-class Cell:
-    """The main figures of a group.
+class Group:
+    """The figures of a group.
 
     Attributes:
         key: which.
@@ -105,87 +84,61 @@ class Cell:
         characters: characters right (stamped less edits).
         character_error_rate: edits for each character stamped (CER); above 1 where more is read than stands there.
         characters_by_part: 95 % interval of their share, whole parts drawn again.
-        split: what became of the parts.
+        split: number of parts by what became of them, see `FATES`.
         accepted: parts vouched for.
-        accepted_wrong: parts vouched for and wrong, of all parts.
+        accepted_wrong: parts vouched for and wrong, of all parts; with exact one-sided bounds.
         wrong_of_accepted: the same, of those vouched for.
+        risk: risk against coverage.
+        serial_reliability: of the confidence in whole serials.
+        character_reliability: of the confidence in single characters.
+        confused: number of (true, read) characters.
+        seconds: (median, 95th percentile) of the times in `TIMES`.
+        stage_s: mean time of the real array.
     """
 
     key: GroupKey
     serials: Share
     characters: Share
     character_error_rate: float
-    characters_by_part: tuple[float, float]
-    split: Split
+    characters_by_part: Estimate
+    split: dict[str, int]
     accepted: Share
-    accepted_wrong: Bounded
-    wrong_of_accepted: Bounded
-
-
-@dataclass(frozen=True, eq=False)
-class Group(Cell):
-    """A cell, and all that explains it.
-
-    Attributes:
-        risk: risk against coverage.
-        serial_reliability: of the confidence in whole serials.
-        character_reliability: of the confidence in single characters.
-        confused: what was read for what.
-        compute_s: (median, 95th percentile) of the program's time for a part: the simulated scan and the reading.
-        reading_s: (median, 95th percentile) of the reading alone.
-        simulated_s: (median, 95th percentile) of simulating the scan.
-        scan_s: (median, 95th percentile) of the real array's.
-    """
-
+    accepted_wrong: Share
+    wrong_of_accepted: Share
     risk: RiskCoverage
     serial_reliability: Reliability
     character_reliability: Reliability
-    confused: Confusion
-    compute_s: tuple[float, float]
-    reading_s: tuple[float, float]
-    simulated_s: tuple[float, float]
-    scan_s: tuple[float, float]
-
-
-def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
-    """Compute the main figures of trials of one mode."""
-    chars = [len(t.truth) for t in trials]
-    chars_right = [characters_right(t) for t in trials]
-    split = split_of(trials)
-    return Cell(
-        key=key,
-        serials=share(sum(t.right for t in trials), len(trials)),
-        characters=share(sum(chars_right), sum(chars)),
-        character_error_rate=sum(map(edits, trials)) / max(1, sum(chars)),
-        characters_by_part=resampled(chars_right, chars),
-        split=split,
-        accepted=share(split.accepted, len(trials)),
-        accepted_wrong=bounded(split.accepted_wrong, len(trials)),
-        wrong_of_accepted=bounded(split.accepted_wrong, split.accepted),
-    )
+    confused: Counter[tuple[str, str]]
+    seconds: dict[str, tuple[float, float]]
+    stage_s: float
 
 
 def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
-    """Compute all figures of trials of one mode."""
+    """Compute the figures of trials of one mode."""
     read = [t for t in trials if not t.error]
-    said = list(_characters(read))
+    stamped, right = [len(t.truth) for t in trials], [characters_right(t) for t in trials]
+    counts = Counter(_fate(trial) for trial in trials)
+    accepted = counts["accepted_right"] + counts["accepted_wrong"]
+    by_character = list(_characters(read))
     return Group(
-        **vars(cell_of(key, trials)),
+        key=key,
+        serials=share(sum(t.right for t in trials), len(trials)),
+        characters=share(sum(right), sum(stamped)),
+        character_error_rate=sum(map(edits, trials)) / max(1, sum(stamped)),
+        characters_by_part=resampled(right, stamped),
+        split={fate: counts[fate] for fate in FATES},
+        accepted=share(accepted, len(trials)),
+        accepted_wrong=bounded(counts["accepted_wrong"], len(trials)),
+        wrong_of_accepted=bounded(counts["accepted_wrong"], accepted),
         risk=risk_coverage([t.confidence for t in trials], [t.right for t in trials]),
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
-        character_reliability=reliability([c for c, _ in said], [right for _, right in said]),
+        character_reliability=reliability(
+            [sure for sure, _ in by_character], [right for _, right in by_character]
+        ),
         confused=confusion(trials),
-        compute_s=_spread([t.compute_s for t in read]),
-        reading_s=_spread([t.reading_s for t in read]),
-        simulated_s=_spread([t.simulated_s for t in read]),
-        scan_s=_spread([t.scan_s for t in read]),
+        seconds={name: _spread([getattr(t, name) for t in read]) for name in TIMES},
+        stage_s=float(np.mean([t.scan_s for t in trials])),
     )
-
-
-def split_of(trials: Iterable[Trial]) -> Split:
-    """Count the parts by decision."""
-    counts = Counter(_fate(trial) for trial in trials)
-    return Split(**{name: counts[name] for name in Split.__dataclass_fields__})
 
 
 def _fate(trial: Trial) -> str:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.benchmark.analysis.bounds import Bounded, bounded
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped
+from pipeline.benchmark.analysis.shares import bounded
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.shares import Share
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,9 @@ class Stability:
 
     key: GroupKey
     perturbation: str
-    verdicts: Bounded
-    texts: Bounded
-    accepted_texts: Bounded
+    verdicts: Share
+    texts: Share
+    accepted_texts: Share
     faults: tuple[Fault, ...]
 
 

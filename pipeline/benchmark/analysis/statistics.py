@@ -9,18 +9,20 @@ trials --cells of the design, by severity, by mode--> groups, with Wilson's inte
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from typing import Any
 
+import numpy as np
+
 from pipeline.benchmark.analysis.comparisons import Comparison, between_givens, between_readers
+from pipeline.benchmark.analysis.confusion import mistakes
 from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
 from pipeline.benchmark.analysis.groups import (
     GIVEN_FACTOR,
-    Cell,
+    TIMES,
     Group,
     GroupKey,
-    cell_of,
     group_of,
     grouped,
     levels_in,
@@ -54,17 +56,13 @@ class Statistics:
     levels: dict[str, tuple[Level, ...]]
     given: tuple[str, ...]
     crossed: tuple[str, ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[Group, ...]
     by_severity: tuple[Group, ...]
     by_mode: tuple[Group, ...]
     effects: tuple[FactorEffect, ...]
     comparisons: tuple[Comparison, ...]
     knowledge: tuple[Comparison, ...]
     stability: tuple[Stability, ...]
-
-    def at(self, mode: str, severity: float | None) -> list[Group]:
-        """The groups of a mode and severity: one for each thing given."""
-        return [g for g in self.by_severity if g.key.mode == mode and g.key.severity == severity]
 
 
 def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
@@ -85,7 +83,7 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
         levels=levels,
         given=given,
         crossed=tuple(crossed),
-        cells=tuple(cell_of(*one) for one in grouped(trials, (*crossed, *more)).items()),
+        cells=tuple(group_of(*one) for one in grouped(trials, (*crossed, *more)).items()),
         by_severity=tuple(group_of(*one) for one in by_severity.items()),
         by_mode=tuple(group_of(*one) for one in by_mode.items()),
         effects=factor_effects(trials),
@@ -98,25 +96,25 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
 def plain(value: Any) -> Any:
     """The findings as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
     match value:
+        case Group():
+            fields = {name: item for name, item in vars(value).items() if name not in _NOT_PLAIN}
+            return {**plain(value.key), **plain(fields), "mistakes": mistakes(value.confused)}
         case GroupKey():
             return {"mode": value.mode, **dict(value.levels)}
-        case Cell():
-            names = (*_CELL, "risk", "serial_reliability", "character_reliability")
-            found = {**plain(value.key), **{n: plain(getattr(value, n)) for n in names if hasattr(value, n)}}
-            if isinstance(value, Group):
-                found["mistakes"] = [
-                    {"true": t, "read": r, "count": n} for t, r, n in value.confused.mistakes()
-                ]
-            return found
         case Share():
-            interval = {"share": value.value, "low": value.low, "high": value.high}
-            return {"count": value.count, "total": value.total, **plain(interval)}
+            return plain(
+                {
+                    "count": value.count,
+                    "total": value.total,
+                    "share": value.value,
+                    "low": value.low,
+                    "high": value.high,
+                }
+            )
         case RiskCoverage():
-            n = value.coverage.size
-            step = max(1, n // _CURVE_POINTS)
-            points = [k for k in (*range(step - 1, n - 1, step), n - 1) if k >= 0]
-            curve = [[plain(float(value.coverage[k])), plain(float(value.risk[k]))] for k in points]
-            return {"aurc": plain(value.area), "least_aurc": plain(value.least_area), "curve": curve}
+            step = max(1, value.coverage.size // _CURVE_POINTS)
+            curve = np.stack([value.coverage, value.risk], axis=1)[::-1][::step][::-1]
+            return plain({"aurc": value.area, "least_aurc": value.least_area, "curve": curve.tolist()})
         case Enum():
             return plain(value.value)
         case float():
@@ -125,12 +123,13 @@ def plain(value: Any) -> Any:
             return {k: plain(v) for k, v in value.items()}
         case list() | tuple():
             return [plain(v) for v in value]
-        case _ if hasattr(value, "__dataclass_fields__"):
-            return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    return value
+    return plain(vars(value)) if is_dataclass(value) else value
+
+
+def plain_times(group: Group) -> dict[str, Any]:
+    """The times of a group as JSON values."""
+    return {**plain(group.key), **{f"{name}_median_p95": plain(group.seconds[name]) for name in TIMES}}
 
 
 _CURVE_POINTS = 100  # of a risk-coverage curve, at most
-_CELL = (
-    "serials", "characters", "characters_by_part", "split", "accepted", "accepted_wrong", "wrong_of_accepted",
-)  # fmt: skip
+_NOT_PLAIN = ("key", "confused", "seconds", "stage_s")

@@ -13,7 +13,7 @@ from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.common.version import library_versions, program_mark, program_version
 
 CARD = "card.json"
-_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pillow", "fonttools")
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "fonttools")
 """Libraries that the numbers may depend on."""
 _PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
 

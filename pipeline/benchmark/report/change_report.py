@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes, level_words, reader_of
+from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.report.page import make_folder, write_page, write_table
-from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
+from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remade import remade
 from pipeline.workers.executors import Executor, ordered_map
@@ -69,10 +69,7 @@ def write_comparison(
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
         found=found,
         kinds=list(Flip),
-        overall=[("all", row.compared) for row in found.overall],
-        by_factor=[(level_words(row), row.compared) for row in found.by_factor],
-        drawn=[(c, reader_of(c.after), part, marked(c.before), marked(c.after)) for c, part in drawn],
-        more=len(found.flips) - len(drawn),
+        drawn=drawn,
         problem=problem,
     )
     return written

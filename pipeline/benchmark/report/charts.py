@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, PercentFormatter
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.groups import Cell, Group
+from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.readers.experts import EXPERT_MODES
 from pipeline.benchmark.readers.modes import PEERS
+from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.common.shares import Share
 
 _STYLES = (
@@ -24,13 +25,6 @@ _STYLES = (
     ("#a0522d", "v", ":"), ("#cc79a7", "<", "-."), ("#56b4e9", ">", "-."),
 )  # fmt: skip
 _ORDER = ("tactile", "vision", "fused", *EXPERT_MODES, *PEERS)
-_SPLIT = (
-    ("accepted_right", "accepted, right", "#009e73", ""),
-    ("accepted_wrong", "accepted, WRONG", "#c00000", "xxx"),
-    ("review", "review", "#f0c75e", ""),
-    ("rejected", "rejected", "#b8bec4", "//"),
-    ("failed", "error", "#30363c", ""),
-)
 WIDTH_IN = 9.6
 
 
@@ -44,7 +38,7 @@ def severity_name(severity: float | None) -> str:
     return "as given" if severity is None else f"{severity:g}"
 
 
-def modes_in(groups: Sequence[Cell]) -> list[str]:
+def modes_in(groups: Sequence[Group]) -> list[str]:
     """The modes, in their usual order."""
     found = list(dict.fromkeys(g.key.mode for g in groups))
     return sorted(found, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
@@ -168,57 +162,29 @@ def _wrong(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: st
     )
 
 
-def split_figure(groups: Sequence[Group]) -> Figure:
-    """Draw the decisions: a bar for every severity, a block of bars for every mode."""
-    modes, severities = modes_in(groups), severities_in(groups)
-    figure = Figure(
-        figsize=(WIDTH_IN, 1.1 + len(modes) * (0.45 + 0.27 * len(severities))), layout="constrained"
-    )
-    panels = figure.subplots(len(modes), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, mode in zip(panels, modes, strict=True):
-        for row, severity in enumerate(severities):
-            group = next((g for g in groups if g.key.mode == mode and g.key.severity == severity), None)
-            if group is not None:
-                _bar(axes, row, group)
-        axes.set_yticks(range(len(severities)), [severity_name(s) for s in severities])
-        axes.set_ylim(len(severities) - 0.5, -0.5)
-        axes.set_xlim(0.0, 1.0)
-        axes.set_title(mode, loc="left", fontsize=10, fontweight="bold")
-        axes.set_ylabel("dirt", fontsize=9)
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-        for side in ("top", "right", "left"):
-            axes.spines[side].set_visible(False)
-    handles = [
-        matplotlib.patches.Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=label)
-        for _, label, colour, hatch in _SPLIT
-    ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(_SPLIT), frameon=False)
-    return figure
+def stage_figure(groups: Sequence[Group]) -> Figure:
+    """Accepted serials of plans of touch against mean stage seconds; a red cross where an accepted one was wrong."""
+    plans = {g.key: plan for g in groups if (plan := TouchPlan.of(g.key.mode)) is not None}
 
+    def draw(axes: Axes, severity: float | None) -> None:
+        here = [g for g in groups if g.key in plans and g.key.severity == severity]
+        for name, (colour, marker, line) in zip(
+            dict.fromkeys(p.name for p in plans.values()), _STYLES, strict=False
+        ):
+            own = sorted((g for g in here if plans[g.key].name == name), key=lambda g: g.stage_s)
+            x, y = [g.stage_s for g in own], [g.accepted.value for g in own]
+            axes.plot(x, y, color=colour, marker=marker, linestyle=line, label=name)
+        wrong = [g for g in here if g.split["accepted_wrong"]]
+        x, y = [g.stage_s for g in wrong], [g.accepted.value for g in wrong]
+        axes.scatter(x, y, marker="x", s=90.0, color="#c00000", zorder=5)
+        axes.set_xscale("log")  # the whole plan takes twenty times as long as the others
+        axes.set_ylim(-0.03, 1.05)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.set_xlabel("mean stage time of a part, s", fontsize=9)
+        axes.set_ylabel("accepted", fontsize=9)
 
-def _bar(axes: Axes, row: int, group: Group) -> None:
-    left, total = 0.0, group.serials.total
-    for name, _, colour, hatch in _SPLIT:
-        count = getattr(group.split, name)
-        if not count:
-            continue
-        width = count / total
-        axes.barh(
-            row, width, left=left, height=0.72, color=colour, hatch=hatch, edgecolor="white", linewidth=0.6
-        )
-        if width > 0.035 and name != "accepted_wrong":
-            dark = name in ("accepted_right", "failed")
-            box = {"facecolor": colour, "edgecolor": "none", "pad": 1.0} if hatch else None
-            axes.text(
-                left + 0.5 * width, row, str(count), ha="center", va="center", fontsize=8,
-                color="white" if dark else "#1b2a41", bbox=box,
-            )  # fmt: skip
-        left += width
-    if group.split.accepted_wrong:
-        axes.text(
-            1.005, row, f"{group.split.accepted_wrong} accepted wrong", transform=axes.get_yaxis_transform(),
-            ha="left", va="center", fontsize=8, color="#c00000", fontweight="bold",
-        )  # fmt: skip
+    return severity_panels(severities_in(groups), draw, height_in=2.8)
 
 
 def inlined(figure: Figure, *, kind: str = "svg") -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from pipeline.benchmark.analysis.calibration import Reliability
-from pipeline.benchmark.analysis.confusion import Confusion
 from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.report.charts import (
     WIDTH_IN,
@@ -92,30 +92,33 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.scatter(x, y, s=12.0 + 90.0 * n / n.sum(), color=colour, zorder=3)
 
 
-def confusion_figure(confused: Confusion, title: str) -> Figure:
+def confusion_figure(confused: Counter[tuple[str, str]], title: str) -> Figure:
     """Draw stamped (rows) against read (columns) characters; mistakes in red with their number."""
-    rows, columns = confused.counts.shape
+    true = sorted({t for t, _ in confused}, key=lambda c: (c == EXTRA, c))
+    read = sorted({r for _, r in confused}, key=lambda c: (c == MISSING, c))
+    counts = np.array([[confused[t, r] for r in read] for t in true])
+    rows, columns = counts.shape
     figure = Figure(
         figsize=(max(2.6, 1.4 + 0.21 * columns), max(2.2, 1.3 + 0.2 * rows)), layout="constrained"
     )
     axes = figure.subplots()
-    totals = np.maximum(1, confused.counts.sum(axis=1, keepdims=True))
-    same = np.array([[t == r for r in confused.read] for t in confused.true])
-    shares = confused.counts / totals
+    totals = np.maximum(1, counts.sum(axis=1, keepdims=True))
+    same = np.array([[t == r for r in read] for t in true])
+    shares = counts / totals
     picture = np.ones((rows, columns, 3))
     picture[same] = 1.0 - shares[same][:, None] * (1.0 - np.array([0.72, 0.86, 0.80]))
-    wrong = ~same & (confused.counts > 0)
+    wrong = ~same & (counts > 0)
     strength = np.clip(0.25 + 0.75 * np.sqrt(shares), 0.0, 1.0)[..., None]
     picture[wrong] = (1.0 - strength * (1.0 - np.array([0.83, 0.2, 0.15])))[wrong]
     axes.imshow(picture, aspect="auto")
-    for i, j in np.argwhere(confused.counts > 0):
-        count = int(confused.counts[i, j])
+    for i, j in np.argwhere(counts > 0):
+        count = int(counts[i, j])
         colour = "#5b7a6d" if same[i, j] else "white" if shares[i, j] > 0.12 else "#5a0000"
         axes.text(j, i, f"{count}", ha="center", va="center", fontsize=4.6 if same[i, j] else 6, color=colour)
     words = {EXTRA: "(nothing)", MISSING: "(nothing)"}
-    axes.set_xticks(range(columns), [words.get(c, c) for c in confused.read], fontsize=7)
-    axes.set_yticks(range(rows), [words.get(c, c) for c in confused.true], fontsize=7)
-    for tick, name in zip(axes.get_xticklabels(), confused.read, strict=True):
+    axes.set_xticks(range(columns), [words.get(c, c) for c in read], fontsize=7)
+    axes.set_yticks(range(rows), [words.get(c, c) for c in true], fontsize=7)
+    for tick, name in zip(axes.get_xticklabels(), read, strict=True):
         tick.set_rotation(90 if name == MISSING else 0)
     axes.set_xticks(np.arange(-0.5, columns), minor=True)
     axes.set_yticks(np.arange(-0.5, rows), minor=True)

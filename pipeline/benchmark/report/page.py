@@ -9,12 +9,14 @@ from typing import Any
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
-from pipeline.benchmark.analysis.factors import FactorEffect, LevelEffect, factor_name
+from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import severity_name
+from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
-from pipeline.common.texts import harmless
+from pipeline.common.texts import align, harmless
+from pipeline.common.version import library_versions
 
 
 def make_folder(folder: Path) -> None:
@@ -49,37 +51,27 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:
-    """Write a page of `pipeline.benchmark.report.templates`."""
+    """Write a page, or a document in Markdown, of `pipeline.benchmark.report.templates`."""
     import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pipeline.benchmark.report", "templates"),
-        autoescape=True,
+        autoescape=not template.endswith(".md.j2"),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(
         percent=percent, severity=severity_name, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
-        points=points, points_span=_points_span,
+        points=points, points_span=_points_span, marked=marked,
     )  # fmt: skip
-    write_text(path, environment.get_template(template).render(**values))
+    write_text(path, environment.get_template(template).render(**values, versions=versions()))
 
 
-def bars(effect: FactorEffect) -> tuple[float, list[tuple[LevelEffect, dict[str, float]]]]:
-    """Place the levels on a scale of characters right.
-
-    Returns:
-        The share at its left end, the right end being 100 %; and of every level, in percent of the scale's length, the
-        left end of its interval, the interval's length, and its mark.
-    """
-    foot = min(0.9, int(10.0 * min(e.characters.low for e in effect.levels)) / 10.0)
-    placed = []
-    for e in effect.levels:
-        ends = (e.characters.low, e.characters.high, e.characters.value)
-        low, high, value = (round(100.0 * (share - foot) / (1.0 - foot), 2) for share in ends)
-        placed.append((e, {"low": low, "wide": high - low, "value": value}))
-    return foot, placed
+def versions() -> dict[str, str]:
+    """Versions of this program and of the libraries below it."""
+    names = "numpy scipy numba opencv-contrib-python-headless scikit-image scikit-learn rapidocr onnxruntime tesserocr"
+    return library_versions(("tactile-marks", *names.split()))
 
 
 def percent(share: Share | Estimate) -> str:
@@ -87,10 +79,9 @@ def percent(share: Share | Estimate) -> str:
     return f"{100 * share.value:.2f} %"
 
 
-def span(ends: Share | Estimate | tuple[float, float]) -> str:
+def span(ends: Share | Estimate) -> str:
     """The ends of an interval of a share, percent."""
-    low, high = ends if isinstance(ends, tuple) else (ends.low, ends.high)
-    return f"{100 * low:.1f} – {100 * high:.1f}"
+    return f"{100 * ends.low:.1f} – {100 * ends.high:.1f}"
 
 
 def points(value: float) -> str:
@@ -98,9 +89,8 @@ def points(value: float) -> str:
     return f"{100 * value:+.1f}".replace("-", "−")
 
 
-def _points_span(ends: Estimate | Sequence[float]) -> str:
-    low, high = (ends.low, ends.high) if isinstance(ends, Estimate) else ends
-    return f"{points(low)} to {points(high)}"
+def _points_span(ends: Estimate) -> str:
+    return f"{points(ends.low)} to {points(ends.high)}"
 
 
 def _ms(seconds: float) -> str:
@@ -109,3 +99,10 @@ def _ms(seconds: float) -> str:
 
 def _p(value: float) -> str:
     return "< 0.001" if value < 0.001 else f"{value:.3f}"
+
+
+def marked(trial: Trial) -> list[tuple[str, bool]]:
+    """Characters as read, and whether each is right; "·" for a missing one."""
+    return [
+        (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
+    ]

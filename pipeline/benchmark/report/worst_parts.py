@@ -20,7 +20,6 @@ from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
-from pipeline.common.texts import align
 from recognition.decision.panels import edge_panel, height_panel
 
 SHOWN = 12
@@ -129,10 +128,3 @@ def _photo_panel(axes: Axes, senses: PartReadings) -> None:
     pixels = senses.photo.eight_bit
     axes.imshow(pixels, cmap="gray" if pixels.ndim == 2 else None, vmin=0, vmax=255)
     axes.set_title("photograph", fontsize=9, loc="left")
-
-
-def marked(trial: Trial) -> list[tuple[str, bool]]:
-    """Characters as read, and whether each is right; "·" for a missing one."""
-    return [
-        (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)
-    ]

@@ -12,29 +12,34 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.analysis.checks import Verdict, verdicts
-from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.analysis.groups import level_of, levels_in
+from pipeline.benchmark.analysis.checks import WRONG_LIMIT, Verdict, at_most, verdicts
+from pipeline.benchmark.analysis.confusion import characters_right, mistakes
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
 from pipeline.benchmark.analysis.stability import steady
-from pipeline.benchmark.analysis.statistics import Statistics, plain, statistics_of
+from pipeline.benchmark.analysis.statistics import Statistics, plain, plain_times, statistics_of
 from pipeline.benchmark.exam.condition import level_name
-from pipeline.benchmark.report.page import write_page, write_table, write_text
-from pipeline.benchmark.report.report_page import report_values, versions
-from pipeline.benchmark.report.text_tables import text_tables
+from pipeline.benchmark.readers.modes import EXPERTS, PEERS
+from pipeline.benchmark.readers.peers import ACCEPTED_FROM
+from pipeline.benchmark.readers.plans import TouchPlan
+from pipeline.benchmark.report import charts, curves
+from pipeline.benchmark.report.charts import inlined, leading, modes_in, severities_in
+from pipeline.benchmark.report.page import versions, write_page, write_table, write_text
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, ordered_map
+from recognition.decision.accepted_risk import parts_needed
 from recognition.decision.evidence import Measure
 
 PAGE, TABLE, FIGURES, DOCUMENT = "report.html", "benchmark.csv", "benchmark.json", "benchmark.md"
-_TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 
 @dataclass(frozen=True)
@@ -91,13 +96,18 @@ def write_report(
     written = Written(
         folder / PAGE, folder / TABLE, folder / FIGURES, folder / DOCUMENT, found, judged, drift
     )
+    values = {
+        **_values(benchmark, trials, found),
+        "verdicts": judged,
+        "worst": worst,
+        "command": command,
+        "certificate": certificate,
+        "drift": drift,
+    }
     write_table(written.table, _rows(trials))
     write_text(written.figures, json.dumps(_figures(benchmark, trials, found, judged), indent=1) + "\n")
-    write_text(written.document, text_tables(found, command=command))
-    values = report_values(benchmark, trials, found, judged, worst)
-    write_page(
-        written.page, "report.html.j2", **values, command=command, certificate=certificate, drift=drift
-    )
+    write_page(written.document, "benchmark.md.j2", **values)
+    write_page(written.page, "report.html.j2", **values)
     return written
 
 
@@ -116,7 +126,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
     factors = list(levels_in(trials))
     yield (
         "part", *factors, "mode", "truth", "text", "right", "decision", "confidence", "characters",
-        "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", *_TIMES,
+        "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", *TIMES,
     )  # fmt: skip
     for t in trials:
         levels = ("" if (level := level_of(t, name)) is None else level_name(level) for name in factors)
@@ -124,7 +134,7 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
             t.part, *levels, t.mode, t.truth, t.text, int(t.right), t.decision, t.confidence, len(t.truth),
             characters_right(t), min((c.confidence for c in t.characters), default=""),
             min((c.margin for c in t.characters), default=""), t.flags, t.error,
-            *(round(getattr(t, name), 4) for name in _TIMES),
+            *(round(getattr(t, name), 4) for name in TIMES),
         )  # fmt: skip
 
 
@@ -132,23 +142,89 @@ def _figures(
     benchmark: Benchmark, trials: Sequence[Trial], found: Statistics, judged: Sequence[Verdict]
 ) -> dict[str, Any]:
     """All figures; what differs from run to run stands under "times" alone."""
+    names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),
         "parts": len({t.part for t in trials}),
         "targets": plain(list(judged)),
-        "cells": plain(list(found.cells)),
-        "by_severity": plain(list(found.by_severity)),
-        "by_mode": plain(list(found.by_mode)),
-        "effects": plain(list(found.effects)),
-        "comparisons": plain(list(found.comparisons)),
-        "knowledge": plain(list(found.knowledge)),
-        "stability": plain(list(found.stability)),
-        "times": [
-            {**plain(g.key), **{f"{name}_median_p95": plain(getattr(g, name)) for name in _TIMES}}
-            for g in found.by_severity
-        ],
+        **{name: plain(getattr(found, name)) for name in names},
+        "times": [plain_times(group) for group in found.by_severity],
     }
+
+
+def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
+    """Values of the page and of the document by their names in the templates."""
+    description, errors = benchmark.description(), [t for t in trials if t.error]
+    modes, n_parts = modes_in(found.by_mode), len({t.part for t in trials})
+    # charts show the first thing given: more lines would hide each other
+    by_severity, by_mode = (
+        [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
+        for groups in (found.by_severity, found.by_mode)
+    )
+    pictures = {
+        "accuracy": charts.accuracy_figure(by_severity),
+        "risk": curves.risk_figure(by_severity),
+        "reliability": curves.reliability_figure(by_mode),
+    }
+    if any(TouchPlan.of(mode) for mode in modes):
+        pictures["stage"] = charts.stage_figure(by_severity)
+    return {
+        "title": "Benchmark of reading dirty marks",
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "n_parts": n_parts,
+        "modes": modes,
+        "found": found,
+        "design": description["parts"],
+        "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
+        "lead": leading(modes),
+        "effects": {(e.mode, e.factor): e for e in found.effects},
+        "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
+        "wrong": [(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
+        "wrong_limit": WRONG_LIMIT,
+        "wrong_needs": parts_needed(WRONG_LIMIT, confidence=CONFIDENCE_LEVEL),
+        "experts": [m for m in modes if m in EXPERTS],
+        "peers": [m for m in modes if m in PEERS],
+        "peer_accepts": ACCEPTED_FROM,
+        "summary": _sorted(found.by_severity),
+        "severities": severities_in(found.by_severity),
+        "pictures": {name: inlined(figure) for name, figure in pictures.items()},
+        "confusions": list(_confusions(by_mode)),
+        "errors": errors,
+        "settings": list(_flat(description)),
+    }
+
+
+def _cells(cells: Sequence[Group]) -> dict[Any, dict[str, Group]]:
+    """Cells by their levels, and by mode."""
+    found: dict[Any, dict[str, Group]] = {}
+    for cell in cells:
+        found.setdefault(cell.key.levels, {})[cell.key.mode] = cell
+    return found
+
+
+def _sorted(groups: Sequence[Group]) -> list[Group]:
+    modes, severities = modes_in(groups), severities_in(groups)
+    return sorted(groups, key=lambda g: (severities.index(g.key.severity), modes.index(g.key.mode)))
+
+
+def _confusions(groups: Sequence[Group]) -> Iterator[tuple[str, str, list[tuple[str, str, int]], int]]:
+    """(mode, picture, mistakes, how many in all); single experts and peers without a picture."""
+    for group in _sorted(groups):
+        mode, wrong = group.key.mode, mistakes(group.confused)
+        total, picture = sum(n for *_, n in wrong), ""
+        if mode not in {*EXPERTS, *PEERS} and group.confused:
+            title = f"{mode}: {total} mistakes in {group.characters.total} characters"
+            picture = inlined(curves.confusion_figure(group.confused, title))
+        yield mode, picture, wrong, total
+
+
+def _flat(values: dict[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", ", ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def command_line() -> str:

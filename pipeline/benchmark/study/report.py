@@ -12,11 +12,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.benchmark.report.charts import WIDTH_IN, inlined, ruled
 from pipeline.benchmark.report.page import make_folder, write_page, write_table
-from pipeline.benchmark.report.report_page import versions
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
@@ -25,7 +25,6 @@ from pipeline.benchmark.study.study import Study
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
 _MOST_PARTS = 60
 """Parts that disagree, on the page; all of them are in the table."""
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#7f7f7f", "#a0522d", "#cc79a7", "#56b4e9")
 
 
 def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path, ...]:
@@ -62,7 +61,6 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
         more=max(0, len(differ) - _MOST_PARTS),
         errors=[m for m in study.measured if m.error],
         notes=study.notes,
-        versions=versions(),
         command=command,
     )
     return tuple(folder / name for name in (PAGE, *tables))
@@ -89,25 +87,14 @@ def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None
 
 def depth_figure(study: Study) -> Figure:
     """Mean depth of every part as each appraiser measured it, the shallowest part first."""
-    known = [
-        (m.part, m.mode, depth_mm)
-        for m in study.measured
-        if (depth_mm := depth_of(m)) is not None and m.part not in study.depthless
-    ]
-    means: dict[str, list[float]] = {}
-    for part, _, depth_mm in known:
-        means.setdefault(part, []).append(depth_mm)
-    order = {part: k for k, part in enumerate(sorted(means, key=lambda p: sum(means[p]) / len(means[p])))}
+    parts = sorted(study.depths.values(), key=np.mean)
+    appraisers = list(dict.fromkeys(m.mode for m in study.measured))
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes = figure.subplots()
-    appraisers = list(dict.fromkeys(who for _, who, _ in known))
     for number, who in enumerate(appraisers):
-        own = [(order[part], depth_mm) for part, by, depth_mm in known if by == who]
         beside = 0.18 * (number - 0.5 * (len(appraisers) - 1))
-        axes.plot(
-            [x + beside for x, _ in own], [depth_mm for _, depth_mm in own], ".", markersize=5,
-            color=_COLOURS[number % len(_COLOURS)], label=who,
-        )  # fmt: skip
+        x = [place + beside for place, part in enumerate(parts) for _ in part[number]]
+        axes.plot(x, [mm for part in parts for mm in part[number]], ".", markersize=5, label=who)
     axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
     axes.set_ylabel("mean depth, mm")

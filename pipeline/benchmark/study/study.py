@@ -25,7 +25,8 @@ class Study:
         decisions: how far the reader's decisions agree.
         depth: how well the mean depth of a part is gauged; None where `no_depth` says why.
         no_depth: why there is no gauge study; empty where there is one.
-        depthless: parts left out of it, as their depth was not known each time.
+        depths: by part, (appraisers, trials), mm, where all are known.
+        depthless: parts left out of the gauge study, as their depth was not known each time.
         notes: what else to know about it, in sentences.
     """
 
@@ -36,6 +37,7 @@ class Study:
     decisions: tuple[Agreement, ...]
     depth: GaugeRR | None
     no_depth: str
+    depths: Mapping[str, list[list[float]]]
     depthless: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
@@ -52,7 +54,7 @@ class Study:
     @property
     def widest_depth(self) -> tuple[str, float]:
         """The part whose depth varies most, and from the least to the most, mm; ("", 0) where none is known."""
-        spreads = {part: float(np.ptp(depths)) for part, depths in _depths(self.measured)[0].items()}
+        spreads = {part: float(np.ptp(depths)) for part, depths in self.depths.items()}
         return max(spreads.items(), key=lambda item: item[1], default=("", 0.0))
 
     @property
@@ -98,6 +100,7 @@ def study_of(
         decisions=tuple(agreements(_by_appraiser(measured, "decision"))),
         depth=None if no_depth else gauge_rr(list(depths.values())),
         no_depth=no_depth,
+        depths=depths,
         depthless=depthless,
         notes=notes,
     )

@@ -72,8 +72,8 @@ def test_readings_are_paired_by_part_and_what_was_given() -> None:
     by_level = {
         (r.compared.first.reader, r.level): r.compared for r in found.by_factor if r.factor == "severity"
     }
-    assert by_level["tactile, given font, format", 0.3].characters.difference == 1.0
-    assert by_level["tactile, given font, format", 0.6].characters.difference == 0.0
+    assert by_level["tactile, given font, format", 0.3].characters.difference.value == 1.0
+    assert by_level["tactile, given font, format", 0.6].characters.difference.value == 0.0
     assert found.counts["tactile, given font, format"] == {Flip.GAINED: 3}
 
 

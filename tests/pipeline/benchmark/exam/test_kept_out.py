@@ -22,8 +22,6 @@ FLOORS = ("glyphs", "whisker_array", "recognition", "pipeline")
 SCALE = "glyphs/soiling/severity.fit.json"
 FITTED_DATA = {".npz", ".npy", ".onnx", ".pkl", ".joblib", ".safetensors", ".pt"}
 FITS = re.compile(r"\bsklearn\b|\btorch\b|curve_fit|\.fit\.json")
-NAMED_FITS = ("tests/benchmarks/learning.py",)
-"""Code that teaches or fits without a library that shows it."""
 
 
 def kept_out_fonts() -> set[str]:
@@ -56,7 +54,7 @@ def manifests() -> list[Path]:
 
 
 def fitting_code() -> list[Path]:
-    found = {ROOT / name for name in NAMED_FITS}
+    found: set[Path] = set()
     for folder in (*FLOORS, "tests/benchmarks"):
         found |= {path for path in (ROOT / folder).rglob("*.py") if FITS.search(path.read_text("utf-8"))}
     return sorted(found)
@@ -101,7 +99,7 @@ def test_no_code_that_fits_names_what_is_kept_out(path: Path) -> None:
 
 def test_the_known_fits_are_among_those_looked_at() -> None:
     found = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
-    assert {"tests/benchmarks/soil_severity.py", "tests/benchmarks/learning.py", SCALE} <= found
+    assert {"tests/benchmarks/soil_severity.py", SCALE} <= found
 
 
 def test_every_fitted_file_has_a_manifest() -> None:

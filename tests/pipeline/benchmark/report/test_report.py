@@ -9,15 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.checks import Outcome, at_most, verdicts
 from pipeline.benchmark.analysis.confusion import confusion
+from pipeline.benchmark.analysis.shares import bounded
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.report.curves import confusion_figure
-from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked, rank_worst
+from pipeline.benchmark.report.page import marked
+from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
@@ -249,7 +250,7 @@ def test_two_parts_from_the_command_line(
     assert main(arguments) == 0
     captured = capsys.readouterr()
     said = captured.out
-    assert "2 parts: serials ±" in captured.err
+    assert "1 cell of 2 parts: serials ±" in captured.err
     assert max(len(line) for line in said.splitlines() if not line.startswith(("wrote", "met", "NOT"))) <= 80
     assert f"wrote {out / 'report.html'}" in said
     assert said.splitlines()[0].endswith(" ms read ms")
