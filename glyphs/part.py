@@ -25,11 +25,11 @@ from glyphs.fonts.serials import random_text
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import WORKSHOP, SoiledPart, Soiling, soil_part
 from glyphs.soiling.workshop.mixture import Dirt
-from glyphs.stamping.dies import die_kind
+from glyphs.stamping.dies import DIES
 from glyphs.stamping.errors import StampError, pick
-from glyphs.stamping.faces import Die, Face, default_die
-from glyphs.stamping.layouts import Layout, named_layout
-from glyphs.stamping.plates import named_plate
+from glyphs.stamping.faces import Face, default_die
+from glyphs.stamping.layouts import LAYOUTS, Layout
+from glyphs.stamping.plates import PLATES
 from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.variation import PRACTICES, PlateVariation, StampingVariation
 from glyphs.surface.display import picture_html
@@ -191,25 +191,24 @@ def stamp(
     rng = np.random.default_rng(key)
     letters = font if isinstance(font, Font) else load_font(font)
     line = random_text(format, rng=rng) if format is not None else text or ""
-    how, cutting = _struck(
-        letters,
-        variation,
-        practice,
-        die,
-        Face(face),
-        height_mm=height_mm,
-        bevel_deg=bevel_deg,
-        depth_mm=depth_mm,
-    )
+    if variation is not None and practice is not None:
+        raise StampError("give how blows differ, or a practice", hint="leave out variation or practice")
+    how = variation or pick("practice", PRACTICES, practice or "press")()
+    face, measures = Face(face), {"font": letters, "bevel_deg": bevel_deg, "depth_mm": depth_mm}
+    if die is None:
+        cutting = default_die(height_mm, face=face, **measures)  # type: ignore[arg-type]
+    elif face is not Face.FLAT:
+        raise StampError(f"a die {die!r} has a face of its own", hint="leave out the face")
+    else:
+        kind = pick("die", DIES, die)
+        how, cutting = kind.applied(how), kind.die(height_mm, **measures)  # type: ignore[arg-type]
     # a character that the font lacks is refused by what stamps it
     length_mm = height_mm * sum(letters.glyphs[char].advance for char in line if char in letters.glyphs)
     if isinstance(plate, str):
-        plate = named_plate(plate, height_mm=height_mm, length_mm=length_mm)
+        plate = pick("plate", PLATES, plate)(height_mm, length_mm)
     if isinstance(layout, str):
         own = np.random.default_rng([*key, _LAYOUT_STREAM])
-        layout = named_layout(
-            layout, height_mm=height_mm, length_mm=length_mm, font=letters, text=line, rng=own
-        )
+        layout = pick("layout", LAYOUTS, layout)(own, height_mm, length_mm, letters, line)
     stamped = stamp_line(
         line,
         letters,
@@ -225,26 +224,3 @@ def stamp(
     soils = (soil,) if isinstance(soil, str) else tuple(soil)
     soiling = Soiling(soils, mixture=dirt) if isinstance(dirt, Dirt) else Soiling(soils, dirt)
     return Part(stamped, soiling, key)
-
-
-def _struck(
-    font: Font,
-    variation: StampingVariation | None,
-    practice: str | None,
-    die: str | None,
-    face: Face,
-    *,
-    height_mm: float,
-    bevel_deg: float,
-    depth_mm: float | None,
-) -> tuple[StampingVariation, Die]:
-    """Variation of blows, and the die."""
-    if variation is not None and practice is not None:
-        raise StampError("give how blows differ, or who stamps", hint="leave out variation or practice")
-    how = variation or pick("practice", PRACTICES, practice or "press")()
-    if die is None:
-        return how, default_die(height_mm, font=font, face=face, bevel_deg=bevel_deg, depth_mm=depth_mm)
-    if face is not Face.FLAT:
-        raise StampError(f"a die {die!r} has a face of its own", hint="leave out the face")
-    kind = die_kind(die)
-    return kind.applied(how), kind.die(height_mm, font=font, bevel_deg=bevel_deg, depth_mm=depth_mm)

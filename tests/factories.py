@@ -22,6 +22,11 @@ def extruded(profile_mm: ArrayLike, *, rows: int, pitch_mm: float) -> HeightMap:
     return HeightMap(np.tile(np.asarray(profile_mm), (rows, 1)).astype(np.float32), pitch_mm)
 
 
+def ideal_chain(n_whiskers: int) -> SensorChain:
+    """Sensors that hand every moment on as it is."""
+    return SensorChain(np.ones(n_whiskers), np.zeros(n_whiskers))
+
+
 def scanned(
     surface: HeightMap,
     plan: RasterPlan,

@@ -102,11 +102,13 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
         MapError: dropouts in the part's height map.
         StampError: a user's own soil that fails, or returns something else than a surface of the same grid.
     """
-    streams = _Streams(rng)
-    coat = bare_coat(part, rng=streams.look)
+    seed = rng.bit_generator.seed_seq
+    assert isinstance(seed, np.random.SeedSequence)
+    before = seed.n_children_spawned
+    coat = bare_coat(part, rng=rng.spawn(_LOOK_STREAM + 1)[_LOOK_STREAM])
     if not soiling.clean:
         for name in soiling.soils:
-            stream = streams.of(name)
+            stream = _stream(seed, before, name)
             if soiling.mixture is not None:
                 coat = lay_mixture(coat, soiling.mixture, rng=stream)
             else:
@@ -136,19 +138,11 @@ def _laid(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> 
     return laid
 
 
-class _Streams:
-    """A generator for the look of the metal, and one for each soil, whichever others there are."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        seed = rng.bit_generator.seed_seq
-        assert isinstance(seed, np.random.SeedSequence)
-        self._seed, self._before = seed, seed.n_children_spawned
-        self.look = rng.spawn(_LOOK_STREAM + 1)[_LOOK_STREAM]
-
-    def of(self, soil: str) -> np.random.Generator:
-        key, before = self._seed.spawn_key, self._before
-        if soil != WORKSHOP:
-            key, before = (*key, before, crc32(soil.encode())), 0
-        return np.random.default_rng(
-            np.random.SeedSequence(self._seed.entropy, spawn_key=key, n_children_spawned=before)
-        )
+def _stream(seed: np.random.SeedSequence, before: int, soil: str) -> np.random.Generator:
+    """A generator of its own for each soil, whichever others there are; `before`: children spawned by then."""
+    key = seed.spawn_key
+    if soil != WORKSHOP:
+        key, before = (*key, before, crc32(soil.encode())), 0
+    return np.random.default_rng(
+        np.random.SeedSequence(seed.entropy, spawn_key=key, n_children_spawned=before)
+    )

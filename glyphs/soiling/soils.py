@@ -35,10 +35,10 @@ SOILS: Final[dict[str, str]] = {
     "caked": "glyphs.soiling.caked:caked",
     "rust": "glyphs.soiling.rust.corrosion:rust",
     "paint": "glyphs.soiling.paint.coats:paint",
-    "weld": "glyphs.soiling.weld:weld",
+    "weld": "glyphs.soiling.weld.plate:weld",
     "mud": "glyphs.soiling.mud.sheets:mud",
     "wear": "glyphs.soiling.wear.rubbing:wear",
-    "casting": "glyphs.soiling.casting:casting",
+    "casting": "glyphs.soiling.casting.pour:casting",
 }
 """The built-in soils, and where they are made."""
 

@@ -28,12 +28,10 @@ class IdealGlyph(OneLine):
     Attributes:
         height_map: the relief, plate frame.
         centre_mm: (x, y) in that map of the reference point, middle of the ink's width at mid cap height.
-        ink_box_mm: (x0, y0, x1, y1) around the ink, plate frame of that map.
     """
 
     height_map: HeightMap
     centre_mm: tuple[float, float]
-    ink_box_mm: tuple[float, float, float, float]
 
 
 def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
@@ -144,10 +142,8 @@ def ideal_relief(
         v + middle[1],
         height_mm=height_mm,
     )
-    cx, cy = half_cols * pitch_mm, half_rows * pitch_mm
-    return IdealGlyph(
-        HeightMap(-z if raised else z, pitch_mm), (cx, cy), (cx + x0, cy + y0, cx + x1, cy + y1)
-    )
+    centre = half_cols * pitch_mm, half_rows * pitch_mm
+    return IdealGlyph(HeightMap(-z if raised else z, pitch_mm), centre)
 
 
 def to_plate(

@@ -8,7 +8,7 @@ from typing import Final
 
 from glyphs.fonts.glyph import Font
 from glyphs.ranges import require_not_negative
-from glyphs.stamping.errors import StampError, pick
+from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.display import OneLine
@@ -78,12 +78,3 @@ DIES: Final[dict[str, DieKind]] = {
 }
 """The die's face alone (the first is the usual one), a V blunted to a flat of a fifth of the stroke, pile-up on one
 side, every second blow struck twice, and grooves that lack the wall on one side."""
-
-
-def die_kind(name: str) -> DieKind:
-    """The kind of die of that name.
-
-    Raises:
-        StampError: no such die.
-    """
-    return pick("die", DIES, name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font
 from glyphs.ranges import require_finite, require_not_negative
-from glyphs.stamping.errors import StampError, pick
+from glyphs.stamping.errors import StampError
 from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
@@ -100,14 +100,3 @@ LAYOUTS: Final[dict[str, Callable[[np.random.Generator, float, float, Font, str]
 }
 """A straight line (the usual one), one turned by up to 5 degrees either way, one on an arc that bends up or down, and
 one with another line of another length above or below it."""
-
-
-def named_layout(
-    name: str, *, height_mm: float, length_mm: float, font: Font, text: str, rng: np.random.Generator
-) -> Layout:
-    """The layout of that name for a text that is `length_mm` long.
-
-    Raises:
-        StampError: no such layout.
-    """
-    return pick("layout", LAYOUTS, name)(rng, height_mm, length_mm, font, text)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from glyphs.stamping.errors import pick
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
 from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
 from glyphs.stamping.variation import PlateVariation
@@ -30,15 +29,6 @@ PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "sand": lambda height_mm, length_mm: _finished(Sand()),
 }
 """From character height and length of the line, mm, to a plate. `machined` is the usual one."""
-
-
-def named_plate(name: str, *, height_mm: float, length_mm: float) -> PlateVariation:
-    """The plate of that name for characters of that height in a line of that length.
-
-    Raises:
-        StampError: no such plate.
-    """
-    return pick("plate", PLATES, name)(height_mm, length_mm)
 
 
 def _radius(height_mm: float, length_mm: float) -> float:

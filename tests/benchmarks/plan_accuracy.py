@@ -14,7 +14,7 @@ import argparse
 import json
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import date
 from typing import TYPE_CHECKING
 
@@ -140,7 +140,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     plans, drawn = len(LINES) * len(WAYS), trial_parts(given.parts, given.seed)
     for k, one in enumerate(counted(given.parts, given.seed), start=1):
         key = (one.lines, one.directions, one.severity)
-        sums[key] = sums[key] + one if key in sums else one
+        if key in sums:
+            numbers = ("parts", "characters", "right", "accepted", "accepted_wrong")
+            one = replace(one, **{name: getattr(one, name) + getattr(sums[key], name) for name in numbers})
+        sums[key] = one
         if given.write and k % plans == 0:
             manifest = {
                 "what": "characters and serials read, by plan and dirt (whisker_array/design/plan_accuracy.py)",

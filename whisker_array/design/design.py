@@ -147,11 +147,6 @@ class Design(OneLine):
         w = self.whisker
         return w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm - self.preload_mm
 
-    @property
-    def binding(self) -> tuple[Bound, ...]:
-        """The constraints at their limit."""
-        return tuple(c.bound for c in self.constraints if c.binding)
-
 
 def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tuple[Worst, tuple[float, float]]:
     """The edge with the least contrast on a fine grid of slopes and frictions, and the range of F.

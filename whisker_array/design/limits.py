@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.ranges import require_positive
@@ -179,15 +179,6 @@ class Limits(OneLine):
     strain: float = 200e-6
     clearance_depths: float = 1.0
     axis_raise: float = 0.0
-
-    def scaled(self, factor: float) -> Limits:
-        """The same limits for everything so many times larger: lengths times the factor, force its square."""
-        return replace(
-            self,
-            l1_mm=(self.l1_mm[0] * factor, self.l1_mm[1] * factor),
-            thickness_mm=(self.thickness_mm[0] * factor, self.thickness_mm[1] * factor),
-            force_n=self.force_n * factor**2,
-        )
 
 
 @dataclass(frozen=True)

@@ -39,18 +39,6 @@ class PlanCounts(OneLine):
     accepted: int
     accepted_wrong: int
 
-    def __add__(self, other: PlanCounts) -> PlanCounts:
-        return PlanCounts(
-            self.lines,
-            self.directions,
-            self.severity,
-            self.parts + other.parts,
-            self.characters + other.characters,
-            self.right + other.right,
-            self.accepted + other.accepted,
-            self.accepted_wrong + other.accepted_wrong,
-        )
-
     @property
     def accuracy(self) -> float:
         """Share of the characters that were read right."""

@@ -102,10 +102,8 @@ def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, sec
         lean = alpha_rad - math.atan(middle_friction(request.mu))
         if not lean > 0.0:
             raise DesignError(
-                (
-                    f"a wall of {math.degrees(alpha_rad):g} degrees lies within the friction angle of "
-                    "these surfaces"
-                ),
+                f"a wall of {math.degrees(alpha_rad):g} degrees lies within the friction angle of "
+                "these surfaces",
                 hint="give a steeper one, or less friction",
             )
     mu = np.linspace(*request.mu, 3)

@@ -112,27 +112,15 @@ def _profiled(scan: Scan, differentiator: int, profiler: int, known: LandFrictio
         slopes[axis] = np.clip(np.tan(tau), -STEEPEST, STEEPEST)
         if known is not None and np.isfinite(phi).any():
             frictions.append(np.tan(phi))
-    return _as_relief(height, slopes, frictions, grid, mu=mu, sd=known.sd if known else None)
-
-
-def _as_relief(
-    height: Lines,
-    slopes: Sequence[Lines | None],
-    frictions: Sequence[Lines],
-    grid: PlateGrid,
-    *,
-    mu: float,
-    sd: float | None,
-) -> Relief:
-    x, y = (None if s is None else s.astype(np.float32) for s in slopes)
+    slope_x, slope_y = (None if s is None else s.astype(np.float32) for s in slopes)
     return Relief(
         height_mm=height.astype(np.float32),
-        slope_x=x,
-        slope_y=y,
+        slope_x=slope_x,
+        slope_y=slope_y,
         pitch_mm=grid.pitch_mm,
         origin_mm=grid.origin_mm,
         friction=mu,
-        friction_sd=sd,
+        friction_sd=known.sd if known else None,
         route=Route.PROFILED,
         friction_map=mean_of_known(frictions).astype(np.float32) if frictions else None,
     )

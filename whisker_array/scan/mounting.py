@@ -32,47 +32,52 @@ from whisker_array.whisker.touch import Touch
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mounted(OneLine):
-    """A part's surface as tips feel it, in the plate frame.
+    """A part's surface as tips feel it, in the plate frame, and the bench that it is felt on.
 
     Attributes:
         surfaces: by radius of the tip, mm.
         origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
         size_mm: of the part itself, along x and y.
+        touches: one a kind of whisker.
+        fidelity: pointwise formula or frictional contact.
+        sensor: gains, noise, converter; None: ideal.
+        stage: its errors of place; None: none.
+        rng: needed with a sensor or a stage.
+        state: of the gauges, moved on by each pass.
     """
 
     surfaces: dict[float, TouchSurface]
     origin_mm: float
     size_mm: tuple[float, float]
+    touches: tuple[Touch, ...]
+    fidelity: Fidelity
+    sensor: SensorChain | None
+    stage: StagePlay | None
+    rng: np.random.Generator | None
+    state: SensorState | None
     _turned: dict[tuple[float, TraceDirection], TouchSurface] = field(default_factory=dict)
 
     def feel(
         self,
         sweep: SweepPlan,
         *,
-        touches: Sequence[Touch],
-        fidelity: Fidelity,
         air_samples: int,
         sample_rate_hz: float,
-        sensor: SensorChain | None = None,
-        stage: StagePlay | None = None,
-        rng: np.random.Generator | None = None,
-        state: SensorState | None = None,
         pause_s: float = 0.0,
+        preload_mm: float | None = None,
     ) -> Sweep:
         """The raw moments of a sweep.
 
         Args:
             sweep: where the whiskers run; those of the first touch come first.
-            touches: one a kind of whisker.
-            fidelity: pointwise formula or frictional contact.
             air_samples: taken before each pass.
             sample_rate_hz: of the converter.
-            sensor: gains, noise, converter; default: ideal.
-            stage: its errors of place; default: none.
-            rng: needed with a sensor or a stage.
-            state: of the gauges, moved on; default: at rest.
             pause_s: how long the array hangs in air before each pass, beside the air samples.
+            preload_mm: default: that of the touches.
         """
+        stage, sensor, rng, touches = self.stage, self.sensor, self.rng, self.touches
+        if preload_mm is not None:
+            touches = tuple(replace(touch, preload_mm=preload_mm) for touch in touches)
         ran = sweep
         if stage is not None and rng is not None:
             # of a generator of its own: the same seed gives the same noise with play and without
@@ -89,7 +94,7 @@ class Mounted(OneLine):
                 surface,
                 own,
                 touch=touch,
-                fidelity=fidelity,
+                fidelity=self.fidelity,
                 origin_mm=self.origin_mm,
                 size_mm=self.size_mm,
                 asked=asked,
@@ -110,7 +115,7 @@ class Mounted(OneLine):
                     chain=chain,
                     sample_rate_hz=sample_rate_hz,
                     rng=rng,
-                    state=None if state is None else state.part(whiskers),
+                    state=None if self.state is None else self.state.part(whiskers),
                     pause_s=pause_s,
                 )
                 air, moment = raw[..., :air_samples], to_places(raw[..., air_samples:], behind)
@@ -135,6 +140,10 @@ def mount(
     beyond_mm: float,
     friction: Friction | None = None,
     soil: Soil | None = None,
+    fidelity: Fidelity = Fidelity.CONTACT,
+    sensor: SensorChain | None = None,
+    stage: StagePlay | None = None,
+    rng: np.random.Generator | None = None,
 ) -> Mounted:
     """Make a part ready to be felt.
 
@@ -147,10 +156,19 @@ def mount(
         friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, or else
             the nominal one.
         soil: dirt that yields; default: none.
+        fidelity: pointwise formula or frictional contact.
+        sensor: gains, noise, converter; default: ideal.
+        stage: its errors of place; default: none.
+        rng: needed with a sensor or a stage.
 
     Raises:
         MapError: a friction map or soil that does not fit.
+        ValueError: a sensor or a stage without `rng`.
     """
+    if rng is None and (sensor is not None or stage is not None):
+        raise ValueError(
+            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
+        )
     if friction is None:
         friction = touches[0].friction if soil is None else soil.friction
     mu = check_friction(friction, height_map.shape)
@@ -169,16 +187,6 @@ def mount(
             surfaces[each.tip_radius_mm] = prepare_surface(
                 fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
             )
-    return Mounted(surfaces, -pad * height_map.pitch_mm, height_map.size_mm)
-
-
-def require_generator(rng: np.random.Generator | None, *needing: object) -> None:
-    """Check that there is a random generator where a sensor or a stage draws from it.
-
-    Raises:
-        ValueError: there is none.
-    """
-    if rng is None and any(each is not None for each in needing):
-        raise ValueError(
-            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
-        )
+    state, origin_mm = None if sensor is None else sensor.at_rest(), -pad * height_map.pitch_mm
+    size_mm = height_map.size_mm
+    return Mounted(surfaces, origin_mm, size_mm, tuple(touches), fidelity, sensor, stage, rng, state)

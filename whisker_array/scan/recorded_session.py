@@ -6,16 +6,13 @@ RecordedSession(scan).feel(the same pass) ... --> the same samples
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.passes import Pass
-
-_SAME_MM = 1e-6
-"""Places that differ by less are the same: as far as numbers round."""
 
 
 class KeptSession:
@@ -105,16 +102,13 @@ class RecordedSession:
         """Nothing to let go."""
 
 
-def _same(one: Pass, other: Pass) -> bool:
+def _same(one: Pass, other: Pass, *, tolerance: float = 1e-6) -> bool:
     """Whether two passes run alike, as far as numbers round."""
-    numbers = [
+    (ways, numbers), (other_ways, other_numbers) = (
         (
-            *(*p.line_mm, *p.along_mm, p.sample_pitch_mm, p.speed_mm_s, p.lead_mm),
-            math.nan if p.preload_mm is None else p.preload_mm,
+            (p.direction, p.pushed, len(p.line_mm), p.preload_mm is None),
+            [*p.line_mm, *p.along_mm, p.sample_pitch_mm, p.speed_mm_s, p.lead_mm, p.preload_mm or 0.0],
         )
         for p in (one, other)
-    ]
-    return (
-        (one.direction, one.pushed, len(one.line_mm), one.preload_mm is None)
-        == (other.direction, other.pushed, len(other.line_mm), other.preload_mm is None)
-    ) and all(a == b or math.isnan(a) or abs(a - b) < _SAME_MM for a, b in zip(*numbers, strict=True))
+    )
+    return ways == other_ways and bool(np.allclose(numbers, other_numbers, rtol=0.0, atol=tolerance))

@@ -12,7 +12,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.mounting import mount, require_generator
+from whisker_array.scan.mounting import mount
 from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sensor import SensorChain
 from whisker_array.scan.stage_play import StagePlay
@@ -146,7 +146,6 @@ def trace_scan(
         raise ValueError(
             f"the array has {plan.array.kinds} kinds of whiskers, but {1 + len(others)} touches are given"
         )
-    require_generator(rng, sensor, stage)
     touches = (touch, *others)
     part = mount(
         height_map,
@@ -155,22 +154,14 @@ def trace_scan(
         beyond_mm=plan.lead_mm + 2.0 * plan.line_pitch_mm,
         friction=friction,
         soil=soil,
+        fidelity=fidelity,
+        sensor=sensor,
+        stage=stage,
+        rng=rng,
     )
-    n = plan.array.n_whiskers
-    state = None if sensor is None else sensor.at_rest()
+    rate, pause = plan.sample_rate_hz, plan.turnaround_s
     sweeps = [
-        part.feel(
-            sweep,
-            touches=touches,
-            fidelity=fidelity,
-            air_samples=plan.air_samples,
-            sample_rate_hz=plan.sample_rate_hz,
-            sensor=sensor,
-            stage=stage,
-            rng=rng,
-            state=state,
-            pause_s=plan.turnaround_s,
-        )
+        part.feel(sweep, air_samples=plan.air_samples, sample_rate_hz=rate, pause_s=pause)
         for sweep in plan.sweeps()
     ]
     return Scan(
@@ -181,7 +172,7 @@ def trace_scan(
         part_id=part_id,
         fidelity=fidelity.value,
         others=others,
-        kind=tuple(int(i) for i in np.repeat(np.arange(len(touches)), n)),
+        kind=tuple(int(i) for i in np.repeat(np.arange(len(touches)), plan.array.n_whiskers)),
     )
 
 

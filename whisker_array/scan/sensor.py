@@ -111,11 +111,6 @@ class SensorChain(Gauges):
         """State of its gauges when they have hung in air for long."""
         return SensorState.at_rest(self.n_whiskers, self.memory)
 
-    @classmethod
-    def ideal(cls, n_whiskers: int) -> SensorChain:
-        """A chain that hands every moment on as it is: gain 1, no offset, noise, drift or converter."""
-        return cls(np.ones(n_whiskers), np.zeros(n_whiskers))
-
 
 def draw_sensor_chain(
     n_whiskers: int,

@@ -111,21 +111,19 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
     earliest = min(begin)
     n = max(b + s.plan.n_samples for b, s in zip(begin, sweeps, strict=True)) - earliest
     air = min(s.air_n_mm.shape[2] for s in sweeps)
-    moment, flags = [], []
+    moment, flags, outside = [], [], np.uint8(SampleFlag.OUTSIDE)
     for b, sweep in zip(begin, sweeps, strict=True):
-        shape = (*sweep.plan.line_mm.shape, n)
-        at = slice(b - earliest, b - earliest + sweep.plan.n_samples)
-        own_moment = np.zeros(shape, dtype=np.float32)
-        own_flags = np.full(shape, np.uint8(SampleFlag.OUTSIDE))
-        own_moment[..., at], own_flags[..., at] = sweep.moment_n_mm, sweep.flags
+        lead, before = sweep.plan.n_lead, b - earliest
+        after = n - before - sweep.plan.n_samples
+        own = sweep.flags.copy()
         # run-in and run-out of a stretch within the line are no part of it
-        lead = sweep.plan.n_lead
-        if at.start > 0:
-            own_flags[..., at.start : at.start + lead] |= np.uint8(SampleFlag.OUTSIDE)
-        if at.stop < n:
-            own_flags[..., at.stop - lead : at.stop] |= np.uint8(SampleFlag.OUTSIDE)
-        moment.append(own_moment)
-        flags.append(own_flags)
+        if before:
+            own[..., :lead] |= outside
+        if after:
+            own[..., sweep.plan.n_samples - lead :] |= outside
+        around = ((0, 0), (0, 0), (before, after))
+        moment.append(np.pad(sweep.moment_n_mm, around))
+        flags.append(np.pad(own, around, constant_values=outside))
     plan = SweepPlan(
         direction=first.direction,
         line_mm=np.concatenate([s.plan.line_mm for s in sweeps]),

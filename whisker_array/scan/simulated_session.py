@@ -9,7 +9,7 @@ import numpy as np
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
-from whisker_array.scan.mounting import Mounted, mount, require_generator
+from whisker_array.scan.mounting import Mounted, mount
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
@@ -123,7 +123,6 @@ class SimulatedSession:
             MapError: a friction map or soil that does not fit.
             ValueError: a sensor or a stage without `rng`.
         """
-        require_generator(rng, sensor, stage)
         if sensor is None:
             # lines that lie far apart do not show gains by what neighbours feel
             whiskers = array.n_whiskers * array.rows
@@ -138,8 +137,6 @@ class SimulatedSession:
             part_id=part_id,
         )
         self.felt_s = 0.0
-        self._fidelity, self._sensor, self._stage, self._rng = fidelity, sensor, stage, rng
-        self._state = None if sensor is None else sensor.at_rest()
         self._part: Mounted | None = mount(
             height_map,
             touches=(touch,),
@@ -147,6 +144,10 @@ class SimulatedSession:
             beyond_mm=_BEYOND_HEIGHTS * height_mm + 2.0 * sample_pitch_mm,
             friction=friction,
             soil=soil,
+            fidelity=fidelity,
+            sensor=sensor,
+            stage=stage,
+            rng=rng,
         )
 
     def feel(self, order: Pass) -> Sweep:
@@ -163,21 +164,13 @@ class SimulatedSession:
                 f"a pass of {len(order.line_mm)} whiskers for an array of {whiskers}",
                 "plan it for this array",
             )
-        touch = self.fitting.touch
-        if order.preload_mm is not None:
-            touch = replace(touch, preload_mm=order.preload_mm)
         self.felt_s += order.stage_s
         return self._part.feel(
             order.sweep_plan(),
-            touches=(touch,),
-            fidelity=self._fidelity,
             air_samples=order.air_samples,
             sample_rate_hz=order.sample_rate_hz,
-            sensor=self._sensor,
-            stage=self._stage,
-            rng=self._rng,
-            state=self._state,
             pause_s=order.turnaround_s,
+            preload_mm=order.preload_mm,
         )
 
     def close(self) -> None:

@@ -35,10 +35,8 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
         rows, cols = height_map.shape
         if rows * cols * factor**2 > MAX_PIXELS:
             raise MapError(
-                (
-                    f"{rows} x {cols} samples {pitch:g} mm apart, scanned in steps of {target_mm:g} mm, "
-                    f"would be more than {MAX_PIXELS:,}"
-                ),
+                f"{rows} x {cols} samples {pitch:g} mm apart, scanned in steps of {target_mm:g} mm, "
+                f"would be more than {MAX_PIXELS:,}",
                 hint="crop the map, or scan it in coarser steps",
             )
         filled, dropout = fill_dropouts(height_map.z_mm)

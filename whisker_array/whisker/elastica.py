@@ -136,10 +136,8 @@ def _rod(whisker: Whisker, *, mu: float, alpha_rad: float) -> _Rod:
     d11 = chain_compliance(segments, axial=False)[:3, :3]
     if not (d11 @ push)[1] > 0.0:
         raise ElasticaError(
-            (
-                f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
-                "cannot lift the tip"
-            ),
+            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
+            "cannot lift the tip",
             hint="take a smaller k, or a surface less steep",
         )
     length = sum(s.length_mm for s in segments)
@@ -215,10 +213,8 @@ def _follow(rod: _Rod, target: float) -> Any:
         step /= 4.0
         if step < _SMALLEST_STEP * min(LOAD_STEP, target):
             raise ElasticaError(
-                (
-                    f"no bent shape found beyond a lift of {reached * rod.length_mm:.3g} mm: there the "
-                    "tip slips through, jams or folds"
-                ),
+                f"no bent shape found beyond a lift of {reached * rod.length_mm:.3g} mm: there the "
+                "tip slips through, jams or folds",
                 hint="lower the lift, the friction or the slope, or thicken a taper's end",
             )
 

@@ -94,10 +94,8 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:
         raise WhiskerError(
-            (
-                f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
-                "cannot lift the tip"
-            ),
+            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
+            "cannot lift the tip",
             hint="take a smaller k, or a surface less steep",
         )
     return lift_mm / give

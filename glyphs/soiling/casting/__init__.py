@@ -1,5 +1,1 @@
 """Casting: the rough skin of a green-sand casting, on which or in which the mark stands."""
-
-from glyphs.soiling.casting.pour import casting
-
-__all__ = ["casting"]

@@ -1,5 +1,1 @@
 """Beside a weld: heat scale in plates, spatter welded on, grinder swathes across the mark, arc strikes, heat tint."""
-
-from glyphs.soiling.weld.plate import weld
-
-__all__ = ["weld"]

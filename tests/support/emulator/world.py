@@ -10,7 +10,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from pipeline.bench.ramp import Ramp
 from pipeline.bench.settings import BenchSettings
 from recognition.views.levelling import level
 from whisker_array.scan.mounting import mount
-from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.passes import SweepPlan
 
@@ -173,13 +172,7 @@ class World:
             n_lead=0,
             pushed=round(turn - int(direction)) % 360 == 180,
         )
-        felt = self._part.feel(
-            plan,
-            touches=(replace(self._touch, preload_mm=preload_mm),),
-            fidelity=Fidelity.CONTACT,
-            air_samples=0,
-            sample_rate_hz=1.0,
-        )
+        felt = self._part.feel(plan, air_samples=0, sample_rate_hz=1.0, preload_mm=preload_mm)
         return np.asarray(np.nan_to_num(felt.moment_n_mm[0].astype(np.float64)))
 
 

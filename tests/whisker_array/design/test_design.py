@@ -149,7 +149,10 @@ def test_a_binding_limit_costs_contrast_and_a_slack_one_nothing(made: Design) ->
 
 def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
     request = replace(ASKED, depth_mm=2.0 * ASKED.depth_mm, character_height_mm=10.0)
-    twice = design_whisker(request, limits=Limits().scaled(2.0))
+    usual = Limits()
+    l1, thickness = ((2.0 * low, 2.0 * high) for low, high in (usual.l1_mm, usual.thickness_mm))
+    limits = replace(usual, l1_mm=l1, thickness_mm=thickness, force_n=4.0 * usual.force_n)
+    twice = design_whisker(request, limits=limits)
     assert twice.contrast == pytest.approx(made.contrast, rel=1e-3)
     for name in ("l1_mm", "lowered_mm"):
         assert getattr(twice.whisker, name) == pytest.approx(2.0 * getattr(made.whisker, name), rel=0.02)

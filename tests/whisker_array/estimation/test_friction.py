@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, TraceDirection
-from tests.factories import extruded, scanned
+from tests.factories import extruded, ideal_chain, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, only
@@ -95,7 +95,7 @@ def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu
 
 
 def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
-    chain = SensorChain.ideal(2 * N)
+    chain = ideal_chain(2 * N)
     calibration = Calibration(chain.gain, chain.offset_n_mm, from_land=True)
     assert land_friction(replace(scan_of(0.4, two_way=False), calibration=calibration)) == ()
     # the way back needs no gains

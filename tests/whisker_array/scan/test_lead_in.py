@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
+from tests.factories import ideal_chain
 from whisker_array.scan.lead_in import calibrate_scan
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
@@ -59,7 +60,7 @@ def test_a_whisker_that_never_ran_in_keeps_its_gain() -> None:
 
 
 def test_what_gives_no_calibration_is_said() -> None:
-    ideal = SensorChain.ideal(4)
+    ideal = ideal_chain(4)
     with pytest.raises(SensorError, match="lead-in"):
         calibrate_scan(scan_with(ideal, lead_mm=0.0))
     with pytest.raises(SensorError, match="air"):

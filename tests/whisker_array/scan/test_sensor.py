@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.factories import ideal_chain
 from whisker_array.scan.calibration import Calibration, apply_calibration, calibrate_lead_in
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain, measure
 
@@ -27,7 +28,7 @@ def run(moment: np.ndarray, chain: SensorChain, seed: int = 0) -> tuple[np.ndarr
 def test_ideal_chain_changes_nothing() -> None:
     moment = rng().standard_normal((2, 3, 50)).astype(np.float32)
     moment[0, 1, 7] = np.nan
-    raw, saturated = run(moment, SensorChain.ideal(3))
+    raw, saturated = run(moment, ideal_chain(3))
     np.testing.assert_array_equal(raw, moment)
     assert raw.dtype == np.float32
     assert not saturated.any()
@@ -157,14 +158,14 @@ def test_refusals_say_what_is_wrong() -> None:
     with pytest.raises(SensorError, match="adc_range_n_mm is 0"):
         SensorChain(one, one, adc_range_n_mm=0.0)
     with pytest.raises(SensorError, match="one for each whisker"):
-        SensorChain.ideal(0)
+        ideal_chain(0)
     with pytest.raises(SensorError, match="gain_sd"):
         draw_sensor_chain(1, rng=rng(), gain_sd=0.5)
     with pytest.raises(SensorError, match="full_scale_n_mm"):
         draw_sensor_chain(1, rng=rng(), full_scale_n_mm=math.nan)
     with pytest.raises(SensorError, match="1 whiskers, samples"):
-        run(np.zeros((2, 5)), SensorChain.ideal(1))
+        run(np.zeros((2, 5)), ideal_chain(1))
     with pytest.raises(SensorError, match="sample_rate_hz"):
-        measure(np.zeros((1, 5)), chain=SensorChain.ideal(1), sample_rate_hz=0.0, rng=rng())
+        measure(np.zeros((1, 5)), chain=ideal_chain(1), sample_rate_hz=0.0, rng=rng())
     with pytest.raises(SensorError, match="raw has shape"):
         apply_calibration(np.zeros(5), Calibration(one, one))

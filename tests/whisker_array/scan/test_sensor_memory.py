@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.errors import MarksError
-from whisker_array.scan.sensor import NOISE, SensorChain, draw_sensor_chain, measure
+from tests.factories import ideal_chain
+from whisker_array.scan.sensor import NOISE, draw_sensor_chain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
     HOLD_S,
@@ -140,7 +141,7 @@ def test_hanging_in_air_is_the_same_at_once_and_sample_by_sample(seconds: float,
 
 
 def test_the_chain_carries_its_state_and_lifts_between_passes() -> None:
-    chain = replace(SensorChain.ideal(2), memory=drawn(2))
+    chain = replace(ideal_chain(2), memory=drawn(2))
     load = np.stack([np.full((2, 30), -15.0), np.zeros((2, 30))]).astype(np.float32)
     both, _ = measure(load, chain=chain, sample_rate_hz=RATE, rng=rng())
     state = chain.at_rest()
