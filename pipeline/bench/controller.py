@@ -15,7 +15,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from pipeline.bench.moves import Moves
 from pipeline.bench.ramp import Ramp
@@ -58,19 +58,53 @@ class Dialect:
     bad: tuple[tuple[str, str], ...]
 
 
-class Sender(Protocol):
-    """Lines on their way to a firmware."""
+class Sender:
+    """Lines on their way to a firmware, which acknowledges each by `ok`, in order.
+
+    Lines go as far as the firmware has room. After it has asked for a line again they go one at a time.
+
+    Attributes:
+        wait_s: longest wait for the next answer.
+    """
+
+    def __init__(
+        self,
+        lines: Sequence[bytes],
+        *,
+        first: int = 0,
+        room_bytes: float = math.inf,
+        query: bytes = b"",
+        most_resends: int = 24,
+    ) -> None:
+        """Take the lines.
+
+        Args:
+            lines: with their ends.
+            first: number of the first, in what is asked for again.
+            room_bytes: bytes that may be in flight.
+            query: asks the firmware for its state, in a silence.
+            most_resends: that are answered.
+        """
+        self._lines, self._first, self._room_bytes, self._query = lines, first, room_bytes, query
+        self._sent = self._acknowledged = self._refused = 0
+        self._again, self._resends_left, self.wait_s = False, most_resends, LOOK_S
 
     @property
     def done(self) -> bool:
         """Whether every line is acknowledged."""
-
-    @property
-    def wait_s(self) -> float:
-        """Longest wait for the next answer."""
+        return self._acknowledged == len(self._lines)
 
     def due(self, *, silent: bool) -> bytes:
         """Take the bytes to be written now; `silent`: the last wait brought no answer."""
+        begin = self._sent
+        if self._again:
+            # those behind the spoilt line have been refused as well by now
+            self._sent += silent and self._acknowledged == begin
+        while not self._again and self._sent < len(self._lines):
+            if sum(map(len, self._lines[self._acknowledged : self._sent + 1])) > self._room_bytes:
+                break
+            self._sent += 1
+        return (self._query if silent else b"") + b"".join(self._lines[begin : self._sent])
 
     def acknowledges(self, answer: str) -> bool:
         """Take an answer in; False where it acknowledges nothing.
@@ -78,6 +112,18 @@ class Sender(Protocol):
         Raises:
             ValueError: a line is asked for again that cannot be sent.
         """
+        if answer.startswith("ok"):
+            # each refused line has an `ok` of its own
+            self._acknowledged += not self._refused and self._acknowledged < self._sent
+            self._refused -= bool(self._refused)
+        elif found := re.match(r"(?:Resend|rs)\D*(\d+)", answer):
+            self._sent, self._again, self.wait_s = int(found[1]) - self._first, True, 0.1
+            self._refused, self._resends_left = self._refused + 1, self._resends_left - 1
+            if self._resends_left < 0 or not self._acknowledged <= self._sent <= len(self._lines):
+                raise ValueError(f"wants line {found[1]} again")
+        else:
+            return False
+        return True
 
 
 class Controller(ABC):

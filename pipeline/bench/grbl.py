@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import re
 import time
-from collections import deque
 from collections.abc import Sequence
 
 from pipeline.bench.controller import LOOK_S, Controller, Dialect, Sender
 
-# bytes that may be in flight
-_ROOM = 127
+# that may be in flight
+_ROOM_BYTES = 127
 _ALARMS = {
     "1": "a limit switch was hit",
     "2": "a move would have left the soft limits",
@@ -69,7 +68,7 @@ class Grbl(Controller):
 
     def sender(self, lines: Sequence[str]) -> Sender:
         """Count the characters in flight."""
-        return _Counted(lines)
+        return Sender([f"{line}\n".encode() for line in lines], room_bytes=_ROOM_BYTES, query=b"?")
 
     def ask_place(self) -> None:
         """Ask for a status report."""
@@ -114,28 +113,3 @@ class Grbl(Controller):
                 self._place = (float(found[2]), float(found[3]), float(found[4]))
                 return found[1]
         return None
-
-
-class _Counted:
-    """Lines sent as far as the firmware's buffer has room; a status report is asked for in a silence."""
-
-    wait_s = LOOK_S
-
-    def __init__(self, lines: Sequence[str]) -> None:
-        self._waiting, self._flying = deque(f"{line}\n".encode() for line in lines), deque[int]()
-
-    @property
-    def done(self) -> bool:
-        return not (self._waiting or self._flying)
-
-    def due(self, *, silent: bool) -> bytes:
-        batch = b"?" if silent else b""
-        while self._waiting and sum(self._flying) + len(self._waiting[0]) <= _ROOM:
-            self._flying.append(len(self._waiting[0]))
-            batch += self._waiting.popleft()
-        return batch
-
-    def acknowledges(self, answer: str) -> bool:
-        if answer == "ok" and self._flying:
-            self._flying.popleft()
-        return answer == "ok"

@@ -76,7 +76,8 @@ class Marlin(Controller):
         """Number the lines on from the last."""
         first = 0 if lines[0] == _COUNT_ANEW else self._number + 1
         self._number = first + len(lines) - 1
-        return _Numbered(lines, first=first)
+        bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
+        return Sender([f"{body}*{reduce(xor, body.encode())}\n".encode() for body in bodies], first=first)
 
     def ask_place(self) -> None:
         """Send M114.
@@ -113,41 +114,3 @@ class Marlin(Controller):
                 "the stage does not stop as it should, and was halted (M112); the tips may be down",
                 "switch it off, lift the comb by hand, and home it",
             ) from None
-
-
-class _Numbered:
-    """Lines with number and checksum; after a resend they go one at a time."""
-
-    def __init__(self, lines: Sequence[str], *, first: int, most_resends: int = 24) -> None:
-        bodies = [f"N{number} {line}" for number, line in enumerate(lines, start=first)]
-        self._lines = [f"{body}*{reduce(xor, body.encode())}\n".encode() for body in bodies]
-        self._first, self._resends_left = first, most_resends
-        self._sent = self._acknowledged = self._ignored = 0
-        self.wait_s = LOOK_S
-
-    @property
-    def done(self) -> bool:
-        return self._acknowledged == len(self._lines)
-
-    def due(self, *, silent: bool) -> bytes:
-        begin = self._sent
-        if begin == 0 and self.wait_s == LOOK_S:  # nothing was asked for again
-            self._sent = len(self._lines)
-        elif silent and self._acknowledged == begin:
-            # those behind the spoilt line have been refused as well by now
-            self._sent += 1
-        return b"".join(self._lines[begin : self._sent])
-
-    def acknowledges(self, answer: str) -> bool:
-        if answer.startswith("ok"):
-            # each refused line has an `ok` of its own
-            self._acknowledged += not self._ignored
-            self._ignored -= bool(self._ignored)
-        elif found := re.match(r"(?:Resend|rs)\D*(\d+)", answer):
-            self._sent, self.wait_s = int(found[1]) - self._first, 0.1
-            self._ignored, self._resends_left = self._ignored + 1, self._resends_left - 1
-            if self._resends_left < 0 or not self._acknowledged <= self._sent <= len(self._lines):
-                raise ValueError(f"wants line {found[1]} again")
-        else:
-            return False
-        return True
