@@ -158,7 +158,7 @@ class Service:
         gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
         gauge("workers_ready", "1 while parts can be read.", self.pool.ready)
-        if self.jobs.watched:
+        if self.jobs.drifts():
             gauge("drift", "1 while parts are unlike the certified ones.", lambda: bool(self.jobs.drift))
         gauge(
             "bench_fault",
@@ -206,7 +206,7 @@ class Service:
             "status": "ready" if all(one.works for one in targets) else "degraded",
             "mode": "shadow" if self.settings.shadow else "",
             **{one.key: one.summary for one in targets},
-            "drift": (self.jobs.drift or "none") if self.jobs.watched else "",
+            "drift": (self.jobs.drift or "none") if self.jobs.drifts() else "",
             "bench": (bench.message() or "none") if bench.parts else "",
             "of_no_use": without_folders("; ".join(troubles.values())),
             "sweep": self.sweeps.trouble,

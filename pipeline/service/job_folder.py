@@ -31,7 +31,7 @@ from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import EVERY, DriftWatch
 from pipeline.reading.job_check import check_job, read_settings
 from pipeline.service.recent_files import GlyphDatabases, RecentFiles
-from pipeline.service.web.problem import OwnProblem, Problem, no_room
+from pipeline.service.web.problem import OwnProblem, Problem
 
 log = structlog.get_logger("tactile-marks")
 _State = tuple[int, int]
@@ -100,9 +100,10 @@ class JobFolder:
         """
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
-        self._own_watch = _watch_of(own)
-        self._known: dict[str, _Known] = {}  # each change is one step of the dict, so threads need no lock
-        self._recent, self._needed = RecentFiles(folder, SUFFIX), needed
+        # the service's own settings are the job without a name; each change is one step of the dict, so threads need
+        # no lock
+        self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), _watch_of(own))}
+        self._recent, self._needed = RecentFiles(folder, SUFFIX, "job", needed=needed), needed
         self.lock = threading.RLock()
         self.call = _called_here  # workers start later
         for name in self._recent.files():
@@ -116,30 +117,26 @@ class JobFolder:
             OwnProblem: its file is away, or cannot be used.
             Problem: no job has that name.
         """
-        return self.own if not name else self._job(name).settings
+        return self._job(name).settings
 
     def watch(self, name: str) -> DriftWatch | None:
         """The drift watch of a job; None for one that is not certified."""
-        return self._watches().get(name)
-
-    @property
-    def watched(self) -> bool:
-        """Whether anything is certified."""
-        return bool(self._watches())
+        known = self._known.get(name)
+        return None if known is None else known.watch
 
     def drifts(self) -> dict[str, str | None]:
-        """Difference of each job's parts from the certified ones; None if too few were read to tell."""
-        return {name: one.message() if one.parts >= EVERY else None for name, one in self._watches().items()}
+        """Difference of each certified job's parts from the certified ones; None if too few were read to tell."""
+        watches = {name: known.watch for name, known in sorted(self._known.copy().items())}
+        return {
+            name: watch.message() if watch.parts >= EVERY else None
+            for name, watch in watches.items()
+            if watch is not None
+        }
 
     @property
     def drift(self) -> str:
         """Difference of parts from the certified ones; empty without any."""
-        said = {name: one.message() for name, one in sorted(self._watches().items())}
-        return "; ".join(f"job {name}: {why}" if name else why for name, why in said.items() if why)
-
-    def _watches(self) -> dict[str, DriftWatch]:
-        found = {"": self._own_watch, **{name: known.watch for name, known in self._known.copy().items()}}
-        return {name: watch for name, watch in found.items() if watch is not None}
+        return "; ".join(f"job {name}: {why}" if name else why for name, why in self.drifts().items() if why)
 
     def listed(self) -> list[JobAnswer]:
         """Every job, by name."""
@@ -157,7 +154,7 @@ class JobFolder:
         Raises:
             Problem: a file that cannot be used.
         """
-        if re.fullmatch(NAME, name) is None or name not in self._recent.files():
+        if name not in self._recent.files():
             return None
         job = self._job(name)
         lines = {"line": list(job.settings.line)} if job.settings.line else {}
@@ -185,7 +182,8 @@ class JobFolder:
             written: settings, as they are to stand in the file.
 
         Raises:
-            OwnProblem: the file cannot be written, or one that it names cannot be used.
+            OwnProblem: a file that it names cannot be used.
+            FileError, OSError: its own cannot be written.
             Problem: the settings cannot be.
         """
         if re.fullmatch(NAME, name) is None:
@@ -202,13 +200,10 @@ class JobFolder:
             except MarksError as error:
                 raise Problem(422, self._unplaced(error)) from error
             text = job_text(written, job.settings.line)
-            try:
-                self.folder.mkdir(exist_ok=True)
-                with replacing(path) as temporary:
-                    temporary.write_text(text, encoding="utf-8")
-                state = _state_of(path)
-            except (FileError, OSError) as error:
-                raise no_room(error) from error
+            self.folder.mkdir(exist_ok=True)
+            with replacing(path) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+            state = _state_of(path)
             job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
             self._known[name] = _Known(state, job, watch)
         log.info("job", job=name, sha256=job.sha256)
@@ -218,7 +213,8 @@ class JobFolder:
         """Take a job away.
 
         Raises:
-            Problem: 404, there is none; 409, the watched folder is read by it; 503, its file cannot be removed.
+            Problem: 404, there is none; 409, the watched folder is read by it.
+            OSError: its file cannot be removed.
         """
         path = self._recent.files().get(name)
         if path is None:
@@ -228,24 +224,18 @@ class JobFolder:
                 409, f"the watched folder is read by the job {name}; set watch.job to another first"
             )
         with self.lock:
-            try:
-                path.unlink(missing_ok=True)
-            except OSError as error:
-                raise no_room(error) from error
+            path.unlink(missing_ok=True)
             self._recent.forget(name)
             self._known.pop(name, None)
         log.info("job deleted", job=name)
 
     def _job(self, name: str) -> JobFile:
-        known = self._look(name) if re.fullmatch(NAME, name) else None
-        there = self._recent.files()
-        if known is None:
-            if self._recent.is_away(name, for_ever=name == self._needed):
-                raise OwnProblem(f"the job {name} was there and is not; put {name}{SUFFIX} back")
-            named = ", ".join(there) or "none at all"
-            raise Problem(422, f"there is no job {name[:100]!r}; there is {named}")
-        if known.job is None:
-            raise OwnProblem(f"the job {name} cannot be used: {known.problem}")
+        if name:
+            self._recent.find(name)
+        known = self._look(name) if name else self._known[name]
+        if known is None or known.job is None:
+            why = "its file is gone" if known is None else known.problem
+            raise OwnProblem(f"the job {name} cannot be used: {why}")
         return known.job
 
     def _look(self, name: str) -> _Known | None:

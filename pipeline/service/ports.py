@@ -24,21 +24,12 @@ _TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
 
 class Input(Protocol):
-    """Brings parts to the intake.
-
-    Attributes:
-        title: of the log.
-        place: of the log: address or folder.
-    """
+    """Brings parts to the intake; `title` is its name in the log."""
 
     title: str
 
-    @property
-    def place(self) -> dict[str, object]:
-        """Address or folder, for the log."""
-
-    async def start(self) -> None:
-        """Begin; raises OSError for an address that cannot be had."""
+    async def start(self) -> dict[str, object]:
+        """Begin; returns its address or folder, for the log. Raises OSError for an address that cannot be had."""
 
     async def stop(self, *, grace_s: float) -> None:
         """End; what is being read gets `grace_s`."""
@@ -124,9 +115,8 @@ class Ports:
                 self._intake.on_result = wake
                 stack.push_async_callback(dispatcher.stop, grace_s=min(self._grace_s, 10.0))
             for key, one in self._inputs.items():
-                await one.start()
+                place = await one.start()
                 stack.push_async_callback(one.stop, grace_s=self._grace_s)
-                place = one.place
                 log.info(one.title, **place)
                 if "port" in place:
                     at = f"listens at {place['host']}:{place['port']}"

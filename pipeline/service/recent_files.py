@@ -21,8 +21,16 @@ log = structlog.get_logger("tactile-marks")
 class RecentFiles:
     """The files of one folder with one suffix; hidden ones do not count."""
 
-    def __init__(self, folder: Path, suffix: str) -> None:
-        self._folder, self._suffix = folder, suffix
+    def __init__(self, folder: Path, suffix: str, what: str, *, needed: str = "") -> None:
+        """Take the folder.
+
+        Args:
+            folder: of the files; it need not exist.
+            suffix: of their names.
+            what: one of them, in words.
+            needed: name of one that the settings name: if it is away, it is expected to come back.
+        """
+        self._folder, self._suffix, self._what, self._needed = folder, suffix, what, needed
         self._seen_s: dict[str, float] = {}
         self._left: set[str] = set()
 
@@ -42,14 +50,25 @@ class RecentFiles:
         self._seen_s |= dict.fromkeys(found, time.monotonic())
         return found
 
+    def find(self, name: str) -> Path:
+        """The file of a name.
+
+        Raises:
+            OwnProblem: it was there lately, and is away.
+            Problem: there is none.
+        """
+        files = self.files()
+        if name in files:
+            return files[name]
+        seen_s = self._seen_s.get(name)
+        if seen_s is not None and (name == self._needed or time.monotonic() - seen_s < MOST_AWAY_S):
+            raise OwnProblem(f"the {self._what} {name} was there and is not; put {name}{self._suffix} back")
+        there = ", ".join(files) or "none at all"
+        raise Problem(422, f"there is no {self._what} {name[:100]!r}; there is {there}")
+
     def forget(self, name: str) -> None:
         """Forget a file that was taken away on purpose."""
         self._seen_s.pop(name, None)
-
-    def is_away(self, name: str, *, for_ever: bool = False) -> bool:
-        """Whether a file that is not there now was there within `MOST_AWAY_S`, or ever."""
-        seen_s = self._seen_s.get(name)
-        return seen_s is not None and (for_ever or time.monotonic() - seen_s < MOST_AWAY_S)
 
 
 NO_TEXT = "its name is not UTF-8 text; rename it"
@@ -78,7 +97,7 @@ class GlyphDatabases:
             SettingsError: there is no such default.
         """
         self.folder, self._default = folder, default
-        self._recent = RecentFiles(folder, ".glyphs")
+        self._recent = RecentFiles(folder, ".glyphs", "glyph database")
         if default is not None and not default.is_file():
             raise SettingsError(
                 f"there is no glyph database {default}", hint="make it with enroll, or name another"
@@ -91,15 +110,7 @@ class GlyphDatabases:
             OwnProblem: its file was there lately, and is away.
             Problem: no database has that name.
         """
-        if not name:
-            return None
-        files = self._recent.files()
-        if name not in files:
-            if self._recent.is_away(name):
-                raise OwnProblem(f"the glyph database {name} was there and is not; put its file back")
-            there = ", ".join(files) or "none at all"
-            raise Problem(422, f"there is no glyph database {name!r}; there is {there}")
-        return files[name]
+        return self._recent.find(name) if name else None
 
     def listed(self) -> list[dict[str, Any]]:
         """Name, size and time of each, and whether it is the default."""

@@ -19,7 +19,7 @@ from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.web.problem import OwnProblem, Problem
+from pipeline.service.web.problem import OwnProblem, Problem, busy
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
@@ -159,7 +159,7 @@ class WorkerCalls:
         try:
             found: T = self._pool.submit(function, *arguments, timeout_s=timeout_s).result()
         except BusyError as error:
-            raise busy_problem(error) from error
+            raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
             log.warning("worker lost", why=str(error))
             if error.timed_out:
@@ -176,7 +176,7 @@ class WorkerCalls:
             done: T = await asyncio.wrap_future(self._pool.submit(function, *arguments))
         except BusyError as error:
             self._metrics.refused.inc()
-            raise busy_problem(error) from error
+            raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
             self._metrics.lost_workers.inc()
             self._lost = [*self._lost[-99:], str(error)]
@@ -203,11 +203,6 @@ class WorkerCalls:
             raise
         if self._troubles.pop(key, None) is not None:
             log.info("parts can be read again", job=job, database=database)
-
-
-def busy_problem(error: BusyError) -> Problem:
-    """The answer while the queue is full."""
-    return Problem(503, str(error), headers={"Retry-After": str(max(1, round(error.retry_after_s)))})
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:

@@ -99,13 +99,8 @@ class OpcUaPort:
         self._shown: deque[tuple[str, datetime]] = deque(maxlen=256)
         self._showing = asyncio.Lock()
 
-    @property
-    def place(self) -> dict[str, object]:
-        """Where it listens."""
-        return {"host": self.host, "port": self.port}
-
-    async def start(self) -> None:
-        """Build the nodes and listen.
+    async def start(self) -> dict[str, object]:
+        """Build the nodes and listen; returns where.
 
         Raises:
             OSError: the address cannot be had, a certificate cannot be read.
@@ -143,6 +138,7 @@ class OpcUaPort:
         if server.bserver is not None:
             self.port = server.bserver.port
         self._server = server
+        return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
         """Close; what is being read gets `grace_s`."""

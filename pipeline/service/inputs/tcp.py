@@ -102,13 +102,8 @@ class TcpPort:
         self._reading: set[asyncio.Task[bytes]] = set()
         self._stopping = False
 
-    @property
-    def place(self) -> dict[str, object]:
-        """Where it listens."""
-        return {"host": self.host, "port": self.port}
-
-    async def start(self) -> None:
-        """Listen.
+    async def start(self) -> dict[str, object]:
+        """Listen; returns where.
 
         Raises:
             OSError: the address cannot be had.
@@ -116,6 +111,7 @@ class TcpPort:
         limit = 2 * self._limits.line_bytes
         self._server = await asyncio.start_server(self._serve, self.host, self.port, limit=limit)
         self.port = self._server.sockets[0].getsockname()[1]
+        return {"host": self.host, "port": self.port}
 
     async def stop(self, *, grace_s: float = 20.0) -> None:
         """Close the port: accept no new callers, drop idle ones, and give triggers under way `grace_s` seconds."""

@@ -10,7 +10,7 @@
 * A file that cannot be used is named once, in the log, and left where it is; of a set, the others are read. Nothing in
   the folder is ever changed.
 * Only what is wrong with the file itself is final. While the queue is full, or something of the service's own is of no
-  use, files wait in the folder. One over which workers or the program fail is named, and tried again ever more rarely.
+  use, files wait in the folder. One over which workers or the program fail is named, and tried again after a rest.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ import os
 import shutil
 import stat
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +35,7 @@ from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handle
 from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
+from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.errors import StoreError, UnfitError
@@ -47,23 +47,8 @@ if TYPE_CHECKING:
 log = structlog.get_logger("tactile-marks")
 REST = 5.0
 """Times that a look or an attempt took, waited at least before the next, so that neither takes all of the machine."""
-MOST_REST_S = 20.0
-"""Longest that the rest after an attempt grows to by doubling: what was mended is found soon."""
-
-
-@dataclass(frozen=True)
-class _Failure:
-    """The last attempt at a part that came to nothing.
-
-    Attributes:
-        tries: attempts so far.
-        why: in words; logged when it changes.
-        until_s: by the monotonic clock, when the next attempt is due.
-    """
-
-    tries: int
-    why: str
-    until_s: float
+LEAST_REST_S = 1.0
+"""Least rest after an attempt that came to nothing."""
 
 
 class WatchedFolder:
@@ -101,26 +86,19 @@ class WatchedFolder:
         )
         self._stopping = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
-        self._failures: dict[str, _Failure] = {}
+        # attempts that came to nothing: why, and when the next one is due by the monotonic clock
+        self._failures: dict[str, tuple[str, float]] = {}
 
-    @property
-    def place(self) -> dict[str, object]:
-        """The watched folder and the interval between two looks, seconds."""
-        return {"folder": str(self.folder), "every_s": self._settings.every_s}
-
-    async def start(self) -> None:
-        """Begin to look."""
+    async def start(self) -> dict[str, object]:
+        """Begin to look; returns where, and how often."""
         self._task = asyncio.create_task(self._watch())
+        return {"folder": str(self.folder), "every_s": self._settings.every_s}
 
     async def stop(self, *, grace_s: float) -> None:
         """Take no more files; those under way get `grace_s` to be read, else they are read after the next start."""
         self._stopping.set()
         if self._task is not None:
-            done, _ = await asyncio.wait([self._task], timeout=grace_s)
-            if not done:
-                self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
+            await end_tasks([self._task], grace_s=grace_s)
         self.journal.close()
 
     async def look(self) -> None:
@@ -145,12 +123,9 @@ class WatchedFolder:
     async def _take(self, part: WatchedPart) -> None:
         """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
         async with self._at_once:
-            failure = self._failures.get(part.key)
-            if self._stopping.is_set() or (failure is not None and time.monotonic() < failure.until_s):
-                return
-            if not self._intake.takes(self._settings.job):
+            began_s, (_, due_s) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
+            if self._stopping.is_set() or began_s < due_s or not self._intake.takes(self._settings.job):
                 return  # the next look finds it again
-            began_s = time.monotonic()
             problems: dict[Path, str] = {}
             read: PartRecord | None = None
             try:
@@ -174,14 +149,10 @@ class WatchedFolder:
                 await self._write_down(path, Handled(state, part_id, problems.get(path, "")))
 
     def _failed(self, part: WatchedPart, why: str, began_s: float) -> None:
-        """Leave a part for a later attempt; the rest before it doubles."""
-        before = self._failures.get(part.key)
-        tries = 1 if before is None else before.tries + 1
-        now_s = time.monotonic()
-        took_s = REST * (now_s - began_s)
-        rest_s = max(took_s, min(took_s * 2.0 ** min(tries - 1, 30), MOST_REST_S))
-        self._failures[part.key] = _Failure(tries, why, now_s + rest_s)
-        if before is None or before.why != why:
+        """Leave a part for a later attempt."""
+        now_s, (before, _) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
+        self._failures[part.key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
+        if before != why:
             log.warning("watched file waits", file=visible(part.name), why=why)
 
     async def _write_down(self, path: Path, handled: Handled) -> None:

@@ -14,7 +14,6 @@ import ipaddress
 import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 import anyio.to_thread
 from starlette.datastructures import Headers
@@ -24,13 +23,12 @@ from starlette.responses import Response
 from pipeline.service.web.access import Access
 from pipeline.service.web.middleware import problem_answer
 from pipeline.service.web.own_user import is_in, is_own_user
-from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem import Problem, busy
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-_SIGNING_IN = "/login"
 _UPLOADS = re.compile("/v1/(?:golden|parts|parts/.*/scan)")
 _OPEN = ("/healthz", "/readyz", "/metrics")
 _FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
@@ -72,10 +70,8 @@ class DoorLayer:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Turn a request away, or let it in."""
-        if scope["type"] == "http":
-            answer = await self._answer(scope)
-            if answer is not None:
-                return await answer(scope, receive, send)
+        if scope["type"] == "http" and (answer := await self._answer(scope)) is not None:
+            return await answer(scope, receive, send)
         return await self._app(scope, receive, send)
 
     async def _answer(self, scope: Scope) -> Response | None:
@@ -84,11 +80,12 @@ class DoorLayer:
         headers = Headers(scope=scope)
         try:
             self._check_origin(scope, headers)
-            self._check_proxy(scope, headers)
-            if self._access.own_user and not self._access.required:
+            if not self._access.required:
                 state["other_user"] = await self._is_other_user(scope, headers)
-            connection = HTTPConnection(scope)
-            if self._access.asked(connection) and _needs_token(scope):
+            connection, path = HTTPConnection(scope), scope["path"]
+            # pages that are only looked at redirect to the sign-in themselves
+            changes = scope["method"] not in _SAFE_METHODS and path != "/login"
+            if self._access.asked(connection) and (changes or path.startswith("/v1/")):
                 state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
             self._check_room(scope, headers)
         except Problem as refused:
@@ -105,29 +102,22 @@ class DoorLayer:
         site, origin = headers.get("sec-fetch-site"), headers.get("origin")
         if scope["method"] in _SAFE_METHODS or site in ("same-origin", "none"):
             return
-        try:
-            own = origin is None or urlsplit(origin).netloc.lower() == headers.get("host", "").lower()
-        except ValueError:
-            own = False
+        own = origin is None or origin.partition("://")[2].lower() == headers.get("host", "").lower()
         if site is not None or not own:
             raise Problem(403, "the request comes out of a page of another site")
 
-    def _check_proxy(self, scope: Scope, headers: Headers) -> None:
-        if self._access.required or not any(name in headers for name in _FORWARDED):
-            return
-        if not is_in((scope.get("client") or ("",))[0], self._proxies):
+    async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
+        """Whether a program of another user of this machine calls; a proxy must be named in the settings."""
+        client, server = scope.get("client") or ("", 0), scope.get("server")
+        if any(name in headers for name in _FORWARDED):
+            if is_in(client[0], self._proxies):
+                return False
             raise Problem(
                 403,
                 "the request comes through a proxy, and the service asks for no token: everybody whom the proxy lets "
                 'in could use it; set tokens = "on", or name the proxy\'s address in trusted_proxies',
             )
-
-    async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
-        """Whether a program of another user calls, and not through a proxy that is named."""
-        client, server = scope.get("client"), scope.get("server")
-        if client is None or server is None or scope["path"] in _OPEN:
-            return False
-        if is_in(client[0], self._proxies) and any(name in headers for name in _FORWARDED):
+        if not self._access.own_user or server is None or scope["path"] in _OPEN:
             return False
         return not await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
 
@@ -136,18 +126,7 @@ class DoorLayer:
             return
         length = headers.get("content-length", "0")
         if length.isdigit() and int(length) > self._most_bytes:
-            most = f"{self._most_bytes / 1e6:.0f} MB"
-            raise Problem(413, f"the upload is over the limit of {most}; crop it")
-        wait_s = self._busy()
-        if wait_s is not None:
+            raise Problem(413, f"the upload is over the limit of {self._most_bytes / 1e6:.0f} MB; crop it")
+        if (wait_s := self._busy()) is not None:
             self._refused()
-            seconds = str(max(1, round(wait_s)))
-            detail = f"as many parts wait as may; ask again in {seconds} s"
-            raise Problem(503, detail, headers={"Retry-After": seconds})
-
-
-def _needs_token(scope: Scope) -> bool:
-    """Whether a request must have a token here; pages that are only looked at redirect to the sign-in themselves."""
-    if scope["path"].startswith("/v1/"):
-        return True
-    return scope["method"] not in _SAFE_METHODS and scope["path"] != _SIGNING_IN
+            raise busy(wait_s)

@@ -67,8 +67,15 @@ class OwnProblem(Problem):
         super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})
 
 
-def no_room(error: Exception) -> Problem:
+def no_room(error: BaseException) -> Problem:
     """The answer where a file of the service's own cannot be written or read: the sender has done nothing wrong."""
     log.error("files cannot be kept", why=str(error))
     detail = "the service cannot keep what was sent; its log says why; send it again later"
     return Problem(503, detail, headers={"Retry-After": "30"})
+
+
+def busy(wait_s: float) -> Problem:
+    """The answer while the queue of parts is full."""
+    seconds = str(max(1, round(wait_s)))
+    detail = f"the queue is full; as many parts wait as may; send it again in {seconds} s"
+    return Problem(503, detail, headers={"Retry-After": seconds})

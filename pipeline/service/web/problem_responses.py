@@ -14,47 +14,41 @@ from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
 _STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
+# FileError: of the service's own files; faults of files that were sent are Problems already
+_EXPECTED = (Problem, StoreError, FileError, OSError, RequestValidationError, HTTPException)
 log = structlog.get_logger("tactile-marks")
 
 
 def add_problem_handlers(app: FastAPI) -> None:
     """Have the application answer what it and the store raise."""
 
-    def answer(request: Request, problem: Problem) -> Response:
-        return problem_answer(problem, request.scope)
+    async def answer(request: Request, error: Exception) -> Response:
+        return problem_answer(problem_of(error, request), request.scope)
 
-    @app.exception_handler(Problem)
-    async def _problem(request: Request, error: Problem) -> Response:
-        return answer(request, error)
+    for kind in _EXPECTED:
+        app.add_exception_handler(kind, answer)
 
-    @app.exception_handler(StoreError)
-    async def _store(request: Request, error: StoreError) -> Response:
+
+def problem_of(error: BaseException, request: Request) -> Problem:
+    """The answer to an expected error."""
+    if isinstance(error, Problem):
+        return error
+    if isinstance(error, StoreError):
         for kind, status in _STATUSES.items():
             if isinstance(error, kind):
-                return answer(request, Problem(status, str(error)))
+                return Problem(status, str(error))
         log.error("store", why=str(error))
         # do not disclose its address, least of all to callers without a token
-        return answer(request, OwnProblem("the store does not answer; the service's log says why"))
-
-    @app.exception_handler(FileError)  # faults of uploaded files are reported by the reading orders
-    @app.exception_handler(OSError)
-    async def _disk(request: Request, error: Exception) -> Response:
-        return answer(request, no_room(error))
-
-    @app.exception_handler(RequestValidationError)
-    async def _invalid(request: Request, error: RequestValidationError) -> Response:
+        return OwnProblem("the store does not answer; the service's log says why")
+    if isinstance(error, RequestValidationError):
         first = error.errors()[0]
         where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
-        detail = f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}"
-        return answer(request, Problem(422, detail))
-
-    @app.exception_handler(HTTPException)
-    async def _http(request: Request, error: HTTPException) -> Response:
-        detail = str(error.detail)
-        if isinstance(error.__cause__, Problem):  # an upload that has stalled, say
-            return answer(request, error.__cause__)
-        if isinstance(error.__cause__, OSError):  # the upload could not be put down while it came
-            return answer(request, no_room(error.__cause__))
-        if error.status_code == 404:
-            detail = f"there is nothing at {request.url.path[:200]}; see /docs for the addresses"
-        return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))
+        return Problem(422, f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}")
+    if not isinstance(error, HTTPException):
+        return no_room(error)
+    if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be put down
+        return problem_of(error.__cause__, request)
+    detail = str(error.detail)
+    if error.status_code == 404:
+        detail = f"there is nothing at {request.url.path[:200]}; see /docs for the addresses"
+    return Problem(error.status_code, detail, headers=dict(error.headers or {}))

@@ -95,7 +95,7 @@ def patient_protocol(
         def connection_made(self, transport: Any) -> None:
             """Count it; one too many is closed."""
             super().connection_made(transport)
-            self.transport = _Lingering(transport, unread=self._unread)  # type: ignore[assignment]
+            self.transport = _Lingering(transport, self)  # type: ignore[assignment]
             self._address = self.client[0] if self.client else ""
             open_now[self._address] += 1
             if open_now[self._address] > an_address and not is_in(self._address, trusted):
@@ -112,26 +112,20 @@ def patient_protocol(
             before = self.cycle
             super().data_received(data)
             if self.cycle is not before:
-                self._head_is_whole()
+                self._wait_for_head(ends=True)
 
         def connection_lost(self, exc: Exception | None) -> None:
             """Count it no longer."""
-            self._head_is_whole()
+            self._wait_for_head(ends=True)
             open_now[self._address] -= 1
             if not open_now[self._address]:
                 del open_now[self._address]
             super().connection_lost(exc)
 
-        def _unread(self) -> bool:
-            return self.conn.their_state in (h11.SEND_BODY, h11.ERROR)
-
-        def _wait_for_head(self) -> None:
-            self._head_timer = self.loop.call_later(head_s, self.transport.abort)
-
-        def _head_is_whole(self) -> None:
+        def _wait_for_head(self, *, ends: bool = False) -> None:
             if self._head_timer is not None:
                 self._head_timer.cancel()
-                self._head_timer = None
+            self._head_timer = None if ends else self.loop.call_later(head_s, self.transport.abort)
 
     return PatientProtocol
 
@@ -140,8 +134,8 @@ class _Lingering:
     """A connection's transport that closes in two steps where a request is not read whole: it says no more, and hears
     the rest for LINGER_S or until the caller closes."""
 
-    def __init__(self, transport: Any, *, unread: Callable[[], bool]) -> None:
-        self._transport, self._unread = transport, unread
+    def __init__(self, transport: Any, protocol: H11Protocol) -> None:
+        self._transport, self._protocol = transport, protocol
         self._lingers = False
 
     def __getattr__(self, name: str) -> Any:
@@ -151,7 +145,7 @@ class _Lingering:
         return self._lingers or bool(self._transport.is_closing())
 
     def close(self) -> None:
-        if self.is_closing() or not self._unread():
+        if self.is_closing() or self._protocol.conn.their_state not in (h11.SEND_BODY, h11.ERROR):
             self._transport.close()
             return
         self._lingers = True

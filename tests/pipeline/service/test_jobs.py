@@ -189,7 +189,7 @@ def test_a_job_has_a_certificate_of_its_own(tmp_path: Path) -> None:
     jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
     watch = jobs.watch("left")
     assert watch is not None
-    assert (jobs.watched, jobs.watch(""), jobs.drift) == (True, None, "")
+    assert (jobs.watch(""), jobs.drift) == (None, "")
     for part in certificates.measured(EVERY, rough_um=5.0):
         watch.add("tactile", part)
     assert jobs.drift.startswith("job left: these parts are unlike the certified ones")
