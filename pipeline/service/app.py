@@ -7,25 +7,25 @@ import contextlib
 import time
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import structlog
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, FastAPI
 from fastapi.responses import Response
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
 from pipeline.common.private import private_folder
+from pipeline.common.records import Scope
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.api.answers import problems
+from pipeline.service.api.answers import may, problems
 from pipeline.service.api.export import export_router
 from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
@@ -41,10 +41,10 @@ from pipeline.service.ports import Ports, senders_of
 from pipeline.service.recent_files import GlyphDatabases
 from pipeline.service.reviews import Reviews
 from pipeline.service.tasks import end_tasks, repeat
-from pipeline.service.web.access import Access
+from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.door import DoorLayer
 from pipeline.service.web.middleware import RequestLayer
-from pipeline.service.web.openapi import described
+from pipeline.service.web.openapi import describe_api
 from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.service.web.uploads import SMALL_BODY
@@ -324,9 +324,9 @@ def create_app(service: Service) -> FastAPI:
         ),
     ):
         app.include_router(router, max_body_size=SMALL_BODY)
-    _add_service_routes(app, service)
+    app.include_router(_service_router(service))
     add_problem_handlers(app)
-    app.openapi = lambda: described(app, asked=access.required, root_path=settings.root_path)  # type: ignore[method-assign]
+    app.openapi = lambda: describe_api(app, asked=access.required, root_path=settings.root_path)  # type: ignore[method-assign]
     # the last one lies outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
@@ -351,47 +351,34 @@ def _names(settings: ServiceSettings) -> tuple[str, ...]:
     return tuple(f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names)
 
 
-def _add_service_routes(app: FastAPI, service: Service) -> None:
-    tags: list[str | Enum] = ["service"]
-    not_yet: dict[int | str, dict[str, Any]] = {
-        503: {**problems(503)[503], "description": "not yet; the detail says why"}
-    }
-    plain: dict[int | str, dict[str, Any]] = {200: {"content": {"text/plain": {}}}}
+def _service_router(service: Service) -> APIRouter:
+    """Routes about the service itself; the first three need no token."""
+    router, Reads = APIRouter(tags=["service"]), may(service.access, Scope.READ)
+    not_yet = {**problems(503)[503], "description": "not yet; the detail says why"}
 
-    @app.get("/healthz", tags=tags, summary="Whether the service is alive", response_model=dict[str, str])
-    async def healthz() -> Any:
+    @router.get("/healthz")
+    async def healthz() -> dict[str, str]:
+        """Whether the service is alive."""
         return {"status": "alive"}
 
-    @app.get(
-        "/readyz",
-        tags=tags,
-        summary="Whether parts can be read",
-        response_model=dict[str, str],
-        responses=not_yet,
-    )
-    def readyz() -> Any:
+    @router.get("/readyz", responses={503: not_yet})
+    def readyz() -> dict[str, str]:
+        """Whether parts can be read."""
         if why := service.why_not_ready():
             raise Problem(503, why, headers={"Retry-After": "1"})
         return service.state()
 
-    @app.get(
-        "/metrics", tags=tags, summary="Numbers for Prometheus", response_class=Response, responses=plain
-    )
-    def metrics() -> Any:
+    @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+    def metrics() -> Response:
+        """Numbers for Prometheus."""
         return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
 
-    @app.get(
-        "/v1/databases",
-        tags=tags,
-        summary="Glyph databases that a part may be read with",
-        response_model=list[dict[str, Any]],
-        responses=problems(401, 403),
-    )
-    def databases(request: Request) -> Any:
-        from pipeline.common.records import Scope
-
-        service.access.caller(request, Scope.READ)
+    @router.get("/v1/databases", responses=problems(401, 403))
+    def databases(caller: Caller = Reads) -> list[dict[str, Any]]:
+        """Glyph databases that a part may be read with."""
         return service.databases.listed()
+
+    return router
 
 
 def check_folder(settings: ServiceSettings) -> Path:

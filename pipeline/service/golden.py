@@ -40,7 +40,7 @@ class GoldenPart:
         self._store, self._calls, self._relief, self._line = store, calls, settings.relief, line
         self._every = timedelta(hours=settings.every_h)
 
-    async def scanned(self, sent: Upload, *, reference: bool) -> GoldenRecord:
+    async def measure(self, sent: Upload, *, reference: bool) -> GoldenRecord:
         """Measure a scan, and keep what it shows.
 
         Raises:

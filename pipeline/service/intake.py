@@ -166,7 +166,7 @@ class Intake:
         if part.touch is not None and part.touch.by_stage and not self.draining:
             # also where the request was sent again because the service was killed here
             with contextlib.suppress(Problem):  # noted in its history; it still waits, and is tried again
-                part = await self.touching.felt(part)
+                part = await self.touching.attempt(part)
         return replace(received, part=part)
 
     async def add_scan(
@@ -200,7 +200,7 @@ class Intake:
             part = await asyncio.to_thread(
                 self.store.ask_for_touch, part.id, line=self._settings.line, until=self.touching.until()
             )
-        return await self.touching.felt(part)
+        return await self.touching.attempt(part)
 
     async def trigger(self, name: str, job: str = "") -> PartRecord:
         """Photograph and read the part under the camera by a job; feel it if the camera is unsure.
@@ -315,7 +315,7 @@ class Intake:
         self._announce(await asyncio.to_thread(self.store.give_up_touch, part.id, why=why, targets=targets))
 
     def targets_of(self, part: PartRecord) -> tuple[str, ...]:
-        """Targets of a part's results; none of one in shadow mode."""
+        """Targets of a part's results; empty in shadow mode."""
         return () if self._hidden(part) else self.targets
 
     # ------------------------------------------------------------------------------------------------------- keep

@@ -10,7 +10,7 @@ from pipeline.common.records import PartState, ShadowRecord, TouchWait
 
 
 class Touch(StrEnum):
-    """Who feels a part of which the camera is unsure."""
+    """Choice of the stage or the sender to feel a part, if the camera is unsure."""
 
     ASKED = "asked"
     """The service's stage, on a later request; without a stage a person gets the part."""

@@ -40,7 +40,7 @@ def senders_of(settings: ServiceSettings) -> dict[str, Sender]:
 
     Raises:
         MissingExtraError: a library of an extra is not installed.
-        SettingsError: an address that cannot be.
+        SettingsError: a webhook's secret that cannot be.
     """
     senders: dict[str, Sender] = {}
     if settings.webhook.url:

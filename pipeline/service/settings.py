@@ -7,8 +7,8 @@ tactile-marks.toml      [service]                       (beside the settings of 
 environment             TACTILE_MARKS_SERVICE_PORT=8417, TACTILE_MARKS_SERVICE_MQTT_URL=mqtt://broker:1883
 flags                   serve --port 8417 --mqtt.url mqtt://broker:1883
 
-Every setting has a default that works on one machine. A first deployment sets five: `host`, `folder`,
-`tls.certificate`, `mqtt.url` or `webhook.url`, and `stage.driver` (docs: how-to/deploy).
+Every setting has a default that works on one machine. A first deployment sets five: `format`, `folder`, `watch.folder`,
+`mqtt.url` (or another output) and `host` (docs: tutorials/line).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import ipaddress
 import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
+from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -42,16 +43,26 @@ def _prefix(value: str) -> str:
     return value
 
 
-def _web_address(value: str) -> str:
-    if value and not value.startswith(("http://", "https://")):
-        raise ValueError("it is not a web address; begin it with https:// or http://")
+def _address(*schemes: str, hint: str) -> AfterValidator:
+    def check(value: str) -> str:
+        parts = urlsplit(value)
+        if value and (parts.scheme not in schemes or not parts.hostname):
+            raise ValueError(hint)
+        return value
+
+    return AfterValidator(check)
+
+
+def _topic(value: str) -> str:
+    if not re.fullmatch(r"[^+#\0/$][^+#\0]*(?<!/)", value):
+        raise ValueError("it is not the beginning of a topic; use a word such as line-4")
     return value
 
 
-def _broker(value: str) -> str:
-    if value and not value.startswith(("mqtt://", "mqtts://")):
-        raise ValueError("it is not a broker's address; write mqtt://host:1883 or mqtts://host:8883")
-    return value
+_WEB = _address("http", "https", hint="it is not a web address; write https://host/path or http://host/path")
+_BROKER = _address(
+    "mqtt", "mqtts", hint="it is not a broker's address; write mqtt://host:1883 or mqtts://host:8883"
+)
 
 
 def _from_json(value: Any) -> Any:
@@ -90,17 +101,17 @@ class ReviewSettings(Settings):
     """Review by people."""
 
     second_reader: bool = False
-    """A part is reviewed when two people have said the same of it; the second does not see what was read."""
+    """A part is reviewed when two people have read the same; the second does not see what was read before."""
     audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
-    """Of a thousand accepted parts so many, drawn at random, are read by a person as well, who does not see what was
-    accepted; the dashboard shows how many parts are accepted wrong."""
+    """Number of accepted parts, of a thousand, that a person reads too, drawn at random, without seeing what was
+    accepted. The dashboard shows how many parts are accepted wrong."""
 
 
 class SerialSettings(Settings):
-    """Rules of serials among serials."""
+    """Duplicate, order and sequence checks."""
 
     duplicates: bool = False
-    """Send a part to a person if another part bears its serial."""
+    """Send a part to a person if another part has the same serial."""
     jump: int = Field(default=0, ge=0, le=1_000_000)
     """Send a part to a person if its serial is further than this from its place in the row; 0: never."""
     order: Path | None = None
@@ -177,16 +188,16 @@ class OpcUaSettings(Settings):
     key: Path | None = None
     """Private key of that certificate."""
     users: Annotated[dict[str, str], BeforeValidator(_from_json)] = Field(default_factory=dict, repr=False)
-    """Passwords of the OPC UA server by user; without any, everybody may call who can reach it. In the environment
+    """Passwords of the OPC UA server by user; without users, everybody who can reach it may call. In the environment
     as JSON: {"line": "secret"}."""
 
 
 class MqttSettings(Settings):
     """Results over MQTT (extra mqtt)."""
 
-    url: Annotated[str, AfterValidator(_broker)] = Field(default="", repr=False)
+    url: Annotated[str, _BROKER] = Field(default="", repr=False)
     """Broker to publish results to, mqtt://host:1883 or mqtts://user:password@host:8883."""
-    prefix: str = "tactile-marks"
+    prefix: Annotated[str, AfterValidator(_topic)] = "tactile-marks"
     """First level of the topics."""
     version: Literal["5", "3.1.1"] = "5"
     """Version of MQTT. With 3.1.1 a broker cannot say that it refuses a result, and one that it refuses is lost."""
@@ -195,7 +206,7 @@ class MqttSettings(Settings):
 class WebhookSettings(Settings):
     """Results over HTTP."""
 
-    url: Annotated[str, AfterValidator(_web_address)] = ""
+    url: Annotated[str, _WEB] = ""
     """Web address to post results to."""
     secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag. Default: unsigned."""
@@ -269,8 +280,8 @@ class ServiceSettings(Settings):
     """Shadow mode: parts are read and compared with what the line's own reader says (expected), and nothing is decided
     or published; the page /shadow shows how the two agree."""
     drain_s: float = Field(default=1.0, ge=0.0, le=600.0)
-    """Seconds for which the service that is asked to stop still answers: /readyz says that it is stopping, new parts
-    are refused, and whoever sends them parts can look for another."""
+    """Seconds for which the service still answers after it is asked to stop: /readyz says that it is stopping, new
+    parts are refused, and senders can turn to another service."""
     shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
     """Seconds that running requests have to end when the service stops."""
     log: Literal["json", "text"] = "json"

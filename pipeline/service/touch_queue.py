@@ -70,7 +70,7 @@ class TouchQueue:
         """Until when a part waits that begins to wait now."""
         return datetime.now(UTC) + timedelta(seconds=self._wait_s)
 
-    async def felt(self, part: PartRecord) -> PartRecord:
+    async def attempt(self, part: PartRecord) -> PartRecord:
         """The part once the attempt at it has ended; one that is under way is waited for.
 
         Raises:

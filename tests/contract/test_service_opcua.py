@@ -149,6 +149,12 @@ async def test_wrong_passwords_are_logged_and_delay_the_next(line: Line) -> None
     assert "geheim" not in line.service.log
     async with line.client() as client:  # and the right one is let in
         assert await client.get_namespace_index(SPACE)
+    plain = Client(line.url, timeout=100)
+    plain.set_user("line-user")
+    plain.set_password("geheim")
+    with pytest.raises(ua.UaError):  # a password never travels in the clear
+        async with plain:
+            pass
 
 
 async def test_silent_callers_keep_nobody_out(line: Line) -> None:

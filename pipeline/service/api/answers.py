@@ -60,7 +60,7 @@ def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
 
 
 class ReviewBody(BaseModel):
-    """What a person says of a part."""
+    """A person's review of a part."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -111,7 +111,7 @@ Key = Annotated[
 
 
 class Sought(BaseModel):
-    """What parts of a list have in common; times without a zone are by UTC."""
+    """Filters of a list of parts; times without a zone are UTC."""
 
     state: PartState | None = None
     text: str = _sought("that its serial holds")

@@ -51,7 +51,7 @@ _HISTORY = History((EventRecord(_AT, "received"),), (_UNSURE,), (_REVIEW,), (_PH
 PART_EXAMPLE, TOUCH_EXAMPLE, HISTORY_EXAMPLE = map(to_json, (answer(_PART), answer(_TOUCH), _HISTORY))
 
 
-def answered(status: int, **examples: dict[str, Any]) -> dict[int | str, dict[str, Any]]:
+def example_answer(status: int, **examples: dict[str, Any]) -> dict[int | str, dict[str, Any]]:
     """The answer of a route with its examples by name, for the description."""
     values = {name: {"value": value} for name, value in examples.items()}
     return {status: {"content": {"application/json": {"examples": values}}}}

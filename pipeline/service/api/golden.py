@@ -45,7 +45,7 @@ def golden_router(golden: GoldenPart, intake: Intake, access: Access) -> APIRout
         It is no part: it is in no list, no figure and no result. The first one is the reference.
         """
         with intake.work_folder() as folder:
-            await golden.scanned(await receive(scan, "scan", folder), reference=reference)
+            await golden.measure(await receive(scan, "scan", folder), reference=reference)
         return golden_scans()[0]
 
     @router.get("/golden")

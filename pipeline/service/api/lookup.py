@@ -25,7 +25,7 @@ from pipeline.service.api.answers import (
     may,
     problems,
 )
-from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, answered
+from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, example_answer
 from pipeline.service.intake import Intake
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import Problem
@@ -56,7 +56,7 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
         return [answer(part, root_path) for part in store.parts(**sought.values())]
 
     @router.get(
-        "/parts/{part_id}", tags=["parts"], responses=answered(200, part=PART_EXAMPLE) | problems(404)
+        "/parts/{part_id}", tags=["parts"], responses=example_answer(200, part=PART_EXAMPLE) | problems(404)
     )
     def one_part(part_id: PartId, caller: Caller = Reads) -> PartAnswer:
         """A part as it stands."""
@@ -65,7 +65,7 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
     @router.get(
         "/parts/{part_id}/history",
         tags=["parts"],
-        responses=answered(200, history=HISTORY_EXAMPLE) | problems(404),
+        responses=example_answer(200, history=HISTORY_EXAMPLE) | problems(404),
     )
     def history(part_id: PartId, caller: Caller = Reads) -> History:
         """All that happened to a part.

@@ -24,7 +24,7 @@ from pipeline.service.api.answers import (
     may,
     problems,
 )
-from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, answered
+from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, example_answer
 from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.reviews import Reviews
@@ -61,8 +61,8 @@ def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
     Writes, Reviews = may(access, Scope.WRITE), may(access, Scope.REVIEW)
-    read = answered(201, accepted=PART_EXAMPLE, touch_needed=TOUCH_EXAMPLE)
-    part_answered = answered(200, part=PART_EXAMPLE)
+    read = example_answer(201, accepted=PART_EXAMPLE, touch_needed=TOUCH_EXAMPLE)
+    part_answered = example_answer(200, part=PART_EXAMPLE)
 
     @router.post("/parts", status_code=201, responses=read | _REPLAYED | problems(400, 413, 415))
     async def read_part(

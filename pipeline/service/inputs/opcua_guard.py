@@ -34,7 +34,7 @@ SIGN_IN_S = 10.0
 MOST_FAULTS = 3
 # methods that run at once for one connection
 MOST_CALLS = 8
-# seconds before a wrong password is answered: who tries many of them is slowed down
+# seconds before a wrong password is answered, against guessing
 WRONG_PASSWORD_S = 1.0
 # bytes of one message
 MESSAGE_BYTES = 1 << 20
@@ -72,7 +72,7 @@ def guarded_server(users: Users, *, sessions: int) -> Any:
     """An asyncua server behind these limits.
 
     Args:
-        users: who may sign in.
+        users: users that may sign in.
         sessions: maximum number of connections that have signed in.
     """
     asyncua = require_asyncua()

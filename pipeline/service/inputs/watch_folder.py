@@ -129,7 +129,7 @@ class WatchedFolder:
             problems: dict[Path, str] = {}
             read: PartRecord | None = None
             try:
-                read = await self._submitted(part, problems)
+                read = await self._submit(part, problems)
             except (Problem, UnfitError) as problem:
                 if isinstance(problem, Problem) and not problem.is_final:
                     return self._failed(part, problem.detail, began_s)
@@ -162,7 +162,7 @@ class WatchedFolder:
             log.error("watched file not written down", file=visible(path.name), why=str(error))
             self.journal.done[str(path)] = handled
 
-    async def _submitted(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
+    async def _submit(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
         """Submit the files of a part; None if a file was written to meanwhile, or no file can be used.
 
         Args:
@@ -178,7 +178,7 @@ class WatchedFolder:
         with self._intake.work_folder() as folder:
             for number, (path, state) in enumerate(part.files.items(), start=1):
                 try:
-                    copy = await asyncio.to_thread(self._copied, path, state, folder, number)
+                    copy = await asyncio.to_thread(self._copy, path, state, folder, number)
                 except Problem as problem:
                     log.warning("watched file left", file=visible(path.name), why=problem.detail)
                     problems[path] = problem.detail
@@ -198,7 +198,7 @@ class WatchedFolder:
         log.info("watched file read", file=visible(part.name), photos=len(photos), part=received.part.id)
         return received.part
 
-    def _copied(self, path: Path, state: FileState, folder: Path, number: int) -> Path | None:
+    def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path | None:
         """A copy under a name that says what it holds; None where the file is no longer as it was.
 
         Raises:

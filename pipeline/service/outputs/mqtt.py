@@ -20,13 +20,11 @@ import contextlib
 import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
-from pipeline.common.settings import SettingsError
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
-from pipeline.service.outputs.mqtt_connection import LEAVE_S, PORTS, MqttConnection
+from pipeline.service.outputs.mqtt_connection import LEAVE_S, MqttConnection
 from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
@@ -59,21 +57,13 @@ class MqttSender:
 
         Raises:
             MissingExtraError: paho-mqtt is not installed.
-            SettingsError: no such address or topic.
         """
         try:
             import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:
             raise MissingExtraError("MQTT", "paho-mqtt", "mqtt") from error
-        parts, prefix = urlsplit(settings.url), settings.prefix
-        if parts.scheme not in PORTS or not parts.hostname:
-            raise SettingsError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
-        if not prefix or not _NO_TOPIC.isdisjoint(prefix) or prefix[0] in "/$" or prefix.endswith("/"):
-            raise SettingsError(
-                f"the MQTT prefix {prefix!r} is not a beginning of a topic", hint="use a word such as line-4"
-            )
         self._settings, self._timeout_s = settings, timeout_s
-        self._prefix, self._status = prefix, f"{prefix}/status"
+        self._prefix, self._status = settings.prefix, f"{settings.prefix}/status"
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
         self._closed = False

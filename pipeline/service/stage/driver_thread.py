@@ -65,23 +65,23 @@ class DriverThread:
             OSError: raised by the driver.
             StageDownError: the driver does not answer in time, has a fault, or too many calls wait for it already.
         """
-        made = self._submitted(work, timeout_s)
+        made = self._submit(work, timeout_s)
         try:
             outcome: T = made.future.result(made.timeout_s)
         except TimeoutError:
             raise self._late(made) from None
         return outcome
 
-    async def called(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
+    async def call_async(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
         """As `call`, in a coroutine."""
-        made = self._submitted(work, timeout_s)
+        made = self._submit(work, timeout_s)
         try:
             outcome: T = await asyncio.wait_for(asyncio.wrap_future(made.future), made.timeout_s)
         except TimeoutError:
             raise self._late(made) from None
         return outcome
 
-    def _submitted(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
+    def _submit(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
         if self.trouble:
             raise self._down(self.trouble)
         made = _Call(work, self.timeout_s if timeout_s is None else timeout_s)

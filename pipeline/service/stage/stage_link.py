@@ -1,6 +1,6 @@
 """A real stage and the worker that reads: the driver stays in the service's process, passes go through a connection.
 
-    worker: reader --pass--> LinkedSession <== connection ==> StageLink: the driver's session --> whiskers
+    worker: reader --pass--> LinkedStage <== connection ==> StageLink: the driver's session --> whiskers
 
 The driver's session is closed when the worker has done, has failed, or is gone.
 """
@@ -12,7 +12,6 @@ import contextlib
 import secrets
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
 from typing import TYPE_CHECKING, Any
@@ -31,17 +30,20 @@ _LOST = (EOFError, OSError)
 _LOOK_S = 0.02
 
 
-@dataclass(frozen=True)
 class LinkedStage:
-    """The stage as a worker has it; it opens one session.
+    """The stage as a worker has it, and the one session that it opens.
 
     Attributes:
         address: of the connection.
-        key: that the service knows its worker by.
+        fitting: as the driver says, once it is open.
     """
 
-    address: Any
-    key: bytes
+    fitting: Fitting
+    _connection: Connection
+
+    def __init__(self, address: Any, key: bytes) -> None:
+        """Take the address, and the key that the service knows its worker by."""
+        self.address, self._key = address, key
 
     def open(self, order: ScanOrder) -> StageSession:
         """Have the service's driver open a session.
@@ -49,25 +51,13 @@ class LinkedStage:
         Raises:
             StageError: it cannot.
         """
-        connection = Client(self.address, authkey=self.key)
+        self._connection = Client(self.address, authkey=self._key)
         try:
-            return LinkedSession(connection, order)
+            self.fitting = self._answer(order)
         except StageError:
-            connection.close()
+            self.close()
             raise
-
-
-class LinkedSession:
-    """The driver's session as a worker has it.
-
-    Attributes:
-        fitting: as the driver says.
-    """
-
-    def __init__(self, connection: Connection, order: ScanOrder) -> None:
-        """Open it."""
-        self._connection = connection
-        self.fitting: Fitting = self._asked(order)
+        return self
 
     def feel(self, order: Pass) -> Sweep:
         """Feel one pass.
@@ -75,14 +65,14 @@ class LinkedSession:
         Raises:
             StageError: it could not be felt.
         """
-        sweep: Sweep = self._asked(order)
+        sweep: Sweep = self._answer(order)
         return sweep
 
     def close(self) -> None:
         """Let the service close the driver's session."""
         self._connection.close()
 
-    def _asked(self, question: Any) -> Any:
+    def _answer(self, question: Any) -> Any:
         try:
             self._connection.send(question)
             answer = self._connection.recv()

@@ -109,7 +109,7 @@ class StageWork:
 
         async with self._one_at_a_time:
             timeout_s = self._thread.timeout_s + _PLANS * order.plan.seconds
-            return await self._thread.called(scanned, timeout_s=timeout_s)
+            return await self._thread.call_async(scanned, timeout_s=timeout_s)
 
 
 class CameraWork:
@@ -146,4 +146,4 @@ class CameraWork:
                 photos.append(Upload(copy, file.name, EvidenceKind.PHOTO))
             return photos
 
-        return await self._thread.called(photograph)
+        return await self._thread.call_async(photograph)

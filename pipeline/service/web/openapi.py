@@ -12,7 +12,7 @@ from pipeline.service.web.access import COOKIE
 from pipeline.service.web.problem import ProblemBody
 
 
-def described(app: FastAPI, *, asked: bool, root_path: str = "") -> dict[str, Any]:
+def describe_api(app: FastAPI, *, asked: bool, root_path: str = "") -> dict[str, Any]:
     """The OpenAPI document of an application.
 
     Args:

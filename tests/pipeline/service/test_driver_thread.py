@@ -22,7 +22,7 @@ def test_a_driver_that_hangs_is_told_refused_and_used_again(in_a_coroutine: bool
     camera, back = DriverThread("camera", timeout_s=LATE_S), threading.Event()
 
     def asked() -> object:
-        return asyncio.run(camera.called(back.wait)) if in_a_coroutine else camera.call(back.wait)
+        return asyncio.run(camera.call_async(back.wait)) if in_a_coroutine else camera.call(back.wait)
 
     with pytest.raises(StageDownError, match=r"the camera has not answered in 0\.05 s"):
         asked()
@@ -52,7 +52,7 @@ def test_calls_are_made_one_after_the_other_and_only_so_many_wait() -> None:
         at_once -= 1
 
     async def many() -> list[object]:
-        moves = [asyncio.ensure_future(stage.called(move)) for _ in range(MOST_WAITING + 3)]
+        moves = [asyncio.ensure_future(stage.call_async(move)) for _ in range(MOST_WAITING + 3)]
         await asyncio.sleep(0.1)
         go.set()
         return await asyncio.gather(*moves, return_exceptions=True)

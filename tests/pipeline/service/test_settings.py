@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pipeline.service.settings import ServiceSettings, is_loopback
@@ -22,3 +24,28 @@ def test_tokens_are_asked_for_where_others_can_call(host: str, alone: bool) -> N
     assert is_loopback(host) == alone
     assert ServiceSettings(host=host).tokens_asked == (not alone)
     assert ServiceSettings(host=host, tokens="on").tokens_asked
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "says", "values"),
+    [
+        ("mqtt", "url", "mqtt://host:1883", ("127.0.0.1:1883", "http://127.0.0.1", "mqtt://")),
+        ("mqtt", "prefix", "beginning of a topic", ("", "a/#", "+/a", "/a", "a/", "$SYS", "a\0")),
+        ("webhook", "url", "https://host", ("example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1")),
+    ],
+)
+def test_an_address_that_cannot_be_is_refused(
+    section: str, name: str, says: str, values: tuple[str, ...]
+) -> None:
+    for value in values:
+        with pytest.raises(ValueError, match=says):
+            ServiceSettings(**{section: {name: value}})  # type: ignore[arg-type]
+
+
+def test_users_of_opc_ua_need_a_certificate_and_a_certificate_its_key(tmp_path: Path) -> None:
+    for opcua, says in (
+        ({"users": {"a": "b"}}, "certificate"),
+        ({"certificate": tmp_path / "a.der"}, "both"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            ServiceSettings(opcua={"port": 0, **opcua})  # type: ignore[arg-type]

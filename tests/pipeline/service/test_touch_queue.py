@@ -87,9 +87,9 @@ def test_who_asks_while_the_stage_is_at_the_part_gets_what_comes_of_it(store: St
     part, bench = waiting(store), Bench(store)
 
     async def both() -> list[PartRecord]:
-        first = asyncio.create_task(bench.queue.felt(part))
-        second = asyncio.create_task(bench.queue.felt(part))
-        third = asyncio.create_task(bench.queue.felt(part))
+        first = asyncio.create_task(bench.queue.attempt(part))
+        second = asyncio.create_task(bench.queue.attempt(part))
+        third = asyncio.create_task(bench.queue.attempt(part))
         await asyncio.sleep(0)
         third.cancel()  # a caller who goes away takes nothing with him
         return list(await asyncio.gather(first, second))

@@ -14,7 +14,6 @@ import threading
 from collections.abc import AsyncIterator, Coroutine, Iterator
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -25,7 +24,7 @@ from pipeline.common.version import program_version
 from pipeline.service.inputs.opcua import OpcUaPort
 from pipeline.service.inputs.opcua_device import settings_fit
 from pipeline.service.inputs.opcua_result import ocr_scan_result, status_of
-from pipeline.service.settings import OpcUaSettings, ServiceSettings
+from pipeline.service.settings import OpcUaSettings
 from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 
@@ -357,51 +356,6 @@ def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
     shared.run(run())
 
 
-async def test_users_and_a_certificate(tmp_path: Path) -> None:
-    from asyncua.crypto.cert_gen import setup_self_signed_certificate
-    from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
-    files = {}
-    for who, usage in (
-        ("server", ExtendedKeyUsageOID.SERVER_AUTH),
-        ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
-    ):
-        files[who] = (tmp_path / f"{who}.der", tmp_path / f"{who}.pem")
-        certificate, key = files[who]
-        await setup_self_signed_certificate(
-            key, certificate, f"urn:tactile-marks:{who}", "localhost", [usage], {"commonName": who}
-        )
-    certificate, key = files["server"]
-
-    async def call(user: str, password: str, *, secure: bool = True) -> str:
-        client = Client(url, timeout=LONG_S)
-        client.application_uri = "urn:tactile-marks:client"
-        if user:
-            client.set_user(user)
-            client.set_password(password)
-        if secure:
-            mine, mine_key = files["client"]
-            await client.set_security(SecurityPolicyBasic256Sha256, mine, mine_key)
-        async with client:
-            device = await client.nodes.objects.get_child(DEVICE)
-            told: str = (await device.call_method("4:TriggerPart", "P1"))[1]
-            return told
-
-    options = {"users": {"line-4": "pa55"}, "certificate": certificate, "key": key}
-    async with serving_opcua(**options) as (_, url):
-        assert await call("line-4", "pa55") == "KX407251"
-        for user, password in (("line-4", ""), ("admin", "")):  # contract/test_service_opcua.py: a wrong one
-            with pytest.raises(ua.UaError):
-                await call(user, password)
-        with pytest.raises(ua.UaError):
-            await call("line-4", "pa55", secure=False)
-    with pytest.raises(ValueError, match="certificate"):
-        ServiceSettings(opcua=OpcUaSettings(port=0, users={"a": "b"}))
-    with pytest.raises(ValueError, match="both"):
-        ServiceSettings(opcua=OpcUaSettings(port=0, certificate=tmp_path / "server.der"))
-
-
 async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
     async def never(_: str) -> PartRecord:
         await asyncio.Event().wait()
@@ -415,17 +369,6 @@ async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait
             await Client(url, timeout=0.5).connect()
         assert await device.call_method("3:ScanStart", settings()) == 0
     await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
-
-
-def test_it_is_quiet(shared: Shared, caplog: pytest.LogCaptureFixture) -> None:
-    async def run() -> None:
-        async with shared.serving() as (_, url), asking(url) as (_, device):
-            await device.call_method("3:Scan", settings())
-
-    with caplog.at_level(logging.DEBUG):
-        shared.run(run())
-    told = [r for r in caplog.records if r.name.startswith("asyncua.server")]
-    assert told == []
 
 
 @pytest.mark.parametrize(

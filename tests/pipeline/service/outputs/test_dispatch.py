@@ -5,16 +5,15 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable
-from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
 
-from pipeline.common.records import Delivery, PartState
+from pipeline.common.records import Delivery
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace, body_of
-from tests.support.line_fakes import LONG_S, MemoryOutbox, part, reading, until
+from tests.support.line_fakes import LONG_S, MemoryOutbox, part, until
 
 pytestmark = pytest.mark.anyio
 
@@ -251,101 +250,6 @@ async def test_a_stop_does_not_wait_for_ever_and_loses_nothing() -> None:
     await asyncio.wait_for(dispatcher.stop(grace_s=0.05), LONG_S)
     assert outbox.undelivered() == 1
     assert not sender.arrived
-
-
-def test_with_the_real_store(tmp_path: Path) -> None:
-    """Readings and reviews of the store's own parts, by a sender that fails at random."""
-    from pipeline.common.part_id import new_part_id
-    from pipeline.common.records import ReviewAction
-    from pipeline.store.store import Store
-
-    store = Store.open(f"sqlite:///{tmp_path / 'store.db'}")
-    ids = [new_part_id() for _ in range(4)]
-    for index, part_id in enumerate(ids):
-        seen = reading(f"AB{index}")
-        store.add_part(
-            part_id=part_id, name="", state=PartState.ACCEPTED, readings=[seen], targets=("webhook",)
-        )
-        for text in ("AB1", "AB2"):
-            store.review(part_id, action=ReviewAction.CORRECT, text=text, who="Anna", targets=("webhook",))
-    assert store.undelivered() == 12
-
-    async def run() -> None:
-        rng = np.random.default_rng(8)
-
-        async def trouble(_: Delivery) -> None:
-            if rng.random() < 0.5:
-                raise DeliveryError("not now", away=bool(rng.random() < 0.5))
-
-        sender = Recorder(trouble)
-        dispatcher = dispatcher_of(store, webhook=sender)
-        dispatcher.start()
-        await until(lambda: store.undelivered() == 0)
-        await dispatcher.stop()
-        assert len(sender.arrived) == 12
-        for index, part_id in enumerate(ids):
-            texts = [d.payload["text"] for d in sender.arrived if d.part_id == part_id]
-            assert texts == [f"AB{index}", "AB1", "AB2"]
-
-    try:
-        asyncio.run(run())
-    finally:
-        store.close()
-
-
-@pytest.mark.parametrize("breaks", [False, True])
-def test_two_services_on_one_store_send_everything_once_and_in_order(store_url: str, breaks: bool) -> None:
-    """With `breaks`, one of them dies amid its sending: what it had is sent by the other."""
-    from pipeline.common.records import ReviewAction
-    from pipeline.store.store import Store
-    from tests.support.store_samples import received
-
-    stores = [Store.open(store_url) for _ in range(2)]
-    ids = [received(stores[0], text="AB0", targets=("webhook",)).id for _ in range(6)]
-    for text in ("AB1", "AB2"):
-        for part_id in ids:
-            stores[0].review(
-                part_id, action=ReviewAction.CORRECT, text=text, who="Anna", targets=("webhook",)
-            )
-
-    async def run() -> None:
-        arrived: list[Delivery] = []
-        held: list[Delivery] = []
-
-        async def slowly(delivery: Delivery) -> None:
-            await asyncio.sleep(0.005)
-            arrived.append(delivery)
-
-        async def dies(delivery: Delivery) -> None:
-            held.append(delivery)
-            await asyncio.Event().wait()
-
-        pace = Pace(
-            look_s=0.01, first_wait_s=0.01, batch=2, together=2, send_s=0.5, lease_s=1.0 if breaks else 60.0
-        )
-        senders = (Recorder(dies if breaks else slowly), Recorder(slowly))
-        services = [
-            Dispatcher(store, {"webhook": sender}, rng=Random(5), pace=pace)
-            for store, sender in zip(stores, senders, strict=True)
-        ]
-        services[0].start()
-        if breaks:
-            await until(lambda: len(held) == 2)
-            for task in services[0]._tasks:  # as a kill would: nothing is released
-                task.cancel()
-        services[1].start()
-        await until(lambda: stores[0].undelivered() == 0)
-        for service in services[breaks:]:
-            await service.stop()
-        assert Counter(d.id for d in arrived) == Counter({d.id: 1 for d in arrived})
-        for part_id in ids:
-            assert [d.payload["text"] for d in arrived if d.part_id == part_id] == ["AB0", "AB1", "AB2"]
-
-    try:
-        asyncio.run(run())
-    finally:
-        for store in stores:
-            store.close()
 
 
 def test_the_body_is_the_part_and_the_deliverys_number() -> None:

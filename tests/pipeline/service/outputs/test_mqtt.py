@@ -14,7 +14,6 @@ from random import Random
 import pytest
 
 from pipeline.common.records import Delivery
-from pipeline.common.settings import SettingsError
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
@@ -307,18 +306,6 @@ async def test_over_tls_the_brokers_certificate_is_checked(
     with pytest.raises(DeliveryError):
         await plain.send(one_delivery())
     await plain.close()
-
-
-@pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://127.0.0.1", "mqtt://"])
-def test_an_address_that_is_none_is_refused(url: str) -> None:
-    with pytest.raises(SettingsError, match="mqtt://host:1883"):
-        sender_to(url)
-
-
-@pytest.mark.parametrize("prefix", ["", "a/#", "+/a", "/a", "a/", "$SYS", "a\0"])
-def test_a_prefix_that_is_no_topic_is_refused(prefix: str) -> None:
-    with pytest.raises(SettingsError, match="prefix"):
-        sender_to("mqtt://127.0.0.1", prefix=prefix)
 
 
 async def test_a_part_cannot_choose_another_topic() -> None:

@@ -6,7 +6,6 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable
-from random import Random
 
 import pytest
 from starlette.applications import Starlette
@@ -16,10 +15,10 @@ from starlette.routing import Route
 
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
-from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
+from pipeline.service.outputs.dispatch import DeliveryError, Pace
 from pipeline.service.outputs.webhook import WebhookSender, signature
 from pipeline.service.settings import WebhookSettings
-from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
+from tests.support.line_fakes import free_port, serving
 
 FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.1, longest_rest_s=0.1)
 SECRET = "a secret of the plant"
@@ -242,37 +241,3 @@ def test_proxies_of_the_environment_are_left_alone(monkeypatch: pytest.MonkeyPat
     with serving(receiver.app) as url:
         posted(url)
     assert len(receiver.came) == 2
-
-
-@pytest.mark.parametrize("url", ["", "example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1"])
-def test_an_address_that_is_none_is_refused(url: str) -> None:
-    with pytest.raises(SettingsError, match="http"):
-        sender_to(url)
-
-
-def test_a_receiver_that_fails_at_first_gets_everything_in_order() -> None:
-    receiver = Receiver(answers(500, 503, 500, 410, 500, 200))
-    outbox = MemoryOutbox()
-    for number in range(5):
-        for index in range(3):
-            outbox.put(part(id=f"PART{index}", text=f"N{number}"), ("webhook",))
-
-    async def run(url: str) -> None:
-        sender = sender_to(url, SECRET)
-        dispatcher = Dispatcher(outbox, {"webhook": sender}, rng=Random(1), pace=FAST)
-        dispatcher.start()
-        await until(lambda: outbox.undelivered() == 0)
-        await dispatcher.stop()
-        assert len(outbox.failures) == 5
-
-    with serving(receiver.app) as url:
-        asyncio.run(run(url))
-    bodies = [json.loads(body) for _, body in receiver.came]
-    for index in range(3):
-        texts = [body["text"] for body in bodies if body["id"] == f"PART{index}"]
-        assert texts == sorted(texts)
-        assert set(texts) == {f"N{number}" for number in range(5)}
-    # what was sent again bears the id that it had
-    ids = [headers["webhook-id"] for headers, _ in receiver.came]
-    assert len(ids) == 20
-    assert len(set(ids)) == 15
