@@ -51,17 +51,12 @@ def program_mark() -> str:
 
     digest = hashlib.sha256()
     for package in (glyphs, whisker_array, recognition, pipeline):
-        for path in _sources(Path(str(package.__file__)).parent):
-            digest.update(
-                path.relative_to(Path(str(package.__file__)).parent).as_posix().encode() + path.read_bytes()
-            )
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            name = path.relative_to(folder)
+            if not _WITHOUT_A_SAY.intersection(name.parts):
+                digest.update(name.as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _sources(folder: Path) -> Iterable[Path]:
-    return sorted(
-        p for p in folder.rglob("*.py") if not _WITHOUT_A_SAY.intersection(p.relative_to(folder).parts)
-    )
 
 
 @cache

@@ -41,13 +41,6 @@ _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pi
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
 
-def formats_installed() -> bool:
-    """Whether the extra `formats` is there."""
-    from importlib.util import find_spec
-
-    return find_spec("SurfaceTopography") is not None
-
-
 def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
     """The heights of a file, through SurfaceTopography.
 
@@ -61,17 +54,17 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
     with path.open("rb") as stream:
         if stream.read(12) == b"DSCOMPRESSED":
             raise DataError("is compressed", "save it uncompressed, or export it as X3P")
-    if not formats_installed():
-        what = f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`"
-        raise DataError(what, "install it with: pip install 'tactile-marks[formats]'")
     import h5py
 
     if h5py.is_hdf5(path):
         check_hdf5(path, most=most)
     with _silence():
-        from SurfaceTopography.Exceptions import CannotDetectFileFormat
-        from SurfaceTopography.IO import open_topography
-
+        try:
+            from SurfaceTopography.Exceptions import CannotDetectFileFormat
+            from SurfaceTopography.IO import open_topography
+        except ModuleNotFoundError as error:
+            what = f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`"
+            raise DataError(what, "install it with: pip install 'tactile-marks[formats]'") from error
         try:
             with open_topography(str(path)) as reader:
                 # of Gwyddion: what the user has selected, no missing data

@@ -106,7 +106,7 @@ def spelled_on_disk(name: str) -> Path:
         if os.path.lexists(found / part):
             found /= part
             continue
-        alike = _names(str(found), _changed_ns(found)).get(_folded(part), ())
+        alike = _names(found).get(_folded(part), ())
         # another composition of the same letters goes before other letters
         same = [one for one in alike if _composed(one) == _composed(part)] or alike
         if not same:
@@ -120,7 +120,7 @@ def spelled_on_disk(name: str) -> Path:
 
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
-def _names(folder: str, changed_ns: int) -> dict[str, list[str]]:
+def _names(folder: Path) -> dict[str, list[str]]:
     """The names in a folder by their folded spelling; empty of none that can be listed."""
     names: dict[str, list[str]] = {}
     try:
@@ -129,13 +129,6 @@ def _names(folder: str, changed_ns: int) -> dict[str, list[str]]:
     except OSError:
         return {}
     return names
-
-
-def _changed_ns(folder: Path) -> int:
-    try:
-        return folder.stat().st_mtime_ns
-    except OSError:
-        return 0
 
 
 def _composed(name: str) -> str:

@@ -107,13 +107,8 @@ class SynthSpec:
         if self.practice is not None and not self.variation:
             what = "a practice is how blows differ"
             raise SettingsError(what, hint="leave out either it or 'no variation'")
-        choices: dict[str, Mapping[str, Any]] = {
-            "practice": PRACTICES,
-            "die": DIES,
-            "plate": PLATES,
-            "layout": LAYOUTS,
-        }
-        for kind, known in choices.items():
+        known: Mapping[str, Any]
+        for kind, known in (("practice", PRACTICES), ("die", DIES), ("plate", PLATES), ("layout", LAYOUTS)):
             if (name := getattr(self, kind)) is not None:
                 pick(kind, known, name)
         if self.die is not None and self.face is not Face.FLAT:

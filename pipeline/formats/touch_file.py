@@ -7,7 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError
 from glyphs.hdf5_checks import n_values, own_datasets
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
     from pipeline.formats.raw_map import RawMap
     from whisker_array.scan.scan import Scan
-
-__all__ = ["FileError", "read_height_map", "read_map_and_rows", "read_scan"]
 
 _GB = MOST_BYTES["height_map"]
 # most that a height file stores for one sample, and room for what it holds beside its heights

@@ -37,9 +37,8 @@ def test_a_map_alone_tells_of_no_soil(tmp_path: Path) -> None:
     assert read_soil(tmp_path / "a.npz") is None
 
 
-@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
 @pytest.mark.parametrize("given", ["friction", "soft_mm", "hardness_mpa"])
-@pytest.mark.parametrize("shape", [Z.shape, (), (1,)])
+@pytest.mark.parametrize(("shape", "dtype"), [(Z.shape, np.float16), ((), np.float64), ((1,), np.float32)])
 def test_members_that_are_missing_are_filled_in(
     given: str, shape: tuple[int, ...], dtype: type, tmp_path: Path
 ) -> None:

@@ -10,7 +10,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from glyphs.camera.appearance import draw_light
 from glyphs.errors import FileError, MarksError
 from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.dies import DIES
@@ -70,19 +69,6 @@ def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
         write_parts(spec, tmp_path / "mine.txt" / "deeper", parts=1)
 
 
-def test_what_is_asked_for_is_stamped() -> None:
-    sunk = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False), 0)
-    assert sunk.height_map.z_mm.min() == pytest.approx(-0.3, abs=0.01)
-    assert sunk.height_map.z_mm.max() == pytest.approx(0.0, abs=0.01)
-    raised = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False, raised=True), 0)
-    assert raised.height_map.z_mm.max() == pytest.approx(0.3, abs=0.01)
-    steep, gentle = (
-        make_part(SynthSpec(format="8", height_mm=4.0, face=Face.SHARP, bevel_deg=b, variation=False), 0)
-        for b in (60.0, 30.0)
-    )
-    assert np.abs(np.diff(steep.height_map.z_mm)).max() > np.abs(np.diff(gentle.height_map.z_mm)).max()
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -103,23 +89,6 @@ def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path)
     with pytest.raises(SettingsError, match="number of parts"):
         write_parts(SynthSpec(format="9"), tmp_path / "out", parts=parts)
     assert not (tmp_path / "out").exists()
-
-
-def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
-    clean, dirty = (SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=d)) for d in (0.0, 0.7))
-    bare = make_part(clean, 1)
-    assert bare.soil is None
-    np.testing.assert_array_equal(bare.soiled.height_map.z_mm, bare.height_map.z_mm)
-    soiled = make_part(dirty, 1)
-    assert soiled.text == bare.text
-    np.testing.assert_array_equal(soiled.stamped.height_map.z_mm, bare.height_map.z_mm)
-    assert (soiled.height_map.z_mm != bare.height_map.z_mm).any()
-    write_parts(clean, tmp_path / "with", parts=2)
-    write_parts(clean, tmp_path / "without", parts=2, photos=False)
-    assert not list((tmp_path / "without").glob("*.png"))
-    for name in ("part-000.npz", "part-001.npz"):
-        one, other = (read_height_map(tmp_path / f / name) for f in ("with", "without"))
-        np.testing.assert_array_equal(one.z_mm, other.z_mm)
 
 
 def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
@@ -155,15 +124,6 @@ def test_workers_write_the_same(tmp_path: Path) -> None:
     assert named == ["part-000", "part-001"]
     for path in sorted((tmp_path / "one").glob("*.png")):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
-
-
-def test_the_light_may_be_given() -> None:
-    free = SynthSpec(format="8", height_mm=3.0)
-    given = SynthSpec(format="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
-    part = make_part(free, 0)
-    assert (given.photograph(part).pixels != free.photograph(part).pixels).any()
-    light = draw_light(np.random.default_rng(3), azimuth_deg=10.0, elevation_deg=30.0)
-    assert (light.azimuth_deg, light.elevation_deg) == (10.0, 30.0)
 
 
 def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
