@@ -171,18 +171,11 @@ class FoundFiles:
         Raises:
             FileError: a folder that cannot be listed.
         """
-        path = Path(given)
-        try:
-            exists, folder = path.exists(), path.is_dir()
-        except (OSError, ValueError) as error:
-            problem = FileError(path, f"is not a file name ({error})", "check the name")
-            key = split_name(str(path))
-            self._parts[key] = PartFiles(_stem_name(key[1] or str(path)), problem=problem)
-            return
-        if folder:
-            self.add(_files_in(str(path)))
+        path, exists = str(Path(given)), os.path.exists(given)
+        if os.path.isdir(path):
+            self.add(_files_in(path))
         elif exists or not glob.has_magic(given):
-            self.add([str(path), *(self._photos_of(str(path)) if beside else ())], named=True, there=exists)
+            self.add([path, *(self._photos_of(path) if beside else ())], named=True, there=exists)
         else:
             self.add(sorted(str(Path(p)) for p in glob.glob(given) if os.path.isfile(p)))
 

@@ -17,6 +17,7 @@ from glyphs.errors import FileError
 from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import NothingFoundError, discover
 from pipeline.formats.part_files import PartFiles, named_apart, split_name
+from pipeline.formats.touch_file import read_height_map
 
 FILES = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
 
@@ -235,8 +236,9 @@ def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -
     found = discover([folder / "none.npz", folder / "notes.txt"])
     assert named(folder, found) == [("none", "none.npz", "", ""), ("notes", "notes.txt", "", "")]
     (part,) = discover(["x" * 5000 + ".npz"])
-    assert part.problem is not None
-    assert "name" in part.problem.hint
+    assert len(part.name) < 100
+    with pytest.raises(FileError, match=r"cannot be opened .*; check the name"):
+        read_height_map(part.height_map)
 
 
 def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:

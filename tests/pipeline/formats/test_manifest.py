@@ -274,7 +274,7 @@ def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None
     assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
     (part,) = discover(["x" * 5000 + ".npz"])
     book = Quarantine(tmp_path / "long.csv")
-    book.add(PartFiles(part.name, problem=part.problem), str(part.problem))
+    book.add(part, "cannot be opened")
     book.close()
     assert read_manifest(str(tmp_path / "long.csv"))[0].height_map.endswith("x.npz")
 
