@@ -56,8 +56,8 @@ class AuditFigures:
 
     Attributes:
         drawn: all of them.
-        waiting: that nobody has read yet.
-        disputed: read otherwise, and waiting for a review that says who is right.
+        waiting: not read yet.
+        disputed: read differently, and waiting for the review that decides.
         not_judged: that people could not read.
         accepted_wrong: of those judged, with the interval of Clopper and Pearson.
     """

@@ -39,7 +39,7 @@ class CharacterRecord:
     Attributes:
         candidates: best first.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known.
-        state: read, confused, not read or mismatch; empty where nobody asked.
+        state: read, confused, not read or mismatch; empty where it was not judged.
         grade: of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
         box_px: as box_mm, in the photograph's own pixels where that is None.
         state_chars: of "confused" the two characters; of "mismatch" the one that stands there and the one expected.
@@ -102,7 +102,7 @@ class LineRecord:
     """Another line of the part than its serial.
 
     Attributes:
-        name: as it was asked for; empty of one that nobody has asked for.
+        name: its name in the settings; empty for a line that the settings do not name.
         text: what it reads.
         confidence: probability that all of it is right, 0 to 1.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
@@ -159,7 +159,7 @@ class PassRecord:
         speed_mm_s: of the stage.
         preload_mm: how far below the land the free tip ran.
         stage_s: stage seconds spent up to its end, from the first pass on.
-        why: what it was chosen for, in words; empty where nobody said.
+        why: the reason for choosing it, in words; empty where none is known.
         text: what was believed to stand there after it.
         confidence: that all of it is right, 0 to 1.
     """
@@ -200,9 +200,9 @@ class ReadingRecord:
         height_px: character height in pixels of a photograph whose scale is not known; else None.
         raised: raised marks.
         expected: text that the part should read; empty where none is known.
-        verify_probability: that the part bears the text expected; None where none was.
+        verify_probability: probability that the part bears the expected text; None where no text was expected.
         rivals: other serials with some belief, most first.
-        lines: the part's other lines: those asked for, then those that nobody has asked for.
+        lines: the part's other lines: those that the settings name first, then the rest.
         codes: Data Matrix and QR codes in its photographs.
         fields: what the marking says by name, SER KB74 or (21)KB74, on any of its lines.
         program: version of the program that read it.

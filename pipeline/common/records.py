@@ -136,7 +136,7 @@ class TouchWait:
     """Wait of a part for touch.
 
     Attributes:
-        by_stage: the stage of its line is to feel it; else whoever sent it brings a scan.
+        by_stage: the stage of its line feels it; otherwise the sender supplies a scan.
         until: when a person gets it all the same; None where no time is set.
     """
 
@@ -188,10 +188,10 @@ class PartRecord:
         database: glyph database asked for; empty for the built-in fonts.
         job: that it was read by; empty for the service's own settings.
         line: that it came from; empty where lines have no names.
-        plan: what to feel, while touch is needed or where nobody was there to feel it.
-        touch: how it waits for touch; None of one that does not.
+        plan: the scan to make, while touch is needed or after it was missed.
+        touch: its wait for touch; None for a part that does not wait.
         review: the last one; None before any.
-        shadow: what came of it in shadow mode; None of a part that the service has decided.
+        shadow: result in shadow mode; None for a part that the service has decided.
     """
 
     id: str

@@ -138,7 +138,7 @@ class SerialRules:
             return None  # they form no series
         row = f"{head}...{tail}"
         if place is None or (place.head, place.tail) != (head, tail):
-            return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is none of the row {row} before it")
+            return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} does not match the preceding series {row}")
         off = place.number - middle
         if abs(off) <= self.jump:
             return None

@@ -300,28 +300,28 @@ class MapSettings(Settings):
     height_image: bool = False
     """Read .png and .tif as heights, one number a pixel, and not as photographs; see --unit and --pitch-mm."""
     rows: Literal["top-first", "bottom-first"] | None = None
-    """Which row of a height file is first, or which end of the part the smallest y lies at, whatever the file states.
-    Default: what the file states; where it states nothing, the usual order of its format, and a serial that can be
-    read otherwise mirrored goes to review."""
+    """Order of the rows of a height file, or the end of the part at which the smallest y lies, whatever the file
+    states. Default: as the file states; where it states nothing, the usual order of its format, and a serial that is another
+    serial mirrored goes to review."""
 
 
 class ReadSettings(MapSettings):
     """Settings of reading."""
 
     mode: Annotated[Literal["tactile", "vision", "fused", "auto"] | None, BeforeValidator(_mode)] = None
-    """What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has files for
-    (auto). Unless given, touch; and the camera for a part that is a photograph only."""
+    """Senses to read with: touch (tactile), the camera (vision), both together (fused), or all that a part has files
+    for (auto). Default: touch, and the camera for a part that has a photograph only."""
     font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
     with the marks, too."""
     experts: Annotated[Names, AfterValidator(_split), _where_given(_experts)] = ()
-    """Who reads, separated by commas: network (any font), templates (the fonts that are named, and the die that a lot
-    has taught; alone they read by touch only). By default both."""
+    """Experts to read with, separated by commas: network (any font), templates (the named fonts, and the die that a lot
+    has taught; alone they read by touch only). Default: both."""
     format: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), _where_given(_formats)
     ] = ()
-    """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, a small letter, 9
-    digit, * A or 9, any other character and what a \\ stands before itself, a blank a word gap), re:EXPRESSION,
+    """Format of the serials; may be repeated, all must hold. For example AA999999 (A is a letter, a a small letter, 9 a
+    digit, * A or 9, a blank a word gap; any other character, and any after a \\, stands for itself), re:EXPRESSION,
     sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin, or
     check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
@@ -332,10 +332,10 @@ class ReadSettings(MapSettings):
     exclude: Annotated[str, Field(max_length=MOST_RULE_CHARS), AfterValidator(_characters)] = ""
     """Characters that no serial has, such as IOQ, except where the format names them."""
     region: Annotated[Region | None, BeforeValidator(_region)] = None
-    """Where on the part the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the
-    photograph, or of what was scanned. Anywhere unless given."""
+    """Region in which the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the photograph
+    or of the scanned area. Default: anywhere."""
     orientation: Literal["upright", "any"] = "any"
-    """Which way up parts lie: upright, or any, upside down too. With any, a serial that can be read otherwise upside
+    """Orientation of the parts: upright, or any, also upside down. With any, a serial that is another serial upside
     down, such as 900608, goes to review. Parts before a fixed camera or in a fixture are upright."""
     line: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
@@ -346,7 +346,7 @@ class ReadSettings(MapSettings):
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
     """Character height in mm (default: measured)."""
     fidelity: Literal["pointwise", "contact"] = "contact"
-    """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
+    """Simulation of touch: the ball of the tip in contact, or a point (faster, less accurate)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
     depth_rule: Annotated[Names, AfterValidator(_few), _where_given(_rules)] = ()
@@ -361,7 +361,7 @@ class ReadSettings(MapSettings):
     """Share of wrong readings among the accepted that is to be expected at most, such as 0.005, in place of a
     confidence; see certify for your own parts."""
     certificate: Path | None = None
-    """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
+    """Certificate (.json, see certify): no reading is accepted that it does not cover, and a warning is given where
     the parts are unlike the certified ones."""
     active: bool = False
     """Feel height maps pass by pass, and stop when the serial is sure or more touch would not help; else the whole plan
@@ -371,7 +371,7 @@ class ReadSettings(MapSettings):
 
     @property
     def regions(self) -> bool:
-        """Whether anything is said of where lines stand."""
+        """Whether a region is given for any line."""
         lines = map(NamedLine.parse, self.line)
         return self.region is not None or any(line.region is not None for line in lines)
 

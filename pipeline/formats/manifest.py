@@ -164,7 +164,7 @@ def _columns(header: Sequence[str]) -> dict[str, int]:
             found[name] = place
         elif name not in _OTHERS:
             for close in difflib.get_close_matches(heading(name), COLUMNS, n=1, cutoff=_CLOSE):
-                what = f"has a column {title.strip()!r}, which is none of {', '.join(COLUMNS)}"
+                what = f"has a column {title.strip()!r}, and the columns are {', '.join(COLUMNS)}"
                 raise DataError(what, f"call it {close} if that is meant, or something quite different")
     if not any(column in found for column in FILES):
         named = ", ".join(h.strip() for h in header)[:200] or "none"
