@@ -301,8 +301,8 @@ class MapSettings(Settings):
     """Read .png and .tif as heights, one number a pixel, and not as photographs; see --unit and --pitch-mm."""
     rows: Literal["top-first", "bottom-first"] | None = None
     """Order of the rows of a height file, or the end of the part at which the smallest y lies, whatever the file
-    states. Default: as the file states; where it states nothing, the usual order of its format, and a serial that is another
-    serial mirrored goes to review."""
+    states. Default: as the file states; where it states nothing, the usual order of its format, and a serial that is
+    another serial mirrored goes to review."""
 
 
 class ReadSettings(MapSettings):
