@@ -20,7 +20,7 @@ _TOO_LITTLE_MEMORY: Final = ("failed to map segment", "cannot allocate memory")
 """Words of Linux's loader where the memory that a process may use does not hold a library."""
 
 
-def _damaged(reason: str) -> MarksError:
+def _damage_error(reason: str) -> MarksError:
     return MarksError(
         f"OpenCV is damaged ({reason}), as happens when one of two packages of it is removed",
         hint=f"install it again: pip install --force-reinstall --no-deps {PACKAGE}",
@@ -34,6 +34,6 @@ except ImportError as error:
         raise MarksError(
             "too little memory to load OpenCV", hint="let the program use more memory"
         ) from error
-    raise _damaged(str(error)) from error
+    raise _damage_error(str(error)) from error
 if not hasattr(cv2, "GaussianBlur"):
-    raise _damaged("its functions are missing")
+    raise _damage_error("its functions are missing")

@@ -83,18 +83,18 @@ def caked(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     cake, aged = _Cake(bare, bare, bare), bare
     for index, onset in enumerate(_ONSETS):
         if index == len(_ONSETS) - 1:
-            cake = _bridged(coat, cake, site, part, rng=rng)
-            cake = _flaked(coat, cake, part, rng=rng)
-            cake = _handled(coat, cake, site, rng=rng)
+            cake = _bridge(coat, cake, site, part, rng=rng)
+            cake = _flake(coat, cake, part, rng=rng)
+            cake = _wipe_and_press(coat, cake, site, rng=rng)
         age = np.float32(1.0 - (index + rng.uniform(0.0, 1.0)) / len(_ONSETS))
         before = cake.solid_mm
-        cake = _settled(coat, cake, site, part, onset, rng=rng)
+        cake = _settle_layer(coat, cake, site, part, onset, rng=rng)
         aged = aged + age * (cake.solid_mm - before)
     # where flakes or a rag took the younger off, what is left is the oldest
     old = np.minimum(aged / np.maximum(cake.solid_mm, np.float32(1e-6)), np.float32(1.0))
     dry = np.asarray(1.2 * _slow(coat, 0.8 * coat.height_mm, rng) - 0.4 * old + 0.15, dtype=np.float32)
     np.clip(dry, 0.0, 1.0, out=dry)
-    return _finished(coat, _crumbly(coat, cake, site, dry, rng=rng), old, dry)
+    return _finish(coat, _roughen(coat, cake, site, dry, rng=rng), old, dry)
 
 
 def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
@@ -126,7 +126,7 @@ def _site(coat: Coat) -> _Site:
     return _Site(room, depth, stretch(near, step, coat.shape))
 
 
-def _settled(
+def _settle_layer(
     coat: Coat, cake: _Cake, site: _Site, part: float, onset: float, *, rng: np.random.Generator
 ) -> _Cake:
     """One more layer: patches that spread, at first where there is a groove to lodge in."""
@@ -146,7 +146,7 @@ def _settled(
     return replace(cake, packed_mm=cake.packed_mm + packed, built_mm=cake.built_mm + built)
 
 
-def _bridged(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random.Generator) -> _Cake:
+def _bridge(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.random.Generator) -> _Cake:
     """Roofs over grooves whose rims are near, sagging by a tenth; a third of the span is roof, the rest void."""
     rank = _slow(coat, 0.35 * coat.height_mm, rng)
     least = np.float32(1.25 - part)
@@ -155,7 +155,7 @@ def _bridged(coat: Coat, cake: _Cake, site: _Site, part: float, *, rng: np.rando
     return replace(cake, packed_mm=cake.packed_mm + 0.35 * span, void_mm=0.65 * span)
 
 
-def _flaked(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) -> _Cake:
+def _flake(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) -> _Cake:
     """Angular pieces off the land, with curled rims; they grow with the stress, that is with the thickness."""
     size, pitch = coat.height_mm, np.float32(coat.pitch_mm)
     count = int(np.clip(coat.area_mm2 / size**2, 2, 300))
@@ -182,7 +182,7 @@ def _flaked(coat: Coat, cake: _Cake, part: float, *, rng: np.random.Generator) -
     return replace(cake, built_mm=cake.built_mm * (1.0 - 0.95 * lost) * (1.0 + curl))
 
 
-def _handled(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Generator) -> _Cake:
+def _wipe_and_press(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Generator) -> _Cake:
     """Two strokes of a rag and a finger, some of them too faint to matter."""
     built, packed = cake.built_mm, cake.packed_mm
     for _ in range(2):
@@ -197,7 +197,7 @@ def _handled(coat: Coat, cake: _Cake, site: _Site, *, rng: np.random.Generator) 
 
 def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
     """Share that one stroke takes off, 0 to 1: 6 to 16 mm wide, streaked by the folds of the cloth."""
-    along, across = _turned(coat, rng)
+    along, across = _turned_axes(coat, rng)
     firm = np.clip(rng.uniform(-0.4, 1.2), 0.0, 0.95)
     wide, far = rng.uniform(6.0, 16.0), rng.uniform(8.0, 30.0)
     knots = np.linspace(-0.5 * wide, 0.5 * wide, int(wide / 0.35))
@@ -211,7 +211,7 @@ def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
 
 def _finger(coat: Coat, rng: np.random.Generator) -> Field:
     """Prints of the ridges of one fingertip, 0 to 1; 12 x 16 mm of them, where the grid resolves them."""
-    u, v = _turned(coat, rng)
+    u, v = _turned_axes(coat, rng)
     firm = np.float32(np.clip(rng.uniform(-0.3, 1.2), 0.0, 1.0))
     core_u, core_v, bend, phase = (float(x) for x in rng.uniform((-2, -2, 0, 0), (2, 2, 6.28, 6.28)))
     if firm == 0.0:
@@ -223,7 +223,7 @@ def _finger(coat: Coat, rng: np.random.Generator) -> Field:
     return np.asarray(firm * inside * (0.3 + 0.7 * carried * ridges))
 
 
-def _turned(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
+def _turned_axes(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
     """Coordinates, mm, along and across a direction, from a place on the plate; both drawn."""
     (down, right), angle = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, np.pi)
     y = ((np.arange(coat.shape[0]) - down * coat.shape[0])[:, None] * coat.pitch_mm).astype(np.float32)
@@ -232,7 +232,7 @@ def _turned(coat: Coat, rng: np.random.Generator) -> tuple[Field, Field]:
     return cos * x + sin * y, cos * y - sin * x
 
 
-def _crumbly(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random.Generator) -> _Cake:
+def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random.Generator) -> _Cake:
     """Crumbs where it is dry, high ones far apart, smooth where it is oily; grains of dust on all of it."""
     # the mean of a rank's cube is a quarter
     crumbs = np.float32(2.6) * (
@@ -247,7 +247,7 @@ def _crumbly(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random
     return replace(cake, built_mm=np.maximum(built, 0.0))
 
 
-def _finished(coat: Coat, cake: _Cake, old: Field, dry: Field) -> Coat:
+def _finish(coat: Coat, cake: _Cake, old: Field, dry: Field) -> Coat:
     """Finish the coat: top, yielding thickness, friction and look."""
     solid = cake.solid_mm
     thickness = solid + cake.void_mm

@@ -59,7 +59,7 @@ class Soiling(OneLine):
 
     @property
     def clean(self) -> bool:
-        """Whether there is nothing at all."""
+        """Whether no soil is laid."""
         return self.severity == 0.0 if self.mixture is None else self.mixture.clean
 
 
@@ -112,7 +112,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
             if soiling.mixture is not None:
                 coat = lay_mixture(coat, soiling.mixture, rng=stream)
             else:
-                coat = _laid(coat, name, amount_of(name, soiling.severity), rng=stream)
+                coat = _lay_soil(coat, name, amount_of(name, soiling.severity), rng=stream)
     return SoiledPart(
         part=part,
         height_map=part.height_map if soiling.clean else HeightMap(coat.z_mm, coat.pitch_mm),
@@ -121,7 +121,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
     )
 
 
-def _laid(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
+def _lay_soil(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
     """Lay one soil on a surface; errors of a user's own soil name it, and are not reported as faults of the program."""
     model = soil_model(name)
     if name in SOILS:

@@ -50,7 +50,7 @@ class Stance:
 def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> list[Stance]:
     """Draw the stances of a line, from a stream of their own: `rng` goes on as if there were none.
 
-    A hand leans to one side all along a part, give or take 25 degrees.
+    A hand leans to one side all along a part, within about 25 degrees.
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
         return [Stance()] * count

@@ -26,7 +26,7 @@ class Layout(OneLine):
         turned_deg: of the whole line, clockwise as seen, added to what the caller turns it by.
         radius_mm: of the arc that the baseline follows, not zero; positive: its middle lies below the text, as on the
             upper half of a round badge; negative: above it. Infinite: a straight line.
-        other_text: another line beside the one that is asked for; none if empty.
+        other_text: a second line beside the requested one; none if empty.
         other_above: whether that line stands above, or else below.
         gap: land between the two lines, cap heights, >= 0.
 
@@ -82,7 +82,7 @@ def _arc(rng: np.random.Generator, height_mm: float, length_mm: float, font: Fon
 
 def _two_lines(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
     serial = [c for c in sorted(font.glyphs) if c.isascii() and (c.isdigit() or c.isupper())]
-    # never as long as the line that is asked for, so that no reader of its format can take one for the other
+    # never as long as the requested line, so that its format does not match both
     count = len(text) - 2 if len(text) > 4 else len(text) + 2
     other = "".join(serial[int(k)] for k in rng.integers(len(serial), size=count))
     return Layout(other_text=other, other_above=bool(rng.uniform() < 0.5))
@@ -99,4 +99,4 @@ LAYOUTS: Final[dict[str, Callable[[np.random.Generator, float, float, Font, str]
     "two-lines": _two_lines,
 }
 """A straight line (the usual one), one turned by up to 5 degrees either way, one on an arc that bends up or down, and
-one with another line of another length above or below it."""
+one with a second line of another length above or below it."""

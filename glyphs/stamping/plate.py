@@ -57,8 +57,8 @@ def plate_texture(
     phases = rng.uniform(0.0, 2 * math.pi, 5)
     if variation.lay_um > 0.0:
         along = math.radians(variation.lay_direction_deg)
-        u = _mixed(math.cos(along), x_mm, math.sin(along), y_mm)
-        v = _mixed(-math.sin(along), x_mm, math.cos(along), y_mm)
+        u = _weighted_sum(math.cos(along), x_mm, math.sin(along), y_mm)
+        v = _weighted_sum(-math.sin(along), x_mm, math.cos(along), y_mm)
         k = 2 * math.pi / variation.lay_wavelength_mm
         # The tool chatters: the phase wanders slowly along and across the ridges.
         wander = np.sin(u / 3.1 + phases[0]) + np.sin(v / 1.7 + phases[1]) + np.sin((u + v) / 5.3 + phases[2])
@@ -77,7 +77,9 @@ def plate_texture(
     return z
 
 
-def _mixed(a: float, x_mm: NDArray[np.float64], b: float, y_mm: NDArray[np.float64]) -> NDArray[np.float32]:
+def _weighted_sum(
+    a: float, x_mm: NDArray[np.float64], b: float, y_mm: NDArray[np.float64]
+) -> NDArray[np.float32]:
     """a x + b y, float32: (rows, cols), or one row or column where the other has no part in it."""
     across, down = a * x_mm[None, :], b * y_mm[:, None]
     if min(abs(a), abs(b)) > 1e-12:

@@ -14,19 +14,19 @@ _FALL, _MOST_FALL_MM = 0.2, 1.5
 
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
     "machined": lambda height_mm, length_mm: PlateVariation(),
-    "cylinder": lambda height_mm, length_mm: _bent(PlateForm(radius_y_mm=_shaft(height_mm, length_mm))),
-    "ring": lambda height_mm, length_mm: _bent(PlateForm(radius_x_mm=_radius(height_mm, length_mm))),
-    "saddle": lambda height_mm, length_mm: _bent(
+    "cylinder": lambda height_mm, length_mm: _curved(PlateForm(radius_y_mm=_shaft(height_mm, length_mm))),
+    "ring": lambda height_mm, length_mm: _curved(PlateForm(radius_x_mm=_radius(height_mm, length_mm))),
+    "saddle": lambda height_mm, length_mm: _curved(
         PlateForm(radius_x_mm=-_radius(height_mm, length_mm), radius_y_mm=12 * height_mm)
     ),
-    "bow": lambda height_mm, length_mm: _bent(
+    "bow": lambda height_mm, length_mm: _curved(
         PlateForm(radius_x_mm=1.5 * _radius(height_mm, length_mm), radius_y_mm=60 * height_mm)
     ),
-    "milled": lambda height_mm, length_mm: _finished(Milling()),
-    "turned": lambda height_mm, length_mm: _finished(Turning()),
-    "faced": lambda height_mm, length_mm: _finished(Turning(ring_radius_mm=max(20.0, 0.6 * length_mm))),
-    "ground": lambda height_mm, length_mm: _finished(Grinding()),
-    "sand": lambda height_mm, length_mm: _finished(Sand()),
+    "milled": lambda height_mm, length_mm: _textured(Milling()),
+    "turned": lambda height_mm, length_mm: _textured(Turning()),
+    "faced": lambda height_mm, length_mm: _textured(Turning(ring_radius_mm=max(20.0, 0.6 * length_mm))),
+    "ground": lambda height_mm, length_mm: _textured(Grinding()),
+    "sand": lambda height_mm, length_mm: _textured(Sand()),
 }
 """From character height and length of the line, mm, to a plate. `machined` is the usual one."""
 
@@ -43,10 +43,10 @@ def _shaft(height_mm: float, length_mm: float) -> float:
     return max(8 * height_mm, half**2 / (1.9 * MAX_SAG_MM))
 
 
-def _bent(form: PlateForm) -> PlateVariation:
+def _curved(form: PlateForm) -> PlateVariation:
     return PlateVariation(form=form)
 
 
-def _finished(texture: Texture) -> PlateVariation:
+def _textured(texture: Texture) -> PlateVariation:
     # the tool's marks are pressed flat less than a fine lay is: they are as deep as some marks' corners
     return PlateVariation(texture=texture, ironing=0.5)

@@ -29,7 +29,7 @@ class StampedPart(OneLine):
 
     Attributes:
         height_map: the surface.
-        text: what was stamped; of two lines the one that is asked for.
+        text: what was stamped; of two lines the requested one.
         height_mm: character height.
         boxes_mm: (x0, y0, x1, y1) around the ink of each character, plate frame; a space has its empty cell.
         font_name: the font's name.

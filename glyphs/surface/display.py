@@ -42,7 +42,7 @@ class OneLine:
 
 
 def _same(held: object, default: object) -> bool:
-    """Whether a field has its default; of arrays and the like, which give no one answer, it is not asked."""
+    """Whether a field has its default; False for arrays and other values without a single answer to `==`."""
     if isinstance(held, Mapping) and isinstance(default, Mapping):
         return not held and not default
     plain = isinstance(held, (str, int, float, Enum, tuple, type(None))) or is_dataclass(held)

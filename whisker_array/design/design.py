@@ -37,7 +37,7 @@ from whisker_array.design.search import (
     best,
     conflict,
     polish,
-    rounded,
+    round_candidate,
     starts,
 )
 from whisker_array.whisker.elastica import ElasticaError, enhancement_exact, linear_error
@@ -223,15 +223,15 @@ def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
     """The best candidate, with the elastica's first order corrected until its exact error keeps the limit."""
     rng = np.random.default_rng(seed)
     candidate = best(problem, starts(problem, n=_STARTS, rng=rng))
-    return None if candidate is None else settled(problem, candidate)
+    return None if candidate is None else fit_to_elastica(problem, candidate)
 
 
-def settled(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
+def fit_to_elastica(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
     """Search on with the linear beam's error scaled to the elastica's, until it is kept and not overdone."""
     limit = problem.limits.linear_error
     kept: tuple[Problem, Candidate] | None = None
     for _ in range(_ELASTICA_ROUNDS):
-        trial = rounded(candidate, problem)
+        trial = round_candidate(candidate, problem)
         exact = land_linear_error(trial.whisker, problem.request, preload_mm=trial.preload_mm)
         checked = check(trial.whisker, problem.request, problem.limits, preload_mm=trial.preload_mm)
         first_order = float(checked.values[Bound.LINEAR_BEAM].max())

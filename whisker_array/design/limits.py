@@ -30,7 +30,7 @@ _TOUCHING = 5e-3
 
 
 class DesignError(MarksError):
-    """No whisker does what is asked: says which constraints cannot be met together."""
+    """A request or design that is not possible."""
 
 
 class Bound(enum.Enum):

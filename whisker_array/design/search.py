@@ -128,7 +128,7 @@ def _sides(whisker: LShaped) -> tuple[float, float]:
     return section.diameter_mm, section.diameter_mm
 
 
-def rounded(candidate: Candidate, problem: Problem) -> Candidate:
+def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
     """The candidate in five digits, checked again."""
 
     def five(value: float) -> float:

@@ -47,26 +47,26 @@ def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) ->
     """
     at = design.limits.slide_lines * design.line_pitch_mm
 
-    def changed(factor: float) -> tuple[Request, Limits]:
+    def change(factor: float) -> tuple[Request, Limits]:
         return design.request, replace(design.limits, slide_lines=factor * design.limits.slide_lines)
 
-    return _trade_off(design, factors, changed, name="sideways slide allowed", unit="mm", at=at)
+    return _trade_off(design, factors, change, name="sideways slide allowed", unit="mm", at=at)
 
 
 def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) -> TradeOff:
     """Contrast against the scan speed to be reached; see `slide_trade_off`."""
     at = design.request.least_speed_mm_s
 
-    def changed(factor: float) -> tuple[Request, Limits]:
+    def change(factor: float) -> tuple[Request, Limits]:
         return replace(design.request, speed_mm_s=factor * at), design.limits
 
-    return _trade_off(design, factors, changed, name="scan speed", unit="mm/s", at=at)
+    return _trade_off(design, factors, change, name="scan speed", unit="mm/s", at=at)
 
 
 def _trade_off(
     design: Design,
     factors: Iterable[float],
-    changed: Callable[[float], tuple[Request, Limits]],
+    change: Callable[[float], tuple[Request, Limits]],
     *,
     name: str,
     unit: str,
@@ -82,7 +82,7 @@ def _trade_off(
     for side in ([f for f in ordered if f >= 1.0], [f for f in ordered[::-1] if f < 1.0]):
         neighbour = here
         for factor in side:
-            request, limits = changed(factor)
+            request, limits = change(factor)
             problem = Problem(request, limits, kind, error_scale=scale)
             found = polish(problem, neighbour, rounds=2) or _from_inside(problem, neighbour)
             if found is None:

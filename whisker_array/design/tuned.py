@@ -26,7 +26,7 @@ import numpy as np
 
 from glyphs.surface.display import OneLine
 from whisker_array.design.checks import Values, edge_steps
-from whisker_array.design.design import SEED, Design, describe_design, settled
+from whisker_array.design.design import SEED, Design, describe_design, fit_to_elastica
 from whisker_array.design.limits import DesignError, Limits, Request
 from whisker_array.design.search import Problem, SectionKind, best, starts
 from whisker_array.whisker.shapes import LShaped
@@ -155,7 +155,7 @@ def tune(
     for each in kinds:
         try:
             found.append(
-                _tuned(
+                _tune_kind(
                     each,
                     alpha_rad,
                     request,
@@ -171,12 +171,12 @@ def tune(
     return max(found, key=lambda t: t.selectivity)
 
 
-def _tuned(
+def _tune_kind(
     kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind, seed: int
 ) -> Tuned:
     problem = _problem(kind, alpha_rad, request, limits, section)
     candidate = best(problem, starts(problem, n=_STARTS, rng=np.random.default_rng(seed)))
-    done = None if candidate is None else settled(problem, candidate)
+    done = None if candidate is None else fit_to_elastica(problem, candidate)
     if done is None:
         raise DesignError(
             f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits",

@@ -49,7 +49,7 @@ def average_onto(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """(lines, samples) averaged onto (pixels across, pixels along) by `averaging_weights` both ways.
 
-    What is not finite is left out; valid where half of the weight or more is known, 0 where not.
+    Values that are not finite are left out; valid where half of the weight or more is known, 0 where not.
     """
     known = np.isfinite(values)
     total = across @ (along @ np.where(known, values, 0.0).T).T

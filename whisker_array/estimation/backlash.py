@@ -26,7 +26,7 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
     n = room.shape[1]
     beyond = (ahead.shape[1] - n) // 2
     total, edges, reach, slope, step = room[0], room[1], room[2], room[3], room[4]
-    # R'a of `enhancement._lift_and_turn` at slope and -slope; a whisker that jams says nothing: 1
+    # R'a of `enhancement._lift_and_turn` at slope and -slope; 1 for a whisker that jams
     lift, turn = row[1] - row[0] * mu, arm[1] - arm[0] * mu
     by_lift, by_turn = row[0] + row[1] * mu, arm[0] + arm[1] * mu
     for k in range(halves.size):

@@ -38,7 +38,7 @@ def fill_from_crossing(
         layers: (rows, cols) enhancement of each direction.
         known: where.
         directions: of the layers.
-        touch: how they were felt; a profiler's passes say nothing that the crossing ones do not.
+        touch: with which they were felt; a profiler's passes are filled from the height alone.
         pitch_mm: of the grid.
     """
     layers, known = list(layers), list(known)

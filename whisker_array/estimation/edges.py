@@ -96,7 +96,7 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     position = sweep.plan.position_mm()[lead : shape[2] - lead]
     if ideal:
         ratio = lines / scan.touch.land_moment_n_mm() - 1.0
-        return SweptLines(_among(ratio, keep[kept]), places, position, sweep.plan.direction)
+        return SweptLines(_insert_lines(ratio, keep[kept]), places, position, sweep.plan.direction)
     if scan.calibration is None:
         lines /= whisker_gain(lines, whisker)[:, None]
     land = land_coefficients(lines)
@@ -105,10 +105,10 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     lines /= land_surface(land, lines.shape)
     remove_drift(lines)
     lines -= 1.0
-    return SweptLines(_among(lines, keep[kept]), places, position, sweep.plan.direction)
+    return SweptLines(_insert_lines(lines, keep[kept]), places, position, sweep.plan.direction)
 
 
-def _among(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _insert_lines(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The lines that are known among those that are not."""
     if known.all():
         return lines

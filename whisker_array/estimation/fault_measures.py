@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 MAD = 1.4826
 """From a median of deviations to a standard deviation."""
 _FEW = 200
-"""Samples below which a whisker says nothing."""
+"""Fewest samples of a whisker that are evaluated."""
 _BESIDE = 2
 """Lines on either side of a border between whiskers."""
 _LEAST_STEPS = 0.3
@@ -123,7 +123,7 @@ def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
     Args:
         felt: all that was felt.
         line_pitch_mm: of the grid: lines more than two of it apart, as in a part felt by a few passes, run over
-            different marks and say nothing of the tips.
+            different marks and do not compare the tips.
     """
     n, borders = shares[0].share.shape[1], []
     for f in shares:

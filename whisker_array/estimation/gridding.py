@@ -69,7 +69,7 @@ def common_grid(
     Args:
         swept: the sweeps.
         pitch_mm: of the grid.
-        within_mm: (x0, y0, x1, y1) beyond which nothing is asked for.
+        within_mm: (x0, y0, x1, y1) to which the grid is limited.
 
     Raises:
         MapError: they do not overlap, there.

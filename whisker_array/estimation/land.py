@@ -158,7 +158,7 @@ def remove_drift(
     """Divide each line, in place, by the drift of its land against its neighbours': a robust line along the trace.
 
     A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of
-    the lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.
+    the lines around is drift, the rest is form. Lines that run mostly in a mark do not show their land.
 
     Args:
         ratio: (lines, samples) moments over the land's.

@@ -25,7 +25,14 @@ from whisker_array.estimation.estimate import is_profiler, lean_from_moment, mom
 from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
 from whisker_array.estimation.gridding import PlateGrid, SweptLines, common_grid, on_grid
 from whisker_array.estimation.memory_removal import remove_memory
-from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges, settled
+from whisker_array.estimation.relief import (
+    STEEPEST,
+    Relief,
+    Route,
+    mean_of_known,
+    relief_from_edges,
+    return_to_tips,
+)
 from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.contact import land_lag_mm
@@ -62,9 +69,9 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
         relief = relief_from_edges(edges, scan.touch, friction=mu)
         if scan.fidelity != Fidelity.POINTWISE.value and relief.route is Route.TURNED:
             for _ in range(ROUNDS):
-                relief = relief_from_edges(settled(edges, scan.touch, relief), scan.touch, friction=mu)
+                relief = relief_from_edges(return_to_tips(edges, scan.touch, relief), scan.touch, friction=mu)
         return replace(relief, friction_sd=known.sd if known else None)
-    return _profiled(scan, differentiator, profiler, known)
+    return _profile_relief(scan, differentiator, profiler, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +84,14 @@ class _View:
     friction_sign: float
 
 
-def _profiled(scan: Scan, differentiator: int, profiler: int, known: LandFriction | None) -> Relief:
+def _profile_relief(scan: Scan, differentiator: int, profiler: int, known: LandFriction | None) -> Relief:
     touch = scan.touches[differentiator]
     mu = known.mu if known else touch.friction
     slopes_of, profiles_of = (only(scan, kind=k, pushed=None) for k in (differentiator, profiler))
     views = [
         _view(slopes_of, profiles_of, number, mu=mu, bent=scan.fidelity != Fidelity.POINTWISE.value)
         for number, sweep in enumerate(scan.sweeps)
-        if not (sweep.plan.pushed and _snagged(sweep))
+        if not (sweep.plan.pushed and _has_jammed(sweep))
     ]
     grid = common_grid([v.lift for v in views], scan.line_pitch_mm)
     shift = play_between(slopes_of)
@@ -154,8 +161,8 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
     return np.where(ss > 0, tau, np.nan), phi
 
 
-def _snagged(sweep: Sweep) -> bool:
-    """Whether so much of a sweep jammed that its land is not to be trusted either."""
+def _has_jammed(sweep: Sweep) -> bool:
+    """Whether so much of a sweep jammed that its land cannot be trusted either."""
     on_plate = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
     jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
     return bool((jammed & on_plate).sum() > MOST_JAMMED * on_plate.sum())
@@ -197,12 +204,12 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     lean = np.full(moment.shape, phi)
     for _ in range(ROUNDS):
         if bent:
-            where_l = along + _bent(lean_l, lift, profiles_of.touch, e)
-            where_m = along + _bent(lean, _moved(lift, where_l, where_m), slopes_of.touch, e)
-        lean = lean_from_moment(moment, _moved(lift, where_l, where_m), slopes_of.touch.tip)
-        lean_l = _moved(lean, where_m, where_l)
+            where_l = along + _tip_shift(lean_l, lift, profiles_of.touch, e)
+            where_m = along + _tip_shift(lean, _resample(lift, where_l, where_m), slopes_of.touch, e)
+        lean = lean_from_moment(moment, _resample(lift, where_l, where_m), slopes_of.touch.tip)
+        lean_l = _resample(lean, where_m, where_l)
     even = np.broadcast_to(along, lift.shape)
-    lifts, leans = _moved(lift, where_l, even), _moved(lean, where_m, even)
+    lifts, leans = _resample(lift, where_l, even), _resample(lean, where_m, even)
     # nothing is made up where a sample was missing
     lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
     back = np.argsort(order)
@@ -214,7 +221,7 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     )
 
 
-def _bent(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
+def _tip_shift(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
     """Shift of each tip from the commanded place, which is set up on the land at the nominal friction."""
     if friction_sign > 0.0:
         lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
@@ -224,7 +231,7 @@ def _bent(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines
     return np.where(np.isfinite(shift), shift, 0.0)
 
 
-def _moved(values: Lines, at: Lines, wanted: Lines) -> Lines:
+def _resample(values: Lines, at: Lines, wanted: Lines) -> Lines:
     """Each line's values, known at its own places, at the places wanted; linear between neighbours."""
     if at is wanted:
         return values

@@ -63,7 +63,7 @@ def registration_mm(
             half = 0.5 * play * pitch_mm
             shift[forward] = (half, 0.0) if along_x else (0.0, half)
             shift[back] = (-half, 0.0) if along_x else (0.0, -half)
-            ahead, behind = _moved(ahead, 0.5 * play), _moved(behind, -0.5 * play)
+            ahead, behind = _shift_rows(ahead, 0.5 * play), _shift_rows(behind, -0.5 * play)
         profiles.append(0.5 * (ahead + behind) if along_x else 0.5 * (ahead + behind).T)
     if len(profiles) == 2:
         rows, cols = _offset_pixels(*profiles)
@@ -116,7 +116,7 @@ def _costs(
     return np.asarray(cost / (lines * max(samples - 2 * LIMIT_PIXELS, 1)))
 
 
-def _moved(layer: Layer, pixels: float) -> Layer:
+def _shift_rows(layer: Layer, pixels: float) -> Layer:
     """The layer moved along its rows by a fraction of pixels, linearly interpolated, its ends repeated."""
     from scipy import ndimage
 

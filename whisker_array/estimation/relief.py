@@ -124,7 +124,7 @@ def _mean_lift(edges: EdgeMap) -> Layer:
     return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
-def settled(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
+def return_to_tips(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
     """The edge map with every value where its tip was, not where the stage had it.
 
     In contact the tip is bent along the trace, more or less than on the land: opposite traces come apart by that

@@ -70,7 +70,7 @@ class Fitted(OneLine):
         )
         return float(np.sqrt(squares / weights))
 
-    def scattered(self) -> NDArray[np.float64]:
+    def scatter_covariance(self) -> NDArray[np.float64]:
         """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
         whole = self.data + self._prior
         of_pass: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
@@ -88,7 +88,7 @@ class Fitted(OneLine):
         covariance[fixed, fixed] = self.before[fixed] ** 2
         return np.asarray(0.5 * (covariance + covariance.T))
 
-    def of_grid(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
+    def grid_covariance(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
         """(n, n): what the maps' grid does to the numbers, its error being of first order at steep edges.
 
         A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
@@ -105,7 +105,7 @@ class Fitted(OneLine):
         return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
 
 
-def unmodelled(nominal: Bench) -> NDArray[np.float64]:
+def left_out_covariance(nominal: Bench) -> NDArray[np.float64]:
     """(n, n) `LEFT_OUT`, in the order of `Bench.vector`."""
     sd = np.zeros_like(nominal.vector())
     for name, off in LEFT_OUT.items():

@@ -75,7 +75,7 @@ def plane_through(
     ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
     root, inverse = _roots(ways.by @ covariance @ ways.by.T)
     n_ways, rng = root.shape[1], np.random.default_rng(seed)
-    turned = [_turned(n_ways, rng) for _ in range(turns)]
+    turned = [_random_axes(n_ways, rng) for _ in range(turns)]
     points = np.sqrt(n_ways) * np.concatenate([sign * axes for axes in turned for sign in (1.0, -1.0)])
     n = len(points)
     cloud = [ways.moved(root @ point) for point in points]
@@ -174,7 +174,7 @@ def _roots(spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return root, inverse
 
 
-def _turned(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _random_axes(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(n, n) axes, turned by chance."""
     q, r = np.linalg.qr(rng.standard_normal((n, n)))
     return np.asarray(q * np.sign(np.diag(r)))

@@ -35,7 +35,7 @@ from whisker_array.identification.bench import (
     of_whisker,
     prior_sd,
 )
-from whisker_array.identification.certainty import COARSER, Fitted, unmodelled
+from whisker_array.identification.certainty import COARSER, Fitted, left_out_covariance
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.gauge_memory import LARGEST_LANDS
@@ -89,7 +89,7 @@ FEWEST_CLUSTERS = 6
 
 
 class IdentifyError(MarksError):
-    """A recording that tells nothing of its bench."""
+    """A recording from which no bench can be identified."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -208,7 +208,7 @@ def identify(
     scatter = _scatter_n_mm(traces)
     grid_mm = max(grid_mm, FINEST * scan.touch.tip_radius_mm)
 
-    def laid(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
+    def lay_map(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
         forward = Forward(
             heights,
             lines,
@@ -224,7 +224,7 @@ def identify(
     found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
     for number, each in enumerate(ROUNDS):
         lines = traces_of(scan, about=found, largest_n_mm=largest_n_mm, most=each.lines)
-        forward = laid(found, each.coarser, lines)
+        forward = lay_map(found, each.coarser, lines)
         around = partial(
             plane_through,
             at=found,
@@ -236,14 +236,14 @@ def identify(
             seed=(seed, number),
         )
         plane = around(forward)
-        seen = partial(_seen, sigma=plane.sigma, scatter_n_mm=scatter)
+        seen = partial(_whiten, sigma=plane.sigma, scatter_n_mm=scatter)
         missed = residuals(forward.traces, plane.moment)
         away = found.vector() - nominal.vector()
-        fitted, step = _solved(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
+        fitted, step = _solve(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
         if each is ROUNDS[-1]:
-            coarse = around(laid(found, COARSER * each.coarser, forward.traces))
+            coarse = around(lay_map(found, COARSER * each.coarser, forward.traces))
             by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
-        repeated = fitted.scattered()
+        repeated = fitted.scatter_covariance()
         wide = WIDE * np.sqrt(len(forward.traces) / MOST_TRACES)
         shrunk = np.minimum(1.0, before / (wide * np.sqrt(np.diag(repeated))))
         cloud = wide**2 * repeated * np.outer(shrunk, shrunk)
@@ -256,7 +256,7 @@ def identify(
         found,
         nominal,
         before,
-        repeated + fitted.of_grid(by_grid) + unmodelled(nominal),
+        repeated + fitted.grid_covariance(by_grid) + left_out_covariance(nominal),
         repeated,
         felt_by,
         forward.traces,
@@ -267,14 +267,14 @@ def identify(
     )
 
 
-def _seen(
+def _whiten(
     values: Iterable[NDArray[np.float64]], *, sigma: tuple[NDArray[np.float64], ...], scatter_n_mm: float
 ) -> tuple[NDArray[np.float64], ...]:
     """Innovations of every trace about a level that walks, in sigmas."""
     return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))
 
 
-def _solved(
+def _solve(
     traces: tuple[Trace, ...],
     jacobian: tuple[NDArray[np.float64], ...],
     missed: tuple[NDArray[np.float64], ...],

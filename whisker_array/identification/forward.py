@@ -30,7 +30,7 @@ STEPS = 4
 class Forward:
     """Predicts the traces of any bench that is near the one that it was made for.
 
-    What is predicted of a trace depends on nothing but the bench that is asked for.
+    The prediction of a trace depends on the given bench alone.
     """
 
     def __init__(

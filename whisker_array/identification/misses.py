@@ -23,7 +23,7 @@ from glyphs.compiled import CONTRACTED, kernel, read_only
 from whisker_array.identification.traces import Trace
 
 PLACE_MM = 0.005
-"""Error of a stage's place: usual screws wave by as much with every turn."""
+"""Error of a stage's place: usual screws have waves of this amplitude in every turn."""
 WALK = 0.03
 """Step of a level's walk between two samples, in parts of their scatter: measured on benches of known numbers."""
 BEGINS = 0.5

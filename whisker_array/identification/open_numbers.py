@@ -68,7 +68,7 @@ def remedies(found: Identified) -> tuple[Remedy, ...]:
         weights[len(Unknown) + whisker, len(Unknown) + whisker] = 1.0 / BENCH_GAIN**2
     ways = [
         ("hang a known weight on each tip, which tells the gains to 0.5 %", weights),
-        ("record the piece once more", _told(found)),
+        ("record the piece once more", _information(found)),
     ]
     made = []
     for what, more in ways:
@@ -79,7 +79,7 @@ def remedies(found: Identified) -> tuple[Remedy, ...]:
     return tuple(sorted(made, key=lambda one: sum(one.sd[n] / found.of(n)[1] for n in one.sd)))
 
 
-def _told(found: Identified) -> np.ndarray:
+def _information(found: Identified) -> np.ndarray:
     """(n, n) what the recording has added to what was known before: so much another one like it would add again."""
     scaled = found.covariance / np.outer(found.before, found.before)
     values, vectors = np.linalg.eigh(np.linalg.inv(scaled) - np.eye(found.before.size))

@@ -1,4 +1,4 @@
-"""A part under the virtual array: its surface made ready once, traced by as many passes as are asked for."""
+"""A part under the virtual array: its surface is prepared once and traced by any number of passes."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _MESSAGES = {
     SampleFlag.OUTSIDE: "the trace ran beyond the measured surface",
     SampleFlag.DROPOUT: "the height there is a dropout, filled from around",
     SampleFlag.NOT_CONVERGED: "the contact solver did not settle",
-    SampleFlag.FAULTY: "the whisker or its wiring is faulty there (see what is said of it)",
+    SampleFlag.FAULTY: "the whisker or its wiring is faulty there (see its fault)",
 }
 
 

@@ -59,10 +59,10 @@ def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         hardness_mpa=np.where(sand > 0.0, np.float32(SAND_HARDNESS_MPA), coat.hardness_mpa),
         friction=friction + there * (_SAND_FRICTION - friction),
     )
-    return _looked(cast, mould, (skin, held, there, hole), streams[6])
+    return _apply_look(cast, mould, (skin, held, there, hole), streams[6])
 
 
-def _looked(
+def _apply_look(
     coat: Coat, mould: Mould, covers: tuple[np.float32, Field, Field, Field], rng: np.random.Generator
 ) -> Coat:
     """Dull grey skin, darker on crests and brighter where cold; glassy tan grains; black sand; bluish holes."""

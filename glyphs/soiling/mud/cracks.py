@@ -53,7 +53,7 @@ def nearest_crack(
     cell, of = np.zeros(x_mm.shape, dtype=np.int64), np.zeros(len(dots), dtype=np.int64)
     for generation in range(generations):
         cells = 1 << generation
-        nx, ny, at, width = _halved(dots, of, turns[generation, :cells], places[generation, :cells])
+        nx, ny, at, width = _halve_cells(dots, of, turns[generation, :cells], places[generation, :cells])
         s = nx[cell] * x_mm + ny[cell] * y_mm - at[cell]
         off = np.abs(s)
         if width.min() > _GAPES * widest:
@@ -68,7 +68,7 @@ def nearest_crack(
     return away
 
 
-def _halved(
+def _halve_cells(
     dots: NDArray[np.float64],
     of: NDArray[np.int64],
     turn_rad: NDArray[np.float64],

@@ -51,7 +51,7 @@ class Grid(NamedTuple):
         )
 
 
-def thinned(coat: Coat) -> Grid:
+def thin_grid(coat: Coat) -> Grid:
     """A grid fine enough for films and drops; marks' depth is taken as 0.04 of their height where little shows."""
     step = max(1, int(coat.height_mm / (45.0 * coat.pitch_mm)))
     rows, cols = ((n + step - 1) // step for n in coat.shape)

@@ -32,7 +32,7 @@ import numpy as np
 
 from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
 from glyphs.soiling.mud.cracks import nearest_crack
-from glyphs.soiling.mud.grid import Grid, blur, thinned
+from glyphs.soiling.mud.grid import Grid, blur, thin_grid
 from glyphs.soiling.strokes import drop
 from glyphs.surface.noise import Field, ramp, share
 
@@ -80,20 +80,20 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     a = min(1.0, amount * batch.share) ** 1.5
     if a <= 0.0:
         return coat
-    grid = thinned(coat)
-    level = _levelled(coat, grid)
-    first = _dried(level, grid.whole(_sheet(grid, a, rng), coat.shape), batch.solid)
+    grid = thin_grid(coat)
+    level = _wet_level(coat, grid)
+    first = _dry_thickness(level, grid.whole(_sheet(grid, a, rng), coat.shape), batch.solid)
     splashed = _splashes(grid, a, batch, rng) + _sheet(grid, max(a - 0.3, 0.0) / 0.85, rng)
-    thick = first + _dried(level - first, grid.whole(splashed, coat.shape), batch.solid)
-    thick *= _left_by_rain(coat, grid, a, batch, rng)
+    thick = first + _dry_thickness(level - first, grid.whole(splashed, coat.shape), batch.solid)
+    thick *= _rain_share(coat, grid, a, batch, rng)
     crust = _crust(coat, grid, thick)
     gap, lift = _cracks(coat, grid, crust, rng)
     thick *= _crumbs(coat, rng)
     thick += np.minimum(thick, crust) * (0.35 * lift * (1.0 - gap) - 0.85 * gap)
-    return _finished(coat, thick, _sand(coat, thick, rng), gap, lift, batch)
+    return _finish(coat, thick, _sand(coat, thick, rng), gap, lift, batch)
 
 
-def _levelled(coat: Coat, grid: Grid) -> Field:
+def _wet_level(coat: Coat, grid: Grid) -> Field:
     """Level of a thick wet film above the surface, mm: grooves fill, edges of raised marks run thin."""
     level = blur(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
     return np.asarray(level - coat.z_mm, dtype=np.float32)
@@ -151,7 +151,7 @@ def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> F
     return wet
 
 
-def _dried(level_mm: Field, wet_mm: Field, solid: float) -> Field:
+def _dry_thickness(level_mm: Field, wet_mm: Field, solid: float) -> Field:
     """Dry thickness: the wet film takes its level as far as there is mud for it, then all columns shrink alike."""
     hollow = np.maximum(level_mm, 0.0) + np.float32(1e-6)
     fills = 2.0 * wet_mm * hollow / np.sqrt(hollow**2 + 4.0 * wet_mm**2)
@@ -159,7 +159,7 @@ def _dried(level_mm: Field, wet_mm: Field, solid: float) -> Field:
     return np.asarray(np.float32(solid) * (wet_mm + fills - thinner), dtype=np.float32)
 
 
-def _left_by_rain(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
+def _rain_share(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
     """Share that rain leaves, in streaks down the plate: it takes from the land first, little from a groove."""
     streak = ramp(grid.noise(0.25 * grid.height_mm, 1.5 * grid.height_mm, rng), -0.6, 1.0)
     takes = grid.whole(np.float32(batch.rain * (1.0 - 0.7 * a)) * streak, coat.shape)
@@ -223,7 +223,7 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
     return grains
 
 
-def _finished(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch) -> Coat:
+def _finish(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch) -> Coat:
     """Finish the coat under mud and sand: the mud yields down to the sand in it, moist mud and curled rims first."""
     top = np.maximum(thick, sand)
     soft = top - sand

@@ -39,7 +39,7 @@ from glyphs.soiling.paint.shapes import (
     orange_peel,
     over_spray,
     runs,
-    thinned,
+    thin_coat,
 )
 from glyphs.surface.noise import Field
 
@@ -69,7 +69,7 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     if amount <= 0.0:
         return coat
     much = min(1.0, amount * rng.triangular(0.5, 1.0, 1.5))
-    can, thin = _can(coat, rng), thinned(coat)
+    can, thin = _can(coat, rng), thin_coat(coat)
     top, dry = coat.z_mm, []
     for start in _STARTS:
         gain = float(np.clip((much - start) / 0.5, 0.0, 1.0))
@@ -79,11 +79,11 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         top = top + dry[-1]
     first, rest = dry[0], (dry[1] + dry[2]) * resize(orange_peel(thin, can, rng), coat.shape)
     caps = resize(runs(thin, can, (much - 0.1) / 0.8, rng), coat.shape)
-    rest += np.float32(can.solids) * _flowed(top, caps, can, coat)
+    rest += np.float32(can.solids) * _flow_runs(top, caps, can, coat)
     dusty = np.float32(min(1.0, 1.2 * much)) * resize(over_spray(thin, can, rng), coat.shape)
     rest += dusty
     left_first, left_rest = chip_off(coat, much, rng)
-    return _finished(coat, can, (first * left_first, rest * left_rest), dusty, rng)
+    return _finish(coat, can, (first * left_first, rest * left_rest), dusty, rng)
 
 
 def _can(coat: Coat, rng: np.random.Generator) -> Can:
@@ -132,17 +132,17 @@ def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: flo
     return np.asarray(least + np.float32(spare) * over, dtype=np.float32)
 
 
-def _flowed(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
+def _flow_runs(top: Field, caps: Field, can: Can, coat: Coat) -> Field:
     """Film of runs: so thick that it levels all under it, so a groove below is full and the run's back smooth."""
     if not caps.any():
         return caps
-    thin = thinned(replace(coat, z_mm=top))
+    thin = thin_coat(replace(coat, z_mm=top))
     level = resize(blur(thin.z_mm, 0.09 * thin.height_mm / thin.pitch_mm, mirror=True), coat.shape)
     cover = caps / (caps + np.float32(0.4 * can.wet_mm))
     return np.asarray(caps + cover * np.maximum(level - top, 0.0), dtype=np.float32)
 
 
-def _finished(coat: Coat, can: Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator) -> Coat:
+def _finish(coat: Coat, can: Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator) -> Coat:
     """Finish the coat with its dry films: look, friction and yielding thickness."""
     picks = rng.integers(len(_COLOURS), size=2)
     tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)

@@ -47,7 +47,7 @@ class Can(OneLine):
         return float(1e3 * 14.0 * h * bond ** (-1 / 3))
 
 
-def thinned(coat: Coat) -> Coat:
+def thin_coat(coat: Coat) -> Coat:
     """The surface on a grid of about a sixtieth of a character: fine enough for all that is smooth of itself."""
     step = max(1, round(coat.height_mm / (55.0 * coat.pitch_mm)))
     return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])

@@ -84,11 +84,11 @@ def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
     # the rust: in laminas, packed in hollows, in blisters, the top of it powder
     scale, fallen = _scale(RATIO * loss, flaky, age * float(of_part[2]), LAMINA * deep)
-    packed = _packed(coat, steel + scale, time * np.float32(of_part[3]), packs)
+    packed = _pack_hollows(coat, steel + scale, time * np.float32(of_part[3]), packs)
     dome = union_mm(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
-    dome, burst = _burst(dome, blisters, packs)
+    dome, burst = _burst_blisters(dome, blisters, packs)
     thick = scale + packed + dome
-    soft, hardness = _yielding(thick, time, rough, burst, fallen, deep)
+    soft, hardness = _yielding_layer(thick, time, rough, burst, fallen, deep)
     rusty = np.minimum(thick / np.float32(0.1 * deep), 1.0)
     done = replace(
         coat,
@@ -166,13 +166,13 @@ def _scale(made: Field, flaky: Field, spall: float, lamina_mm: float) -> tuple[F
     return kept, np.where(gone, np.minimum(fallen, layers), -(edge > 0.5).astype(np.float32))
 
 
-def _packed(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
+def _pack_hollows(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
     """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places past the brim."""
     hollow = np.maximum(coat.brim_mm - top, 0.0)
     return np.asarray(hollow * np.minimum(0.95 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
 
 
-def _burst(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
+def _burst_blisters(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
     """Blisters with the crowns of the highest fallen in, and where (0 to 1): where the rust is swollen most."""
     if not blisters.height_mm.size:
         return dome, np.zeros_like(dome)
@@ -181,7 +181,7 @@ def _burst(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
     return dome - broken * 0.7 * np.maximum(dome - 0.5 * high, 0.0), broken
 
 
-def _yielding(
+def _yielding_layer(
     thick: Field, time: Field, rough: Field, burst: Field, fallen: Field, deep: float
 ) -> tuple[Field, Field]:
     """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.

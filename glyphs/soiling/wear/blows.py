@@ -15,7 +15,7 @@ MOST_HITS = 1.4
 """Area of all dents over the part's at most: they cover 1 - exp(-1.4), three quarters of it."""
 
 
-def peened(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
+def peen(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
     """Close grooves from their edges and dimple all; the surface, and where (0 to 1) it was hit."""
     from glyphs.opencv import cv2
 
@@ -26,28 +26,28 @@ def peened(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -
     reach = np.maximum(np.float32(0.2 * size * amount) * hit, 1e-6)
     lip = bench.level_mm - np.float32(deep) * (0.12 + 0.88 * np.square(np.minimum(away / reach, 1.0)))
     gain = np.where((edge > 0) & (away < reach), np.maximum(lip - z, 0.0), 0.0).astype(np.float32)
-    z = _drawn_from(z, gain, 0.35 * size / coat.pitch_mm)
+    z = _draw_metal_from(z, gain, 0.35 * size / coat.pitch_mm)
     dents = dimples(coat, amount, rng) * (np.float32(1.0) - np.float32(0.6) * bench.low(z))
     blown = blur(dents, 0.06 * size / coat.pitch_mm, mirror=True)
     return z - dents + blown, rise(dents, 0.004 * size)
 
 
-def _drawn_from(z: Field, gain: Field, width: float) -> Field:
+def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
     """The surface with `gain` on it, sunk by as much where it stands out from what lies within `width` samples."""
     rows, cols = z.shape
     step = max(1, int(width / 5.0))
 
-    def thinned(values: Field) -> Field:
+    def thin(values: Field) -> Field:
         return resize(values, (-(-rows // step), -(-cols // step)), how="area")
 
-    def blurred(values: Field) -> Field:
+    def smooth(values: Field) -> Field:
         return blur(values, width / step, mirror=True)
 
-    stands = thinned(z + gain)
+    stands = thin(z + gain)
     # on the thinned grid, so that the land's edge and the lip on it go down together
-    proud = np.maximum(stands - blurred(stands), 0.0)
+    proud = np.maximum(stands - smooth(stands), 0.0)
     least = np.float32(0.02 * float(proud.max()) + 1e-9)
-    sunk = np.asarray(proud * blurred(thinned(gain)) / np.maximum(blurred(proud), least), dtype=np.float32)
+    sunk = np.asarray(proud * smooth(thin(gain)) / np.maximum(smooth(proud), least), dtype=np.float32)
     return z + gain - resize(sunk, z.shape)
 
 
@@ -77,7 +77,7 @@ def dimples(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
     return np.ascontiguousarray(dents.reshape(-1, wide)[edge : edge + rows, edge : edge + cols])
 
 
-def knocked(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
+def knock(bench: Bench, z: Field, amount: float, *, rng: np.random.Generator) -> tuple[Field, Field]:
     """Dents and gouges by other parts' corners; the surface, and where (0 to 1) it was hit.
 
     A corner spans the grooves and the land between raised marks: it presses what stands higher than it reaches.

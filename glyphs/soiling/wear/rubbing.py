@@ -33,7 +33,7 @@ import numpy as np
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.grids import blur
 from glyphs.soiling.wear.bench import Bench, on_bench, patches, rise
-from glyphs.soiling.wear.blows import knocked, peened
+from glyphs.soiling.wear.blows import knock, peen
 from glyphs.surface.noise import Field
 
 _FRESH_ALBEDO = (0.27, 0.268, 0.262)
@@ -59,7 +59,7 @@ class _Life:
     crossed: float
 
     @staticmethod
-    def drawn(rng: np.random.Generator) -> _Life:
+    def draw(rng: np.random.Generator) -> _Life:
         """One part's: mostly one kind, with some of the others."""
         rub, peen, knock = kinds = rng.gamma((1.0, 0.6, 0.5))
         most = max(float(kinds.max()), 1e-6)
@@ -81,11 +81,11 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     amount = min(1.0, amount * (own + max(1.0 - own, 0.0) * amount**2))
     if amount <= 0.0:
         return coat
-    life, bench = _Life.drawn(rng), on_bench(coat)
+    life, bench = _Life.draw(rng), on_bench(coat)
     knocks, peens, rubs = rng.spawn(3)
-    z, bruised = knocked(bench, coat.z_mm, amount * life.knocked, rng=knocks)
-    z, dimpled = peened(bench, z, amount * life.peened, rng=peens)
-    z, bared = _rubbed(bench, z, amount * life.rubbed, life, rng=rubs)
+    z, bruised = knock(bench, coat.z_mm, amount * life.knocked, rng=knocks)
+    z, dimpled = peen(bench, z, amount * life.peened, rng=peens)
+    z, bared = _rub(bench, z, amount * life.rubbed, life, rng=rubs)
     worn = replace(
         coat,
         z_mm=z,
@@ -104,7 +104,7 @@ def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     )
 
 
-def _rubbed(
+def _rub(
     bench: Bench, z: Field, amount: float, life: _Life, *, rng: np.random.Generator
 ) -> tuple[Field, Field]:
     """Lower what the tool reaches, scored; the surface, and how far (0 to 1) its metal is fresh."""

@@ -34,9 +34,7 @@ def crown(coat: Coat) -> Field:
     return stretch(gaussian_filter(top, 0.4 * near, mode="nearest"), step, coat.shape)
 
 
-def ground(
-    coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator
-) -> tuple[Field, Field]:
+def grind(coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """Two goes over the plate, the second lighter and askew: top, and cover of bright metal.
 
     Args:
@@ -48,13 +46,13 @@ def ground(
     """
     depth_mm = float(np.quantile((level - coat.clean_mm)[::3, ::3], 0.97))
     turn = rng.choice([-1.0, 1.0]) * rng.uniform(50.0, 120.0)
-    z, bright = _gone_over(coat, z, level, amount, depth_mm * rng.uniform(0.9, 1.2), np.deg2rad(turn), rng)
+    z, bright = _grind_once(coat, z, level, amount, depth_mm * rng.uniform(0.9, 1.2), np.deg2rad(turn), rng)
     turn += rng.choice([-1.0, 1.0]) * rng.uniform(25.0, 60.0)
-    z, more = _gone_over(coat, z, level, amount, depth_mm * rng.uniform(0.4, 0.8), np.deg2rad(turn), rng)
+    z, more = _grind_once(coat, z, level, amount, depth_mm * rng.uniform(0.4, 0.8), np.deg2rad(turn), rng)
     return z, np.maximum(bright, more)
 
 
-def _gone_over(
+def _grind_once(
     coat: Coat, z: Field, level: Field, amount: float, press_mm: float, turn: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
     """One go: arcs of the disc's radius, side by side; it takes what stands above it and smears it over edges."""

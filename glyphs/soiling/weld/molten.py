@@ -44,7 +44,7 @@ class Seam(OneLine):
         return np.asarray(np.exp(self.start_mm / self.reach_mm - a * x_mm) * np.exp(-b * y_mm))
 
 
-def seam_of(coat: Coat, rng: np.random.Generator) -> Seam:
+def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
     """A bead along one side, more often a long one, up to 12 degrees askew."""
     size = np.array(coat.shape[::-1]) * coat.pitch_mm
     side = np.deg2rad(
@@ -72,7 +72,7 @@ class _Drops:
         return _Drops(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
 
-def spattered(
+def add_spatter(
     coat: Coat, z: Field, seam: Seam, amount: float, share: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
     """Drops that fly from the seam, freeze where they land and weld on: top and cover.
@@ -107,10 +107,10 @@ def spattered(
     lobe = np.where(splat, 0.16, 0.06) * rng.uniform(-1.0, 1.0, n)
     grown = np.clip((amount - onset) / 0.25, 0.0, 1.0) ** (1 / 3)
     drops = _Drops(at, 0.5 * diameter * grown, high, stretch, lobe, np.append(heading, fan), splat)
-    return _laid(z, drops.only(grown > 0.05), coat.pitch_mm)
+    return _lay_drops(z, drops.only(grown > 0.05), coat.pitch_mm)
 
 
-def _laid(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
+def _lay_drops(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
     """Drops on a surface: each stands on the mean level below it, as liquid does, and so fills a groove it covers."""
     rows, cols = z.shape
     half = drops.radius_mm * drops.stretch * 1.1
@@ -154,7 +154,7 @@ def _laid(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
     return top.reshape(z.shape), np.minimum((top - flat) * np.float32(1 / _EDGE_MM), 1.0).reshape(z.shape)
 
 
-def struck(coat: Coat, z: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
+def add_arc_strikes(coat: Coat, z: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """Arc strikes: an electrode that slips, and drags, leaves remelted craters with rims: top and cover."""
     z, cover = z.copy(), np.zeros_like(z)
     size = np.array(coat.shape[::-1]) * coat.pitch_mm

@@ -38,8 +38,8 @@ import numpy as np
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.grids import axes_mm, slow_noise
 from glyphs.soiling.weld.grid import cells
-from glyphs.soiling.weld.grinder import crown, ground
-from glyphs.soiling.weld.molten import Seam, seam_of, spattered, struck
+from glyphs.soiling.weld.grinder import crown, grind
+from glyphs.soiling.weld.molten import Seam, add_arc_strikes, add_spatter, draw_seam
 from glyphs.surface.noise import Field, ramp
 
 SCALE_MM = (0.005, 0.05)
@@ -75,21 +75,21 @@ def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     parts = np.clip(amount * rng.uniform(0.5, 1.5, 5), 0.0, 1.0)
     tint, scale, spatter, disc, arc = (float(part) for part in parts)
     streams = rng.spawn(6)
-    seam = seam_of(coat, rng)
-    z, scaled = _scaled(coat, scale, streams[1])
-    z, first = spattered(coat, z, seam, spatter, 0.4, streams[2])
+    seam = draw_seam(coat, rng)
+    z, scaled = _add_scale(coat, scale, streams[1])
+    z, first = add_spatter(coat, z, seam, spatter, 0.4, streams[2])
     high = z
-    z, bright = ground(coat, z, crown(coat), disc, streams[3])
+    z, bright = grind(coat, z, crown(coat), disc, streams[3])
     cut = high - np.minimum(z, high)
-    z, second = spattered(coat, z, seam, spatter, 0.4, streams[4])
-    z, remelted = struck(coat, z, arc, streams[5])
+    z, second = add_spatter(coat, z, seam, spatter, 0.4, streams[4])
+    z, remelted = add_arc_strikes(coat, z, arc, streams[5])
     burnt = (1 - scaled) * (1 - first) * (1 - second) * (1 - remelted)
     coat = replace(coat, z_mm=z, soft_mm=burnt * np.maximum(coat.soft_mm - cut, 0))
     layers = ((scaled, _SCALE), (first, _MOLTEN), (bright, _GROUND), (np.maximum(second, remelted), _MOLTEN))
-    return _finished(_tinted(coat, seam, tint, streams[0]), layers)
+    return _finish(_add_tint(coat, seam, tint, streams[0]), layers)
 
 
-def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
+def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
     """The coat with the finish of every layer, the first lowest, where its cover (0 to 1) says so."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
@@ -104,7 +104,7 @@ def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
     return replace(coat, albedo=np.stack(planes[:3], axis=-1), **changes)  # type: ignore[arg-type]
 
 
-def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
+def _add_tint(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
     """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
     wave = 1.0 + 0.06 * slow_noise(coat, 1.5 * coat.height_mm, rng)
     x, y = (axis.astype(np.float64) for axis in axes_mm(coat))
@@ -120,7 +120,7 @@ def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> 
     )
 
 
-def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
+def _add_scale(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """Plates between long cracks and the shorter ones across; some spalled, some lifted at one end: top and cover."""
     size = np.sqrt(coat.height_mm / 5.0)
     thick_mm = float(np.clip(size * rng.uniform(0.012, 0.04), *SCALE_MM))

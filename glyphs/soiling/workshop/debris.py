@@ -120,7 +120,7 @@ def _sliver(rng: np.random.Generator, size_mm: float) -> tuple[NDArray[np.float6
 
 
 def _grain(rng: np.random.Generator) -> tuple[NDArray[np.float64], float, float]:
-    """Line of a grain: as long as it is wide, give or take."""
+    """Line of a grain: about as long as it is wide."""
     radius = float(np.clip(rng.lognormal(np.log(0.1), 0.45), 0.05, 0.3))
     length, heading = 2.0 * radius * rng.uniform(1.0, 1.8), rng.uniform(0, 2 * np.pi)
     s = np.linspace(-0.5, 0.5, 8) * length

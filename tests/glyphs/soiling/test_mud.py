@@ -9,7 +9,7 @@ import numpy as np
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.mud import sheets as model
-from glyphs.soiling.mud.grid import Grid, thinned
+from glyphs.soiling.mud.grid import Grid, thin_grid
 from glyphs.soiling.mud.sheets import HARDNESS_MPA, mud
 from tests.support.coats import bare_part
 
@@ -40,7 +40,7 @@ def _plate(pitch_mm: float = 0.05) -> Coat:
 def test_the_groove_shows_through_as_a_shallower_dip() -> None:
     """An even, thick film shrinks to 0.6 of its depth everywhere: 0.4 to 0.6 of the groove is left."""
     coat = bare_part()
-    grid = thinned(coat)
+    grid = thin_grid(coat)
     thick = model._dried(model._levelled(coat, grid), np.full(coat.shape, 0.4, np.float32), 0.6)
     groove = coat.brim_mm - coat.z_mm > 0.8 * grid.depth_mm
     land = np.abs(coat.brim_mm - coat.z_mm) < 0.02
@@ -79,7 +79,7 @@ def _width_of_plates_mm(thick_mm: float) -> float:
 
     coat = _plate()
     even = np.full(coat.shape, thick_mm, np.float32)
-    gap, _ = model._cracks(coat, thinned(coat), even, np.random.default_rng(2))
+    gap, _ = model._cracks(coat, thin_grid(coat), even, np.random.default_rng(2))
     cracks = skeletonize(gaussian_filter(gap, 1.0) > 0.2)
     return float(2.0 * coat.area_mm2 / (1.1 * cracks.sum() * coat.pitch_mm))
 
@@ -95,14 +95,14 @@ def test_thicker_mud_cracks_wider_apart() -> None:
 def test_a_thin_film_does_not_crack() -> None:
     coat = _plate()
     film = np.full(coat.shape, 0.01, np.float32)
-    gap, _ = model._cracks(coat, thinned(coat), film, np.random.default_rng(2))
+    gap, _ = model._cracks(coat, thin_grid(coat), film, np.random.default_rng(2))
     assert gap.max() == 0.0
 
 
 def test_plates_curl_up_at_their_edges() -> None:
     coat = _plate()
     even = np.full(coat.shape, 0.4, np.float32)
-    gap, lift = model._cracks(coat, thinned(coat), even, np.random.default_rng(2))
+    gap, lift = model._cracks(coat, thin_grid(coat), even, np.random.default_rng(2))
     from scipy.ndimage import distance_transform_edt
 
     away_mm = distance_transform_edt(gap == 0.0) * coat.pitch_mm
@@ -127,7 +127,7 @@ def test_sand_does_not_yield_and_mud_does() -> None:
 
 def test_rain_takes_the_lands_mud_first() -> None:
     coat = bare_part()
-    grid = thinned(coat)
+    grid = thin_grid(coat)
     left = model._left_by_rain(coat, grid, 0.3, BATCH, np.random.default_rng(0))
     sheltered = coat.brim_mm - coat.z_mm > 0.9 * grid.depth_mm
     assert left[sheltered].mean() > 0.9

@@ -10,7 +10,7 @@ import pytest
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.wear import rubbing as wear
 from glyphs.soiling.wear.bench import on_bench
-from glyphs.soiling.wear.blows import MOST_HITS, dimples, knocked, peened
+from glyphs.soiling.wear.blows import MOST_HITS, dimples, knock, peen
 from glyphs.soiling.wear.rubbing import wear as worn
 from glyphs.surface.noise import Field
 from tests.support.coats import bare_part
@@ -58,7 +58,7 @@ def test_a_file_scores_and_a_buff_does_not() -> None:
 
 def test_peening_moves_metal_and_takes_none() -> None:
     coat = _coat()
-    z, hit = peened(on_bench(coat), coat.z_mm, 0.8, rng=np.random.default_rng(2))
+    z, hit = peen(on_bench(coat), coat.z_mm, 0.8, rng=np.random.default_rng(2))
     moved = z - coat.z_mm
     # what crosses the border of the plate is lost to the sum: a tenth of what moved is room for it
     assert abs(moved.sum()) < 0.1 * np.abs(moved).sum()
@@ -79,7 +79,7 @@ def test_dents_cover_as_random_hits_do(amount: float) -> None:
 
 def test_knocks_pile_metal_up_beside_them() -> None:
     coat = _coat()
-    z, _ = knocked(on_bench(coat), coat.z_mm, 0.7, rng=np.random.default_rng(4))
+    z, _ = knock(on_bench(coat), coat.z_mm, 0.7, rng=np.random.default_rng(4))
     up, down = np.maximum(z - coat.z_mm, 0.0).sum(), np.maximum(coat.z_mm - z, 0.0).sum()
     assert 0.15 * down < up < down
 

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from glyphs.soiling.coat import Coat
-from glyphs.soiling.weld.grinder import FURROW_MM, crown, ground
-from glyphs.soiling.weld.molten import Seam, spattered, struck
+from glyphs.soiling.weld.grinder import FURROW_MM, crown, grind
+from glyphs.soiling.weld.molten import Seam, add_arc_strikes, add_spatter
 from glyphs.soiling.weld.plate import SCALE_MM, _scaled, weld
 from tests.support.coats import bare_part
 
@@ -34,7 +34,7 @@ def test_drops_only_add_and_fall_off_with_distance_from_the_seam() -> None:
     seam = _seam(coat)
     shares = []
     for seed in range(8):
-        z, cover = spattered(coat, coat.z_mm, seam, 0.7, 0.4, np.random.default_rng(seed))
+        z, cover = add_spatter(coat, coat.z_mm, seam, 0.7, 0.4, np.random.default_rng(seed))
         assert (z >= coat.z_mm).all()
         # the largest drop is 3 mm wide, and none stands higher than half its width
         assert (z - coat.z_mm).max() < 1.5 + np.ptp(coat.z_mm)
@@ -49,7 +49,7 @@ def test_a_disc_takes_tops_and_leaves_floors() -> None:
     coat = _coat()
     level = crown(coat)
     depth = float(np.quantile(level - coat.clean_mm, 0.97))
-    z, bright = ground(coat, coat.z_mm, level, 0.3, np.random.default_rng(2))
+    z, bright = grind(coat, coat.z_mm, level, 0.3, np.random.default_rng(2))
     floor = level - coat.clean_mm > 0.9 * depth
     land = level - coat.clean_mm < 0.1 * depth
     assert (coat.z_mm - z)[land].mean() > 5 * abs((coat.z_mm - z)[floor].mean())
@@ -74,7 +74,7 @@ def test_an_arc_strike_is_a_crater_with_a_rim() -> None:
     coat = _coat()
     flat = np.zeros_like(coat.z_mm)
     for seed in range(4):
-        z, cover = struck(coat, flat, 1.0, np.random.default_rng(seed))
+        z, cover = add_arc_strikes(coat, flat, 1.0, np.random.default_rng(seed))
         assert z[cover == 0].max(initial=0.0) < 0.01
         if (cover > 0.9).any():
             assert z.min() < -0.03

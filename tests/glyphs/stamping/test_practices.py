@@ -300,7 +300,7 @@ def test_a_jump_of_the_baseline_stays() -> None:
         ({"plate": "moon"}, "no plate 'moon'; use one of machined, cylinder"),
         ({"layout": "spiral"}, "no layout 'spiral'; use one of straight, turned, arc"),
         ({"die": "round", "face": "sharp"}, "face of its own"),
-        ({"practice": "hand", "variation": NONE}, "who stamps"),
+        ({"practice": "hand", "variation": NONE}, "or a practice"),
         ({"plate": PlateVariation(form=PlateForm(radius_x_mm=8.0))}, "larger radius"),
     ],
 )

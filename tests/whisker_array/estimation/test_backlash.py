@@ -13,8 +13,8 @@ from whisker_array.estimation.registration import (
     LIMIT_PIXELS,
     STEEPEST,
     _costs,
-    _moved,
     _offset_pixels,
+    _shift_rows,
     play_pixels,
 )
 from whisker_array.whisker.enhancement import moment_ratio
@@ -36,7 +36,7 @@ def maps(cols: int, seed: int = 1) -> tuple[Layer, Layer]:
 
 
 def plain_cost(ahead: Layer, behind: Layer, half: float) -> float:
-    a, b = _moved(ahead, half), _moved(behind, -half)
+    a, b = _shift_rows(ahead, half), _shift_rows(behind, -half)
     total, edges = 0.5 * (a + b), 0.5 * (a - b)
     reach = 1.0 + total
     for _ in range(2):
@@ -58,7 +58,7 @@ def test_costs_are_those_of_the_formula_written_out(cols: int) -> None:
 
 def test_maps_apart_by_play_are_laid_together() -> None:
     ahead, behind = maps(120)
-    shifted = play_pixels(_moved(ahead, -1.5), _moved(behind, 1.5), touch=TOUCH, pitch_mm=PITCH)
+    shifted = play_pixels(_shift_rows(ahead, -1.5), _shift_rows(behind, 1.5), touch=TOUCH, pitch_mm=PITCH)
     assert shifted == pytest.approx(3.0, abs=0.3)  # tenths of a pixel go to linear interpolation
 
 
