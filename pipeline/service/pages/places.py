@@ -19,6 +19,8 @@ LOW_MARGIN = 0.3
 """Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""
 LOW_PROBABILITY = 0.95
 """Belief in the best candidate below which a place is unsure."""
+BEYOND_DOUBT = 0.99
+"""Belief in every best candidate from which it is not for its characters that a reading is not accepted."""
 MOST_CANDIDATES = 5
 _LEAST_PROBABILITY = 0.002
 _FEWEST_CANDIDATES = 2
@@ -79,7 +81,8 @@ def places_of(reading: ReadingRecord | None) -> tuple[Place, ...]:
     doubts = [_doubt(c) for c in reading.characters]
     if doubts and not any(doubts) and reading.decision != "accept":
         beliefs = [c.candidates[0].probability for c in reading.characters]
-        doubts[beliefs.index(min(beliefs))] = LEAST_SURE
+        if min(beliefs) < BEYOND_DOUBT:
+            doubts[beliefs.index(min(beliefs))] = LEAST_SURE
     return tuple(_place(k, c, d) for k, (c, d) in enumerate(zip(reading.characters, doubts, strict=True)))
 
 

@@ -79,6 +79,9 @@ def test_of_a_reading_not_accepted_the_least_sure_place_is_marked() -> None:
     unsure = ReadingRecord("fused", "AC", "review", 0.9, text)
     assert [p.doubt for p in places_of(unsure)] == ["", "least sure"]
     assert [p.doubt for p in places_of(replace(unsure, decision="accept"))] == ["", ""]
+    # not accepted for something else than its characters
+    sure = replace(unsure, characters=tuple(character(c, k, probability=0.995) for k, c in enumerate("AC")))
+    assert [p.doubt for p in places_of(sure)] == ["", ""]
 
 
 @given(st.text("ABC ", max_size=12), st.text("ABC", max_size=12))
