@@ -7,13 +7,6 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-FaceName = Literal["sharp", "flat", "round", "dotted"]
-DieName = Literal["flat", "sharp", "blunt-v", "round", "dotted", "lopsided", "double", "one-flank"]
-PlateName = Literal[
-    "machined", "cylinder", "ring", "saddle", "bow", "milled", "turned", "faced", "ground", "sand"
-]
-PracticeName = Literal["press", "hand", "ideal"]
-LayoutName = Literal["straight", "turned", "arc", "two-lines"]
 FidelityName = Literal["pointwise", "contact"]
 Flag = Annotated[bool, Parameter(negative="")]
 """A flag without a negative form (default: off)."""

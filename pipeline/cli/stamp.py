@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import (
-    DieName,
-    FaceName,
-    Flag,
-    LayoutName,
-    PlateName,
-    Positive,
-    PracticeName,
-    listed,
-)  # fmt: skip
+from pipeline.cli.choices import Flag, Positive, listed
 from pipeline.cli.exit_status import UsageError
+from pipeline.common.stamping import FaceName, Stamping
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
@@ -113,49 +104,6 @@ def _fonts_of(name: str) -> list[Font]:
     return fonts
 
 
-@dataclass(frozen=True)
-class Stamping:
-    """Stamping and photographs of the parts; fields of `pipeline.formats.synth.SynthSpec`.
-
-    Attributes:
-        format: Mask of the serials: A letter, 9 digit, * either, any other character itself.
-        font: Built-in name or TTF/OTF file.
-        seed: Of everything random: the same seed gives the same parts.
-        height_mm: Character height in mm.
-        depth_mm: Depth of the marks in mm (default: the usual one for the height).
-        face: Face of the die.
-        bevel_deg: Slope of the walls, degrees.
-        raised: Raised marks instead of sunk ones.
-        variation: Let blows and plates differ as in a shop.
-        practice: How it is stamped: by a press (default), by hand with single stamps, or ideally.
-        die: In place of a face: also a V with a blunt edge, pile-up on one side, double strikes, one wall missing.
-        plate: What is stamped: bent (cylinder: line along its axis; ring: around it), or left rough by a tool.
-        layout: A straight line, one turned by up to 5 degrees, an arc, or another line above or below.
-        pixel_mm: Size of a pixel on the part, mm.
-        light_azimuth_deg: Where the lamp stands: 0 at the right, 90 below, 270 above (default: drawn at random).
-        light_elevation_deg: How high it stands over the plate (default: drawn from 25 to 65).
-        lights: Photographs of each part, PART.light-1.png and so on, the lamp on another side each time.
-    """
-
-    format: str
-    font: str = "gothic"
-    seed: int = 0
-    height_mm: float = 5.0
-    depth_mm: float | None = None
-    face: FaceName = "flat"
-    bevel_deg: float = 45.0
-    raised: Flag = False
-    variation: bool = True
-    practice: PracticeName | None = None
-    die: DieName | None = None
-    plate: PlateName | None = None
-    layout: LayoutName | None = None
-    pixel_mm: float = 0.06
-    light_azimuth_deg: float | None = None
-    light_elevation_deg: float | None = None
-    lights: int = 1
-
-
 def synth(
     out: Path,
     *,
@@ -196,14 +144,12 @@ def synth(
 
     from glyphs.soiling.soiled import Soiling
     from glyphs.soiling.workshop.mixture import Dirt
-    from glyphs.stamping.faces import Face
     from pipeline.formats.synth import SynthSpec, write_parts
     from pipeline.workers.executors import ordered_map
     from pipeline.workers.options import ExecutorOptions
 
     mixture = replace(Dirt.of(dirt), **_amounts(mix, vars(Dirt.of(0.0)))) if mix else None
-    made_so = {**vars(stamping), "face": Face(stamping.face)}
-    spec = SynthSpec(soiling=Soiling(listed(soil), dirt, mixture=mixture), **made_so)
+    spec = SynthSpec(**vars(stamping), soiling=Soiling(listed(soil), dirt, mixture=mixture))
     with ExecutorOptions(jobs=jobs).opened(parts) as executor:
         each = partial(ordered_map, executor)
         made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)

@@ -18,7 +18,7 @@ import numpy as np
 from glyphs.atomic import replacing
 from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
-from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.camera.pose import Camera
 from glyphs.errors import FileError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import allowed_characters, random_text
@@ -33,6 +33,7 @@ from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import SettingsError
+from pipeline.common.stamping import Stamping
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.photos import write_photo
 
@@ -47,53 +48,18 @@ _OF_THE_STAMP = (
 
 
 @dataclass(frozen=True)
-class SynthSpec:
-    """Settings of the parts to stamp.
+class SynthSpec(Stamping):
+    """Settings of the parts to stamp. With two lines, the truth is the line in the format.
 
     Attributes:
-        format: format of the serials.
-        font: built-in name or font file.
-        seed: seed of all random draws.
-        height_mm: character height.
-        depth_mm: depth of the mark (default: from the table of usual depths).
-        face: face of the die.
-        bevel_deg: slope of its walls.
-        raised: raised marks.
-        variation: whether blows and plate vary as they do in a shop; without it all are ideal.
-        practice: stamping practice, a name of `glyphs.PRACTICES` (default: a press).
-        die: a name of `glyphs.DIES`, in place of a face.
-        plate: a name of `glyphs.PLATES` (default: a machined plate).
-        layout: a name of `glyphs.LAYOUTS` (default: a straight line). With two lines, the truth is the line in the
-            format.
         soiling: dirt on the parts (default: none).
-        light_azimuth_deg: azimuth of the lamp, see `Light` (default: drawn for every part).
-        light_elevation_deg: elevation of the lamp; likewise.
-        pixel_mm: pixel size of the photographs, on the part.
-        lights: number of photographs of each part, each with the lamp on another side.
 
     Raises:
         SettingsError: an impossible format, font, die, light or pixel size; a practice without variation.
         StampError: unknown practice, die, plate or layout.
     """
 
-    format: str
-    font: str = "gothic"
-    seed: int = 0
-    height_mm: float = 5.0
-    depth_mm: float | None = None
-    face: Face = Face.FLAT
-    bevel_deg: float = 45.0
-    raised: bool = False
-    variation: bool = True
-    practice: str | None = None
-    die: str | None = None
-    plate: str | None = None
-    layout: str | None = None
     soiling: Soiling = field(default_factory=Soiling)
-    light_azimuth_deg: float | None = None
-    light_elevation_deg: float | None = None
-    pixel_mm: float = DEFAULT_PIXEL_MM
-    lights: int = 1
 
     def __post_init__(self) -> None:
         if not 1 <= self.lights <= MOST_LIGHTS:
@@ -111,12 +77,12 @@ class SynthSpec:
         for kind, known in (("practice", PRACTICES), ("die", DIES), ("plate", PLATES), ("layout", LAYOUTS)):
             if (name := getattr(self, kind)) is not None:
                 pick(kind, known, name)
-        if self.die is not None and self.face is not Face.FLAT:
+        if self.die is not None and Face(self.face) is not Face.FLAT:
             raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
         default_die(
             self.height_mm,
             font=load_font(self.font),
-            face=self.face,
+            face=Face(self.face),
             bevel_deg=self.bevel_deg,
             depth_mm=self.depth_mm,
         )

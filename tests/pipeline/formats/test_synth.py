@@ -17,9 +17,9 @@ from glyphs.stamping.faces import Face
 from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES
-from pipeline.cli.choices import DieName, LayoutName, PlateName, PracticeName
 from pipeline.cli.main import main
 from pipeline.common.settings import SettingsError
+from pipeline.common.stamping import DieName, LayoutName, PlateName, PracticeName
 from pipeline.formats.npz import soil_members
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pipeline.cli.design_report import array_report
+from pipeline.cli.design_report import print_arrays
 from whisker_array.design.array_design import ArrayRequest, design_arrays
 from whisker_array.design.limits import DesignError
 from whisker_array.design.plan_accuracy import PlanCounts, measured_plans
@@ -75,10 +75,12 @@ def test_no_comb_of_default_whiskers_is_quicker(chosen: tuple) -> None:
             assert replace(usual, array=array).scan_time_s >= best.stage_s
 
 
-def test_words_fit_a_terminal_and_say_what_was_measured(chosen: tuple) -> None:
-    words = array_report(REQUEST, chosen)
-    assert max(map(len, words)) <= 80
-    told = "\n".join(words)
+def test_words_fit_a_terminal_and_say_what_was_measured(
+    chosen: tuple, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_arrays(REQUEST, chosen)
+    told = capsys.readouterr().out
+    assert max(map(len, told.splitlines())) <= 80
     assert f"{chosen[-1].stage_s:.1f} s a serial" in told
     assert "of 10 parts" in told
     assert "96.0 %" in told
