@@ -247,8 +247,8 @@ def export(
     order = ExportOrder(DesignedParts(design_named(design), parts), felt=felt)
     if check:
         found = exporting.check(order, folder)
-        for difference in found:
-            print(f"{difference.path}: {difference.problem}")
+        for path, problem in found.items():
+            print(f"{path}: {problem}")
         if found:
             hint = "run the export again, and remove what is not in the manifest"
             raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)

@@ -114,7 +114,7 @@ def _known(trial: Trial, generator: str, soil: str, *, kept_out: bool) -> KnownR
         right=trial.right,
         generator=generator,
         soil=soil,
-        font=trial.font,
+        font=str(trial.levels.get("font") or ""),
         severity=trial.severity or 0.0,
         kept_out=kept_out,
         measures={Measure(name): value for name, value in trial.measures.items()},

@@ -51,25 +51,11 @@ def card_of(
 
 
 def page_of(card: dict[str, Any]) -> str:
-    """The card as a page."""
-    factors = ["| factor | level: parts |", "|---|---|"] + [
-        f"| {name} | {', '.join(f'{level}: {n}' for level, n in sorted(found.items()))} |"
-        for name, found in card["counts"].items()
-    ]
-    fonts = ["| font | from | licence of the package |", "|---|---|---|"] + [
-        f"| {name} | {f['from']} | {f['licence']} |" for name, f in card["fonts"].items()
-    ]
-    kept = card["design"].get("kept_out_soils") or []
-    return _PAGE.read_text(encoding="utf-8").format(
-        name=card["name"],
-        about=card["about"] or "An exam for readers of stamped marks.",
-        n=card["parts"],
-        version=card["version"],
-        program=card["program"],
-        factors="\n".join(factors),
-        fonts="\n".join(fonts),
-        kept_out=f"; the soils {', '.join(kept)} are kept out of all fitting" if kept else "",
-    )
+    """The card as a page in Markdown."""
+    import jinja2
+
+    page = jinja2.Template(_PAGE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
+    return page.render(card)
 
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,19 +35,6 @@ FORMAT_VERSION = 1
 
 class ExportError(MarksError):
     """Some parts could not be made, or a folder is not as its manifest says."""
-
-
-@dataclass(frozen=True)
-class Difference:
-    """A file that is not as the manifest says.
-
-    Attributes:
-        path: within the folder.
-        problem: missing, changed, or not in the manifest.
-    """
-
-    path: str
-    problem: str
 
 
 def export(
@@ -99,8 +85,8 @@ def export(
     return len(items)
 
 
-def check(order: ExportOrder, folder: Path) -> list[Difference]:
-    """List the differences between a folder and its manifest.
+def check(order: ExportOrder, folder: Path) -> dict[str, str]:
+    """Files that differ from the manifest, by path: missing, changed, or not in the manifest.
 
     Raises:
         FileError: no manifest, or of another design.
@@ -113,13 +99,13 @@ def check(order: ExportOrder, folder: Path) -> list[Difference]:
         raise FileError(folder / MANIFEST, "is missing or damaged", "run the export again")
     there = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {MANIFEST}
     wanted: dict[str, str] = manifest["files"]
-    found = [Difference(path, "missing") for path in wanted if path not in there]
-    found += [
-        Difference(path, "changed")
-        for path, hashed in wanted.items()
-        if path in there and sha256((folder / path).read_bytes()) != hashed
-    ]
-    return sorted(found + [Difference(p, "not in the manifest") for p in there - wanted.keys()], key=str)
+    found = dict.fromkeys(there - wanted.keys(), "not in the manifest")
+    for path, hashed in wanted.items():
+        if path not in there:
+            found[path] = "missing"
+        elif sha256((folder / path).read_bytes()) != hashed:
+            found[path] = "changed"
+    return dict(sorted(found.items()))
 
 
 def _design_of(order: ExportOrder) -> dict[str, Any]:

@@ -11,7 +11,6 @@ All are read by touch alone, on one bench whose sensors and stage are drawn with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -88,7 +87,7 @@ PLANS = (
 
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
-    """Mode that reads by touch with one plan; the stage time, passes and waits go into the trial."""
+    """Mode that reads by touch with one plan; the stage time, and why no more was felt, go into the trial."""
     from pipeline.reading.simulated_scan import feel, open_session
 
     touch = reader.touch
@@ -100,18 +99,10 @@ def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
         if plan.name == "whole":
             raster = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
             reading = touch.read_scan(feel(part.height_map, plan=raster, **bench))
-            return reading, _on_stage(raster.scan_time_s, len(raster.passes()))
+            return reading, {"scan_s": round(raster.scan_time_s, 3)}
         session = open_session(part.height_map, part_id=part.part, **bench)
         found = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()
-        # the time after the last pass is no wait: the part can be taken away
-        waits = sorted(p.thought_s for p in found.passes[:-1] if p.thought_s > 0.0)
-        return found.reading, _on_stage(found.stage_s, len(found.passes), found.stop.value, waits or [0.0])
+        return found.reading, {"scan_s": round(found.stage_s, 3), "flags": found.stop.value}
 
     return Mode((), read)
-
-
-def _on_stage(stage_s: float, passes: int, stop: str = "", waits: Sequence[float] = (0.0,)) -> dict[str, Any]:
-    """Fields of a trial: stage seconds, why no more was felt, passes, and the longest and the median wait."""
-    times = {"thought_s": round(waits[-1], 4), "usual_thought_s": round(waits[len(waits) // 2], 4)}
-    return {"scan_s": round(stage_s, 3), "flags": stop, "measures": {"passes": float(passes), **times}}

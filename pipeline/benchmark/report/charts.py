@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, PercentFormatter
-from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.readers.experts import EXPERT_MODES
@@ -99,67 +98,32 @@ def _places(severities: Sequence[float | None]) -> dict[float | None, float]:
 
 
 def accuracy_figure(groups: Sequence[Group]) -> Figure:
-    """Shares of serials and characters right against severity; below, the shares wrong on a logarithmic scale.
-
-    Bars are Wilson's 95 % intervals. A share of nought has no place on a logarithmic scale: a hollow mark at the
-    foot, and the bar to the upper end of its interval.
-    """
-    figure = Figure(figsize=(WIDTH_IN, 6.6), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, height_ratios=[1.0, 1.0])
-    measures: tuple[tuple[str, Callable[[Group], Share]], ...] = (
-        ("serials", lambda g: g.serials),
-        ("characters", lambda g: g.characters),
-    )
+    """Shares of serials and characters right against severity, with Wilson's 95 % intervals."""
+    figure = Figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
     severities, modes = severities_in(groups), modes_in(groups)
     places = _places(severities)
     gap = min(np.diff(sorted(places.values())), default=1.0)
-    for column, (name, measure) in enumerate(measures):
-        upper, lower = axes[0, column], axes[1, column]
-        totals = [measure(g).total for g in groups]
-        floor = 0.3 / max(1, *totals)
+    for axes, measure in zip(panels, ("serials", "characters"), strict=True):
         for rank, mode in enumerate(modes):
-            shift = 0.09 * gap * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1) * 2
             own = sorted((g for g in groups if g.key.mode == mode), key=lambda g: places[g.key.severity])
-            x = np.array([places[g.key.severity] + shift for g in own])
-            _shares(upper, x, [measure(g) for g in own], mode)
-            _wrong(lower, x, [measure(g) for g in own], mode, floor=floor)
-        upper.set_title(f"{name} right", loc="left", fontsize=11, fontweight="bold")
-        upper.set_ylim(-0.02, 1.03)
-        upper.yaxis.set_major_formatter(PercentFormatter(1.0))
-        lower.set_title(f"{name} wrong, logarithmic", loc="left", fontsize=11, fontweight="bold")
-        lower.set_yscale("log")
-        lower.set_ylim(0.8 * floor, 1.3)
-        lower.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100 * v:g} %"))
-        lower.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
-        lower.set_xlabel("severity of the dirt")
-        for each in (upper, lower):
-            ruled(each)
-    _legend_below(figure, axes[0, 0])
+            shares: list[Share] = [getattr(g, measure) for g in own]
+            colour, marker, line = style_of(mode)
+            # side by side, so that no interval hides another
+            beside = 0.18 * gap * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1)
+            axes.errorbar(
+                [places[g.key.severity] + beside for g in own], [s.value for s in shares],
+                yerr=([s.value - s.low for s in shares], [s.high - s.value for s in shares]), color=colour,
+                marker=marker, linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
+            )  # fmt: skip
+        axes.set_title(f"{measure} right", loc="left", fontsize=11, fontweight="bold")
+        axes.set_ylim(-0.02, 1.03)
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
+        axes.set_xlabel("severity of the dirt")
+        ruled(axes)
+    _legend_below(figure, panels[0])
     return figure
-
-
-def _shares(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: str) -> None:
-    colour, marker, line = style_of(mode)
-    y = np.array([s.value for s in shares])
-    low, high = np.array([s.low for s in shares]), np.array([s.high for s in shares])
-    axes.errorbar(
-        x, y, yerr=(np.maximum(0.0, y - low), np.maximum(0.0, high - y)), color=colour, marker=marker,
-        linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
-    )  # fmt: skip
-
-
-def _wrong(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: str, *, floor: float) -> None:
-    colour, marker, line = style_of(mode)
-    y = np.array([max(floor, 1.0 - s.value) for s in shares])
-    low = np.array([max(floor, 1.0 - s.high) for s in shares])
-    high = np.array([max(floor, 1.0 - s.low) for s in shares])
-    axes.plot(x, y, color=colour, linestyle=line, linewidth=1.2, alpha=0.8)
-    axes.vlines(x, low, high, color=colour, linewidth=1.0)
-    none = np.array([s.count == s.total for s in shares])
-    axes.plot(x[~none], y[~none], color=colour, marker=marker, linestyle="none", markersize=5)
-    axes.plot(
-        x[none], y[none], color=colour, marker=marker, linestyle="none", markersize=6, markerfacecolor="white"
-    )
 
 
 def stage_figure(groups: Sequence[Group]) -> Figure:

@@ -74,16 +74,6 @@ class Trial:
         return Condition(**self.levels).severity
 
     @property
-    def font(self) -> str:
-        """Font of the mark; empty if not known."""
-        return Condition(**self.levels).font
-
-    @property
-    def format(self) -> str:
-        """Format of the serial; empty if not known."""
-        return Condition(**self.levels).format
-
-    @property
     def given(self) -> str:
         """Knowledge given to the reader, such as font,format."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]

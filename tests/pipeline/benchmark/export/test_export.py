@@ -105,7 +105,7 @@ def test_an_export_goes_on_where_it_was_broken_off(exam: tuple[ExportOrder, Path
     first_photo, stray = tmp_path / "photos" / f"{first}.png", tmp_path / "photos" / "stray.png"
     first_photo.rename(stray)
     (tmp_path / "truth.csv").write_text("part,text\n")
-    assert [(d.path, d.problem) for d in check(order, tmp_path)] == [
+    assert list(check(order, tmp_path).items()) == [
         (f"photos/{first}.png", "missing"),
         ("photos/stray.png", "not in the manifest"),
         ("truth.csv", "changed"),
