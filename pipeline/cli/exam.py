@@ -111,7 +111,7 @@ def run(
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     """
-    from pipeline.benchmark.readers.modes import expanded
+    from pipeline.benchmark.readers.modes import expand_groups
     from pipeline.benchmark.report.writing import command_line, write_report
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
@@ -139,7 +139,7 @@ def run(
     if inputs is not None:
         reading = replace(reading, fonts=listed(font or ""))
     tried = Benchmark(
-        source, expanded(listed(mode), ablate=listed(ablate)), reading, PERTURBATIONS if perturb else ()
+        source, expand_groups(listed(mode), ablate=listed(ablate)), reading, PERTURBATIONS if perturb else ()
     )
     items = source.items()
     print(foresight(items, tried.crossed), file=sys.stderr)
@@ -306,15 +306,16 @@ def score(
     from pipeline.benchmark.exam.condition import Given
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
+    from pipeline.benchmark.exam.listed_parts import ListedParts
     from pipeline.benchmark.report.writing import command_line, write_report
-    from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
+    from pipeline.benchmark.trials.answers import designed_items, load_answers
     from pipeline.benchmark.trials.run import Benchmark
     from pipeline.cli.exam_tables import print_files, print_scores
     from recognition.senses.settings import ReaderSettings
 
-    source: TruthParts | DesignedParts
+    source: ListedParts | DesignedParts
     if truth is not None:
-        source = TruthParts.load(truth)
+        source = ListedParts.of_table(truth)
         items = source.items()
     else:
         source = DesignedParts(design_named(design or ""), parts)
@@ -394,7 +395,7 @@ def _parts(
     from pipeline.benchmark.exam.design import of_flags
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
-    from pipeline.benchmark.exam.folder_parts import FolderParts
+    from pipeline.benchmark.exam.listed_parts import ListedParts
 
     told = {name: value for name, value in flags.items() if value is not None}
     words = {"severity": "dirt", "height_mm": "height-mm"}
@@ -411,7 +412,7 @@ def _parts(
         if len(formats) > 1 or len(severities) > 1:
             raise UsageError("benchmark: a folder has one format and one dirt")
         known = Condition(severity=(*severities, None)[0], format=(*formats, "")[0])
-        return FolderParts.load(inputs, truth, known)
+        return ListedParts.of_files(inputs, truth, known)
     if design is not None:
         return DesignedParts(design_named(design).giving(give), parts)
     levels: dict[str, tuple[str | float, ...]] = {

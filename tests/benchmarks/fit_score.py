@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.analysis.risk import risk_coverage
-from pipeline.benchmark.analysis.shares import bounded
+from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from recognition.decision.evidence import Measure
 from recognition.decision.score import FITTED, SOURCES, Score, Term
@@ -219,7 +219,7 @@ class Judged:
     def row(self, threshold: float) -> str:
         """A line of the table of what was left out."""
         accepted = (self.said >= threshold) & ~self.broken
-        wrong = bounded(int((accepted & ~self.right).sum()), int(accepted.sum()))
+        wrong = exact_share(int((accepted & ~self.right).sum()), int(accepted.sum()))
         share_of_right = (accepted & self.right).sum() / max(int(self.right.sum()), 1)
         said, good = self.said.tolist(), self.right.tolist()
         error, area = reliability(said, good).error, risk_coverage(said, good).area

@@ -15,8 +15,8 @@ from typing import Any
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.comparisons import Comparison, compare
 from pipeline.benchmark.analysis.factors import factor_name
-from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped, levels_in
-from pipeline.benchmark.analysis.stability import steady
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_trials, levels_in
+from pipeline.benchmark.analysis.stability import unperturbed
 from pipeline.benchmark.exam.condition import Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.version import differences
@@ -124,9 +124,9 @@ def changes(
     """
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
-    before, after = steady(before), steady(after)
+    before, after = unperturbed(before), unperturbed(after)
     _check_same_parts(before, after)
-    old, new = grouped(before, (GIVEN_FACTOR,)), grouped(after, (GIVEN_FACTOR,))
+    old, new = group_trials(before, (GIVEN_FACTOR,)), group_trials(after, (GIVEN_FACTOR,))
     shared = [key for key in new if key in old]
     if not shared:
         raise NotComparableError(

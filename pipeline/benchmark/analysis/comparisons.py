@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_trials
 from pipeline.benchmark.analysis.pairs import CharacterTest, SerialTest, compare_characters, mcnemar
 from pipeline.benchmark.exam.condition import GIVEN
 from pipeline.benchmark.readers.experts import EXPERT_MODES
@@ -101,7 +101,7 @@ def _rivals(readings: Mapping[str, Sequence[Trial]]) -> Iterator[tuple[str, str]
 
 def between_givens(trials: Sequence[Trial]) -> Iterator[Comparison]:
     """Every reader that was given more, against itself given less: what the knowledge brings."""
-    groups = grouped(trials, (GIVEN_FACTOR,))
+    groups = group_trials(trials, (GIVEN_FACTOR,))
     for more in groups:
         for less in groups:
             if less.mode == more.mode and _things(less) < _things(more):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in, ordered_levels
-from pipeline.benchmark.analysis.shares import Estimate, drawn_parts
+from pipeline.benchmark.analysis.shares import Estimate, draw_parts
 from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 
@@ -105,7 +105,7 @@ def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
         counts[places[t.part], columns[level_of(t, factor)]] += (
             characters_right(t), len(t.truth), t.right, 1.0,
         )  # fmt: skip
-    drawn = drawn_parts(len(places))
+    drawn = draw_parts(len(places))
     again = (drawn @ counts.reshape(len(places), -1)).reshape(-1, len(levels), 4)
     measured = counts.sum(axis=0)[None]
     effects = [

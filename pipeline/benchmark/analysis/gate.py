@@ -20,7 +20,7 @@ from typing import NamedTuple
 from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.analysis.groups import grouped
+from pipeline.benchmark.analysis.groups import group_trials
 from pipeline.benchmark.trials.journal import Trial
 
 EDITIONS = {"marks-exam-1-48": 48, "marks-exam-2-80": 16}
@@ -59,7 +59,7 @@ def counts_of(trials: Sequence[Trial]) -> Floors:
             accepted=sum(t.accepted for t in own),
             accepted_wrong=sum(t.accepted and not t.right for t in own),
         )
-        for key, own in grouped(trials).items()
+        for key, own in group_trials(trials).items()
     }
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.benchmark.analysis.calibration import Reliability, reliability
 from pipeline.benchmark.analysis.confusion import characters_right, confusion, edits
 from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
-from pipeline.benchmark.analysis.shares import Estimate, bounded, resampled
+from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share, exact_share
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share, share
@@ -26,7 +26,7 @@ from pipeline.common.texts import align
 GIVEN_FACTOR = "given"
 """Everything given to a reader, as one factor."""
 FATES = ("accepted_right", "accepted_wrong", "review", "rejected", "failed")
-"""What becomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
+"""Outcomes of a part: vouched for (right or wrong), left to a person, refused, or no reading for an error."""
 TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 """Times of a trial: the program's, of it the reading alone, of it the simulated scan; and the real array's."""
 
@@ -65,7 +65,7 @@ def level_of(trial: Trial, factor: str) -> Level:
     return trial.given if factor == GIVEN_FACTOR else trial.levels.get(factor)
 
 
-def grouped(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupKey, list[Trial]]:
+def group_trials(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupKey, list[Trial]]:
     """Trials by mode and the levels of some factors, in the order that they come in."""
     found: dict[GroupKey, list[Trial]] = {}
     for trial in trials:
@@ -125,11 +125,11 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
         serials=share(sum(t.right for t in trials), len(trials)),
         characters=share(sum(right), sum(stamped)),
         character_error_rate=sum(map(edits, trials)) / max(1, sum(stamped)),
-        characters_by_part=resampled(right, stamped),
+        characters_by_part=bootstrap_share(right, stamped),
         split={fate: counts[fate] for fate in FATES},
         accepted=share(accepted, len(trials)),
-        accepted_wrong=bounded(counts["accepted_wrong"], len(trials)),
-        wrong_of_accepted=bounded(counts["accepted_wrong"], accepted),
+        accepted_wrong=exact_share(counts["accepted_wrong"], len(trials)),
+        wrong_of_accepted=exact_share(counts["accepted_wrong"], accepted),
         risk=risk_coverage([t.confidence for t in trials], [t.right for t in trials]),
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
         character_reliability=reliability(

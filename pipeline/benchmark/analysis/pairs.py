@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.benchmark.analysis.shares import Estimate, resampled
+from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share
 
 # patterns of signs: those of 14 parts that differ and of the nought beside them, else so many are drawn
 _FLIPS = 2**15
@@ -81,4 +81,4 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         n_resamples=_FLIPS,
         random_state=np.random.default_rng(_SEED),
     )
-    return CharacterTest(resampled(less, total), float(found.pvalue))
+    return CharacterTest(bootstrap_share(less, total), float(found.pvalue))

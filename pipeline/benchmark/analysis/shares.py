@@ -54,7 +54,7 @@ class Estimate:
 
 
 @lru_cache(maxsize=4)
-def drawn_parts(parts: int) -> NDArray[np.float64]:
+def draw_parts(parts: int) -> NDArray[np.float64]:
     """(RESAMPLES, parts) how often each part comes when as many are drawn again, with putting back."""
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(parts, np.full(parts, 1.0 / parts), size=RESAMPLES).astype(np.float64)
@@ -62,7 +62,7 @@ def drawn_parts(parts: int) -> NDArray[np.float64]:
     return drawn
 
 
-def bounded(count: int, total: int) -> Share:
+def exact_share(count: int, total: int) -> Share:
     """A share with Clopper and Pearson's one-sided 95 % bounds, each by itself.
 
     Raises:
@@ -71,7 +71,7 @@ def bounded(count: int, total: int) -> Share:
     return Share(count, total, *share_bounds(count, total, confidence=CONFIDENCE_LEVEL))
 
 
-def resampled(right: Sequence[int], total: Sequence[int]) -> Estimate:
+def bootstrap_share(right: Sequence[int], total: Sequence[int]) -> Estimate:
     """A share of characters with its 95 % interval, whole parts drawn again (percentile bootstrap).
 
     Characters of one part share its dirt, so that they are not independent. Where every part is alike nothing
@@ -84,7 +84,7 @@ def resampled(right: Sequence[int], total: Sequence[int]) -> Estimate:
     k, n = np.asarray(right, dtype=np.float64), np.asarray(total, dtype=np.float64)
     if k.size == 0 or n.sum() == 0.0:
         return Estimate(0.0, 0.0, 1.0)
-    drawn = drawn_parts(k.size)
+    drawn = draw_parts(k.size)
     chars = drawn @ n
     again = np.where(chars > 0.0, (drawn @ k) / np.maximum(chars, 1.0), np.nan)
     return Estimate.of(k.sum() / n.sum(), again)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped
-from pipeline.benchmark.analysis.shares import bounded
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_trials
+from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
 
@@ -55,7 +55,7 @@ class Stability:
     faults: tuple[Fault, ...]
 
 
-def steady(trials: Sequence[Trial]) -> list[Trial]:
+def unperturbed(trials: Sequence[Trial]) -> list[Trial]:
     """The trials of parts read as they are."""
     return [t for t in trials if not t.perturbed]
 
@@ -64,7 +64,7 @@ def stability_of(trials: Sequence[Trial]) -> tuple[Stability, ...]:
     """One a reader and perturbation, and before these one a reader under any; none where nothing was perturbed."""
     several = len({t.given for t in trials}) > 1
     found: list[Stability] = []
-    for key, members in grouped(trials, (GIVEN_FACTOR,) if several else ()).items():
+    for key, members in group_trials(trials, (GIVEN_FACTOR,) if several else ()).items():
         before = {t.part: t for t in members if not t.perturbed}
         names = dict.fromkeys(t.perturbed for t in members if t.perturbed)
         pairs = [(before[t.part], t) for t in members if t.perturbed]
@@ -81,9 +81,9 @@ def _stability(key: GroupKey, perturbation: str, pairs: Sequence[tuple[Trial, Tr
     return Stability(
         key,
         perturbation,
-        verdicts=bounded(len({a.part for a, b in pairs if a.decision != b.decision}), len(parts)),
-        texts=bounded(len(texts), len(parts)),
-        accepted_texts=bounded(len(texts & accepted), len(accepted)),
+        verdicts=exact_share(len({a.part for a, b in pairs if a.decision != b.decision}), len(parts)),
+        texts=exact_share(len(texts), len(parts)),
+        accepted_texts=exact_share(len(texts & accepted), len(accepted)),
         faults=tuple(
             Fault(a.part, b.perturbed, a.truth, a.text, b.text)
             for a, b in pairs

@@ -24,11 +24,11 @@ from pipeline.benchmark.analysis.groups import (
     Group,
     GroupKey,
     group_of,
-    grouped,
+    group_trials,
     levels_in,
 )
 from pipeline.benchmark.analysis.risk import RiskCoverage
-from pipeline.benchmark.analysis.stability import Stability, stability_of, steady
+from pipeline.benchmark.analysis.stability import Stability, stability_of, unperturbed
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
@@ -72,18 +72,18 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
         all_trials: of all parts and modes.
         crossed: factors of the design's cells.
     """
-    trials = steady(all_trials)
+    trials = unperturbed(all_trials)
     given = tuple(dict.fromkeys(t.given for t in trials))
     more = (GIVEN_FACTOR,) if len(given) > 1 else ()
-    by_severity = grouped(trials, ("severity", *more))
-    by_mode = grouped(trials, more)
+    by_severity = group_trials(trials, ("severity", *more))
+    by_mode = group_trials(trials, more)
     levels = levels_in(trials)
     over_all = by_mode if len(levels.get("severity", ())) > 1 else {}
     return Statistics(
         levels=levels,
         given=given,
         crossed=tuple(crossed),
-        cells=tuple(group_of(*one) for one in grouped(trials, (*crossed, *more)).items()),
+        cells=tuple(group_of(*one) for one in group_trials(trials, (*crossed, *more)).items()),
         by_severity=tuple(group_of(*one) for one in by_severity.items()),
         by_mode=tuple(group_of(*one) for one in by_mode.items()),
         effects=factor_effects(trials),

@@ -1,7 +1,7 @@
 """Parts of a design or of a folder, each made once and read by every mode.
 
 design ------------------DesignedParts.make--> Specimen (height map, soil, photograph, truth)
-NAME.npz, NAME.png, truth.csv --FolderParts.make--->
+NAME.npz, NAME.png, truth.csv --ListedParts.make--->
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def page_of(card: dict[str, Any]) -> str:
     import jinja2
 
     page = jinja2.Template(_PAGE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
-    return page.render(card)
+    return str(page.render(card))
 
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:

@@ -27,7 +27,7 @@ def rules() -> dict[str, ReadingFlag | Measure]:
     return found
 
 
-def ablated(reading: Reading, name: str) -> Reading:
+def without_rule(reading: Reading, name: str) -> Reading:
     """Decide on a reading without one rule; nothing is read again.
 
     Raises:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.readers.ablation import ablated, check_rule
+from pipeline.benchmark.readers.ablation import check_rule, without_rule
 from pipeline.benchmark.readers.experts import EXPERT_MODES, alone, experts_in
 from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.own_reader import own_mode
@@ -66,7 +66,7 @@ EXPERTS: dict[str, Maker] = {name: partial(_expert, name) for name in EXPERT_MOD
 """Every expert of the project's own modes by itself, by name."""
 
 
-def expanded(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
+def expand_groups(named: tuple[str, ...], *, ablate: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Replace groups among the names of modes: experts (of the other modes), peers, plans (of touch).
 
     Args:
@@ -92,7 +92,7 @@ def open_mode(name: str, reader: Reader) -> Mode:
     whole, _, rule = name.partition(WITHOUT)
     if rule and whole in MODES:
         check_rule(rule)
-        return _changed(whole, lambda reading: ablated(reading, rule), reader)
+        return _changed(whole, lambda reading: without_rule(reading, rule), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     makers = {**MODES, **EXPERTS, **PEERS}

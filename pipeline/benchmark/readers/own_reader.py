@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glyphs.errors import MarksError
 from glyphs.named import load_named
 from pipeline.benchmark.readers.mode import Mode, PartReadings
-from pipeline.benchmark.readers.peers import ACCEPTED_FROM, reading_of
+from pipeline.benchmark.readers.peers import ACCEPTED_FROM, peer_reading
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.common.settings import SettingsError
 
@@ -135,4 +135,4 @@ def reading_of_answer(answer: Answer) -> Reading:
     # the confidence is in the whole text: each character has its share of it
     each = answer.confidence ** (1.0 / max(1, len(text)))
     accepted = answer.confidence >= ACCEPTED_FROM if answer.accepted is None else answer.accepted
-    return reading_of([(char, each) for char in text], accepted=accepted)
+    return peer_reading([(char, each) for char in text], accepted=accepted)

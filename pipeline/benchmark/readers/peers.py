@@ -39,13 +39,13 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
     def read(senses: PartReadings) -> Reading:
         drawn = PICTURES[picture](senses)
         line = reader.read_line(drawn, places) if min(drawn.shape[:2]) >= _LEAST_PX else []
-        reading = reading_of(line, places=places)
+        reading = peer_reading(line, places=places)
         return replace(reading, seconds={"scan": senses.felt.simulated_s}) if felt else reading
 
     return Mode.of(("felt",) if felt else (), read)
 
 
-def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
+def peer_reading(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
     """Make a reading of a peer's line: accepted if it fits the format and the peer is sure, or says so itself."""
     from recognition.decision.flags import ReadingFlag
     from recognition.decision.reading import Candidate, CharacterReading, Reading

@@ -14,7 +14,7 @@ from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
-from pipeline.benchmark.trials.remade import remade
+from pipeline.benchmark.trials.remake import remake
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, TABLE = "compare.html", "compare.csv"
@@ -83,7 +83,7 @@ def _drawn(
     problem = ""
     if blanks:
         try:
-            benchmark, items = remade(description, (part.part for part in blanks))
+            benchmark, items = remake(description, (part.part for part in blanks))
         except MarksError as error:
             problem = str(error)
         else:

@@ -63,7 +63,7 @@ def write_page(path: Path, template: str, **values: Any) -> None:
     )
     environment.filters.update(
         percent=percent, severity=severity_name, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
-        points=points, points_span=_points_span, marked=marked,
+        points=points, points_span=_points_span, marked=mark_characters,
     )  # fmt: skip
     write_text(path, environment.get_template(template).render(**values, versions=versions()))
 
@@ -101,7 +101,7 @@ def _p(value: float) -> str:
     return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
-def marked(trial: Trial) -> list[tuple[str, bool]]:
+def mark_characters(trial: Trial) -> list[tuple[str, bool]]:
     """Characters as read, and whether each is right; "·" for a missing one."""
     return [
         (trial.text[p.place] if p.place is not None else "·", p.right) for p in align(trial.truth, trial.text)

@@ -20,7 +20,7 @@ from typing import Any
 from pipeline.benchmark.analysis.checks import WRONG_LIMIT, Verdict, at_most, verdicts
 from pipeline.benchmark.analysis.confusion import characters_right, mistakes
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
-from pipeline.benchmark.analysis.stability import steady
+from pipeline.benchmark.analysis.stability import unperturbed
 from pipeline.benchmark.analysis.statistics import Statistics, plain, plain_times, statistics_of
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.readers.modes import EXPERTS, PEERS
@@ -90,7 +90,7 @@ def write_report(
     found = statistics_of(trials, benchmark.crossed)
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
-    ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
+    ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
     written = Written(

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.analysis.shares import Estimate, drawn_parts
+from pipeline.benchmark.analysis.shares import Estimate, draw_parts
 
 _Floats = NDArray[np.float64]
 
@@ -90,4 +90,4 @@ def _with_interval(kappas: Callable[[_Floats], _Floats], parts: int) -> Estimate
     if np.isnan(value):
         return None
     # parts drawn that all have one rating say nothing of kappa
-    return Estimate.of(value, kappas(drawn_parts(parts)))
+    return Estimate.of(value, kappas(draw_parts(parts)))

@@ -57,7 +57,7 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
         components=[] if study.depth is None else list(components(study.depth)),
         widest=study.widest_depth,
         depths="" if study.depth is None else inlined(depth_figure(study)),
-        differ=[(part, study.truth.get(part, ""), _said(study, part)) for part in differ[:_MOST_PARTS]],
+        differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
         errors=[m for m in study.measured if m.error],
         notes=study.notes,
@@ -103,7 +103,7 @@ def depth_figure(study: Study) -> Figure:
     return figure
 
 
-def _said(study: Study, part: str) -> list[tuple[str, tuple[str, ...]]]:
+def _answers_of(study: Study, part: str) -> list[tuple[str, tuple[str, ...]]]:
     return [(who, by_part[part]) for who, by_part in study.texts.items() if part in by_part]
 
 

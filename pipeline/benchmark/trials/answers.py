@@ -7,7 +7,7 @@ lines/rust-0.3-0001-photo.png,KB7A   a picture of `benchmark export` stands for 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,62 +15,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from glyphs.errors import FileError
-from pipeline.benchmark.exam.condition import Condition, Given, Level
+from pipeline.benchmark.exam.condition import Given
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.specimens import Item, Specimen
+from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
-from pipeline.common.version import key_of
 from pipeline.formats.table_file import number_of
 from pipeline.formats.truth import PartLine, load_part_lines
-
-
-@dataclass(frozen=True)
-class TruthParts:
-    """Parts of which nothing is known but their truth and their levels.
-
-    Attributes:
-        table: where that stands.
-        known: the parts.
-    """
-
-    table: Path
-    known: tuple[Item, ...]
-
-    @classmethod
-    def load(cls, table: Path) -> TruthParts:
-        """The parts of a CSV with the columns part and text; every other column is a factor.
-
-        Raises:
-            FileError: not such a table, or a severity that cannot be.
-        """
-        lines = load_part_lines(table)
-        items = [
-            Item(line.part, number, _condition(table, line), truth="".join(line.text.split()))
-            for number, line in enumerate(lines)
-        ]
-        return cls(table, tuple(items))
-
-    def items(self) -> list[Item]:
-        """All of them, as they stand in the table."""
-        return list(self.known)
-
-    def make(self, item: Item) -> Specimen:
-        """See `Parts`.
-
-        Raises:
-            FileError: always.
-        """
-        raise FileError(self.table, f"knows of {item.part} its text alone", "give the design to see the part")
-
-    def font_of(self, condition: Condition) -> str:
-        """See `Parts`."""
-        return condition.font
-
-    def description(self) -> dict[str, Any]:
-        """See `Parts`."""
-        return {"truth": key_of({item.part: item.truth for item in self.known})}
 
 
 def designed_items(parts: DesignedParts) -> list[Item]:
@@ -121,7 +73,7 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: Given
         raise FileError(path, "answers no part of the exam", f"name the parts as {items[0].part}")
     trials = []
     for item in items:
-        said = _said(path, answered[item.part]) if item.part in answered else _said_of("", 0.0, None)
+        said = _fields_of(path, answered[item.part]) if item.part in answered else _fields("", 0.0, None)
         levels = {**item.condition.levels, **given.levels}
         trials.append(replace(Trial(item.part, item.number, levels, reader, item.truth), **said))
     missing = tuple(item.part for item in items if item.part not in answered)
@@ -149,7 +101,7 @@ _HINTS = {
 }
 
 
-def _said(path: Path, line: PartLine) -> dict[str, Any]:
+def _fields_of(path: Path, line: PartLine) -> dict[str, Any]:
     """The fields of a trial that an answer fills."""
     written = {name: line.others[name].lower() for name in _HINTS if line.others.get(name)}
     try:
@@ -161,28 +113,10 @@ def _said(path: Path, line: PartLine) -> dict[str, Any]:
     decision = cells.decision
     if decision is None and cells.accepted is not None:
         decision = "accept" if cells.accepted else "review"
-    return _said_of(line.text, cells.confidence, decision)
+    return _fields(line.text, cells.confidence, decision)
 
 
-def _said_of(text: str, confidence: float, decision: str | None) -> dict[str, Any]:
+def _fields(text: str, confidence: float, decision: str | None) -> dict[str, Any]:
     accepted = None if decision is None else decision == "accept"
     fields = answer_of(reading_of_answer(Answer(text, confidence, accepted)))
     return fields if decision in (None, "accept") else {**fields, "decision": decision}
-
-
-def _condition(table: Path, line: PartLine) -> Condition:
-    levels = {name: _level(cell) for name, cell in line.others.items() if cell}
-    severity = levels.get("severity")
-    if severity is not None and not (isinstance(severity, float) and 0.0 <= severity <= 1.0):
-        raise FileError(table, f"line {line.line}: the severity is {severity!r}", "it lies between 0 and 1")
-    return Condition(**levels)
-
-
-def _level(cell: str) -> Level:
-    words: Mapping[str, bool] = {"true": True, "false": False}
-    if cell.lower() in words:
-        return words[cell.lower()]
-    try:
-        return number_of(cell)
-    except ValueError:
-        return cell

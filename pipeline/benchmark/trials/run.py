@@ -174,7 +174,7 @@ def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
 
 def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
     """The trials of a part that could not be made, or whose worker was lost."""
-    return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
+    return tuple(replace(b, error=f"the part: {_describe(error)}") for b in _blanks(benchmark, item))
 
 
 def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
@@ -186,7 +186,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
         reading = reader.apply_certificate(reading) if own_mode else reading
         measures = measures_of(reading) if own_mode else {}
     except Exception as error:
-        return replace(blank, error=_told(error))
+        return replace(blank, error=_describe(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
     used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
     found = {
@@ -209,5 +209,5 @@ def _mode(name: str, reader: Reader) -> Mode:
     return open_mode(name, reader)
 
 
-def _told(error: Exception) -> str:
+def _describe(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]

@@ -13,7 +13,7 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.benchmark.exam.condition import Condition
-from pipeline.benchmark.exam.folder_parts import FolderParts
+from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
@@ -86,7 +86,7 @@ def test_whoever_reads_a_part_reads_the_same(
     assert by_library.confidence == pytest.approx(by_command.confidence, abs=1e-6)  # as the record rounds
 
     folder = files["photo"].parent
-    parts = FolderParts.load([str(folder)], folder / "truth.csv", Condition(format="AA99"))
+    parts = ListedParts.of_files([str(folder)], folder / "truth.csv", Condition(format="AA99"))
     (trial,) = try_part(Benchmark(parts, (mode,), ReaderSettings(fonts=("gothic",))), parts.items()[0])
     assert (trial.error, trial.text, trial.decision) == ("", by_command.text, by_command.decision)
     assert trial.confidence == pytest.approx(by_command.confidence, abs=1e-6)

@@ -12,7 +12,7 @@ from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import change_report
 from pipeline.benchmark.report.worst_parts import WorstPart
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from pipeline.benchmark.trials.remade import remade
+from pipeline.benchmark.trials.remake import remake
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
@@ -93,7 +93,7 @@ def test_other_parts_are_refused() -> None:
 def test_parts_are_made_again_from_what_the_book_says() -> None:
     description = json.loads(json.dumps(BENCHMARK.description()))
     wanted = [item.part for item in PARTS.items()]
-    benchmark, items = remade(description, wanted[-1:])
+    benchmark, items = remake(description, wanted[-1:])
     assert list(items) == wanted[-1:]
     again, first = items[wanted[-1]], PARTS.items()[-1]
     assert (again.number, again.condition, again.given) == (first.number, first.condition, first.given)

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.benchmark.analysis.comparisons import between_givens, between_readers
 from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
-from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, grouped
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, group_trials
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.trials.journal import Trial
 
@@ -90,7 +90,7 @@ def test_readers_are_paired_with_the_same_given_only() -> None:
         for mode, r in (("tactile", 4), ("vision", 3), ("fused", 4), ("rapidocr relief", 2))
         for levels in (LESS, MORE)
     ]
-    found = list(between_readers(grouped(trials, (GIVEN_FACTOR,))))
+    found = list(between_readers(group_trials(trials, (GIVEN_FACTOR,))))
     assert all(c.first.levels == c.second.levels and c.parts == 3 for c in found)
     assert [(c.first.mode, c.second.mode) for c in found[:4]] == [
         ("fused", "tactile"), ("fused", "rapidocr relief"), ("tactile", "vision"), ("tactile", "rapidocr relief"),
@@ -98,7 +98,7 @@ def test_readers_are_paired_with_the_same_given_only() -> None:
     others = [t for t in trials if t.mode in ("rapidocr relief",)] + [
         trial(k, 1, mode="mine:read", **levels) for k in range(3) for levels in (LESS, MORE)
     ]
-    assert len(list(between_readers(grouped(others, (GIVEN_FACTOR,))))) == 2
+    assert len(list(between_readers(group_trials(others, (GIVEN_FACTOR,))))) == 2
 
 
 def test_no_group_holds_a_part_twice() -> None:

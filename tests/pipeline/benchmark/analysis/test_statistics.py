@@ -15,7 +15,7 @@ from pipeline.benchmark.analysis.confusion import characters_right, confusion, m
 from pipeline.benchmark.analysis.groups import FATES, GroupKey, group_of
 from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
 from pipeline.benchmark.analysis.risk import risk_coverage
-from pipeline.benchmark.analysis.shares import Estimate, resampled
+from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share
 from pipeline.benchmark.analysis.statistics import plain, statistics_of
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial
 from pipeline.common.shares import share
@@ -84,7 +84,7 @@ def test_parts_drawn_again_give_the_spread_of_independent_parts() -> None:
     """The half-width against 1.96 standard errors of the mean over parts, which a few hundred parts obey."""
     rng = np.random.default_rng(4)
     right = rng.binomial(8, rng.beta(8, 2, size=300))
-    found = resampled(right, np.full(300, 8))
+    found = bootstrap_share(right, np.full(300, 8))
     low, high = found.low, found.high
     assert found.value == right.sum() / 2400
     error = np.std(right / 8, ddof=1) / math.sqrt(300)
@@ -94,8 +94,8 @@ def test_parts_drawn_again_give_the_spread_of_independent_parts() -> None:
 
 
 def test_parts_all_alike_leave_no_width() -> None:
-    assert resampled([8, 8, 8], [8, 8, 8]) == Estimate(1.0, 1.0, 1.0)
-    assert resampled([], []) == Estimate(0.0, 0.0, 1.0)
+    assert bootstrap_share([8, 8, 8], [8, 8, 8]) == Estimate(1.0, 1.0, 1.0)
+    assert bootstrap_share([], []) == Estimate(0.0, 0.0, 1.0)
 
 
 def test_reliability_agrees_with_scikit_learn() -> None:

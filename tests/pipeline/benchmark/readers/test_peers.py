@@ -79,14 +79,14 @@ def test_heights_are_drawn_without_the_plates_form() -> None:
 
 
 def test_a_peer_is_accepted_where_it_fits_the_format_and_is_sure() -> None:
-    sure = peers.reading_of([("A", 0.98), (" ", 0.1), ("1", 0.99)], places=("AB", "12"))
+    sure = peers.peer_reading([("A", 0.98), (" ", 0.1), ("1", 0.99)], places=("AB", "12"))
     assert (sure.text, sure.decision) == ("A1", Decision.ACCEPT)
     assert sure.confidence == pytest.approx(0.98 * 0.99)
-    assert peers.reading_of([("A", 0.9), ("1", 0.9)], places=("AB", "12")).decision is Decision.REVIEW
-    wrong = peers.reading_of([("1", 1.0), ("1", 1.0)], places=("AB", "12"))
+    assert peers.peer_reading([("A", 0.9), ("1", 0.9)], places=("AB", "12")).decision is Decision.REVIEW
+    wrong = peers.peer_reading([("1", 1.0), ("1", 1.0)], places=("AB", "12"))
     assert wrong.decision is Decision.REVIEW
     assert ReadingFlag.FORMAT_NOT_MET in wrong.flags
-    assert peers.reading_of([], places=("AB",)).decision is Decision.REJECT
+    assert peers.peer_reading([], places=("AB",)).decision is Decision.REJECT
 
 
 def test_the_photograph_is_cropped_to_the_line_and_its_margin() -> None:

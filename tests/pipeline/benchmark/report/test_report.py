@@ -11,13 +11,13 @@ import pytest
 
 from pipeline.benchmark.analysis.checks import Outcome, at_most, verdicts
 from pipeline.benchmark.analysis.confusion import confusion
-from pipeline.benchmark.analysis.shares import bounded
+from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.report.curves import confusion_figure
-from pipeline.benchmark.report.page import marked
+from pipeline.benchmark.report.page import mark_characters
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial, TrialJournal
 from pipeline.benchmark.trials.run import Benchmark
@@ -164,7 +164,7 @@ def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
     assert [w.part[-1] for w in worst] == ["1", "4", "2", "3", "0"]
     assert worst[1].why == "tactile: an error"
     assert [t.mode for t in worst[0].trials] == ["tactile", "vision", "fused"]
-    assert marked(TRIALS[3]) == [("A", True), ("·", False)]
+    assert mark_characters(TRIALS[3]) == [("A", True), ("·", False)]
 
 
 def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_read() -> None:
@@ -178,10 +178,10 @@ def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_r
 
 
 def test_none_wrong_of_six_shows_nothing_and_of_2995_one_in_a_thousand() -> None:
-    assert at_most(bounded(0, 2995), 0.001) == (Outcome.MET, True)
+    assert at_most(exact_share(0, 2995), 0.001) == (Outcome.MET, True)
     for count, total in ((0, 6), (0, 2994), (1, 2995)):
-        assert at_most(bounded(count, total), 0.001) == (Outcome.NOT_SHOWN, False)
-    assert at_most(bounded(1, 5), 0.001) == (Outcome.NOT_MET, True)  # at least 1 %
+        assert at_most(exact_share(count, total), 0.001) == (Outcome.NOT_SHOWN, False)
+    assert at_most(exact_share(1, 5), 0.001) == (Outcome.NOT_MET, True)  # at least 1 %
 
 
 def test_fused_is_judged_against_the_better_sense() -> None:

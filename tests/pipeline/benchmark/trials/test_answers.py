@@ -10,8 +10,9 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.exam.specimens import Item
-from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
+from pipeline.benchmark.trials.answers import designed_items, load_answers
 from pipeline.cli.exam import score
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.common.settings import SettingsError
@@ -87,12 +88,12 @@ def test_a_table_of_truth_has_factors(tmp_path: Path) -> None:
     table = _table(
         tmp_path, "part,text,severity,raised,soil,die", "a,AB 12,0.6,True,mud,", "b,CD34,0.6,False,9,v-groove"
     )
-    first, second = TruthParts.load(table).items()
+    first, second = ListedParts.of_table(table).items()
     assert (first.truth, first.number, second.number) == ("AB12", 0, 1)
     assert first.condition.levels == {"severity": 0.6, "raised": True, "soil": "mud"}
     assert second.condition.levels == {"severity": 0.6, "raised": False, "soil": 9.0, "die": "v-groove"}
     with pytest.raises(FileError, match=r"line 2: the severity is 'deep'"):
-        TruthParts.load(_table(tmp_path, "part,text,severity", "a,AB,deep"))
+        ListedParts.of_table(_table(tmp_path, "part,text,severity", "a,AB,deep"))
 
 
 def test_readers_are_scored_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

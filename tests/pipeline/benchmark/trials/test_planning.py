@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.benchmark.analysis.shares import bounded
+from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.planning import foresight
@@ -15,7 +15,7 @@ from pipeline.benchmark.trials.planning import foresight
 def test_bounds_are_those_of_scipys_exact_test(count: int, more: int) -> None:
     from scipy.stats import binomtest
 
-    found = bounded(count, count + more)
+    found = exact_share(count, count + more)
     if count + more == 0:
         assert (found.low, found.high) == (0.0, 1.0)
         return
@@ -28,7 +28,7 @@ def test_bounds_are_those_of_scipys_exact_test(count: int, more: int) -> None:
 
 
 def test_none_wrong_follows_the_rule_of_three() -> None:
-    assert bounded(0, 6).high == pytest.approx(1.0 - 0.05 ** (1 / 6))
+    assert exact_share(0, 6).high == pytest.approx(1.0 - 0.05 ** (1 / 6))
 
 
 def test_before_a_run_one_line_tells_how_sure_the_cells_will_be() -> None:

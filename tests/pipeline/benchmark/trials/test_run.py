@@ -13,7 +13,7 @@ from glyphs.fonts.serials import FormatError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.analysis.statistics import plain, statistics_of
 from pipeline.benchmark.exam.condition import Condition
-from pipeline.benchmark.exam.folder_parts import FolderParts
+from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.exam.specimens import Item, Specimen
 from pipeline.benchmark.readers import modes as benchmark_modes
 from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings, scan_seconds
@@ -194,7 +194,7 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
         write_npz(tmp_path / f"{name}.npz", plate)
     table = tmp_path / "truth.csv"
     table.write_text("part,text\na,0 3\nb.npz,06\ngone,1\n")
-    parts = FolderParts.load([str(tmp_path)], table, Condition(format="99"))
+    parts = ListedParts.of_files([str(tmp_path)], table, Condition(format="99"))
     assert [(i.part, i.truth) for i in parts.items()] == [("a", "03"), ("b", "06")]
     trials = run_benchmark(Benchmark(parts, ("echo",), FAST), tmp_path / "out")
     assert [(t.text, t.severity, t.levels["format"]) for t in trials] == [
@@ -203,4 +203,4 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
     ]
     table.write_text("part,text\nother,1\n")
     with pytest.raises(FileError, match="no row for these parts"):
-        FolderParts.load([str(tmp_path)], table, Condition(severity=0.3))
+        ListedParts.of_files([str(tmp_path)], table, Condition(severity=0.3))

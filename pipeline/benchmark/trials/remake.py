@@ -17,7 +17,7 @@ from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
 
-def remade(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
+def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
     """The benchmark of that description, and its items of these names; the program that makes them is today's.
 
     Args:

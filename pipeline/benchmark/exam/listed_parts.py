@@ -1,0 +1,134 @@
+"""Parts made elsewhere: in files with a table of their texts, or in such a table alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError
+from glyphs.fonts.serials import allowed_characters
+from pipeline.benchmark.exam.condition import Condition, Level
+from pipeline.benchmark.exam.specimens import Item, Specimen
+from pipeline.common.settings import SettingsError
+from pipeline.common.version import key_of
+from pipeline.formats.find_parts import discover
+from pipeline.formats.table_file import number_of
+from pipeline.formats.truth import load_part_lines, load_truth
+
+
+@dataclass(frozen=True)
+class ListedParts:
+    """Parts with their truth.
+
+    Attributes:
+        known: the parts.
+        table: table of their texts.
+        described: what determines them, as JSON values.
+    """
+
+    known: tuple[Item, ...]
+    table: Path
+    described: dict[str, Any]
+
+    @classmethod
+    def of_files(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> ListedParts:
+        """The parts of folders, globs or files whose text is in a table.
+
+        Args:
+            inputs: folders, globs or files.
+            truth: CSV with the columns part and text.
+            condition: condition shared by the parts, as far as known.
+
+        Raises:
+            FileError: the table is missing, or no part in it was found.
+            NothingFoundError: no parts at all.
+            SettingsError: an invalid format or severity.
+        """
+        if condition.format:
+            allowed_characters(condition.format)
+        if (severity := condition.severity) is not None and not 0.0 <= severity <= 1.0:
+            raise SettingsError(f"a severity is {severity}", hint="it lies between 0 and 1")
+        truths = load_truth(truth)
+        found = [(p, text) for p in discover(inputs) if (text := truths.text_of(p.name)) is not None]
+        if not found:
+            raise FileError(truth, "has no row for these parts", "name the parts as their files")
+        known = tuple(
+            Item(part.name, number, condition, files=part, truth="".join(text.split()))
+            for number, (part, text) in enumerate(found)
+        )
+        folders = sorted({str(Path(part.height_map or part.name).parent) for part, _ in found})
+        described = {
+            "folder": folders,
+            "truth": key_of({item.part: item.truth for item in known}),
+            "severity": severity,
+            "format": condition.format,
+        }
+        return cls(known, truth, described)
+
+    @classmethod
+    def of_table(cls, table: Path) -> ListedParts:
+        """The parts of a CSV with the columns part and text; every other column is a factor.
+
+        Raises:
+            FileError: not such a table, or a severity that cannot be.
+        """
+        known = []
+        for number, line in enumerate(load_part_lines(table)):
+            condition = Condition({name: _level(cell) for name, cell in line.others.items() if cell})
+            severity = condition.get("severity")
+            if severity is not None and not (isinstance(severity, float) and 0.0 <= severity <= 1.0):
+                what = f"line {line.line}: the severity is {severity!r}"
+                raise FileError(table, what, "it lies between 0 and 1")
+            known.append(Item(line.part, number, condition, truth="".join(line.text.split())))
+        return cls(tuple(known), table, {"truth": key_of({item.part: item.truth for item in known})})
+
+    def items(self) -> list[Item]:
+        """All of them, in order."""
+        return list(self.known)
+
+    def make(self, item: Item) -> Specimen:
+        """Load its height map; the photograph when it is asked for."""
+        from pipeline.formats.npz import read_soil
+        from pipeline.formats.photos import read_photo
+        from pipeline.formats.touch_file import read_map_and_rows
+
+        files = item.files
+        if files is None:
+            raise FileError(
+                self.table, f"knows of {item.part} its text alone", "give the design to see the part"
+            )
+        if files.problem is not None:
+            raise files.problem
+        if not files.height_map:
+            raise FileError(files.scan or item.part, "has no height map", "add one")
+        photo = Path(files.photo) if files.photo else None
+        surface, rows_known = read_map_and_rows(files.height_map)
+        return Specimen(
+            part=item.part,
+            truth=item.truth,
+            height_map=surface,
+            soil=read_soil(Path(files.height_map)),
+            take_photo=None if photo is None else lambda: read_photo(photo),
+            line_mm=None,
+            rows_known=rows_known,
+            number=item.number,
+        )
+
+    def font_of(self, condition: Condition) -> str:
+        """See `Parts`."""
+        return condition.font
+
+    def description(self) -> dict[str, Any]:
+        """See `Parts`."""
+        return self.described
+
+
+def _level(cell: str) -> Level:
+    if cell.lower() in ("true", "false"):
+        return cell.lower() == "true"
+    try:
+        return number_of(cell)
+    except ValueError:
+        return cell
