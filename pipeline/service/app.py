@@ -303,9 +303,7 @@ def create_app(service: Service) -> FastAPI:
         service.store,
         service.evidence,
         access,
-        review=service.reviews.review,
-        undo=service.reviews.undo,
-        policy=intake.policy,
+        service.reviews,
         shadow=settings.shadow,
         outside_format=intake.calls.outside_format,
     )

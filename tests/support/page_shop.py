@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -58,9 +59,11 @@ class Shop:
             self.store,
             self.evidence,
             Access(self.store, required=required),
-            review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
-            undo=lambda part_id, person: self.store.undo_review(part_id, person=person),
-            policy=policy,
+            SimpleNamespace(
+                policy=policy,
+                review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
+                undo=lambda part_id, person: self.store.undo_review(part_id, person=person),
+            ),
         )
         self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
         self.app = FastAPI()

@@ -22,11 +22,11 @@ from starlette.staticfiles import StaticFiles
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
 from pipeline.service.pages.places import part_cells, why_not_accepted
-from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.addresses import relative, to_root
 
 if TYPE_CHECKING:
+    from pipeline.service.reviews import Reviews
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 
@@ -54,10 +54,8 @@ class Frame:
         store: Store,
         evidence: EvidenceFolder,
         access: Access,
+        reviews: Reviews,
         *,
-        review: Callable[..., PartRecord],
-        undo: Callable[[str, Person], PartRecord],
-        policy: ReviewPolicy = ReviewPolicy(),  # noqa: B008 - frozen
         shadow: bool = False,
         outside_format: Callable[[str, str], str] = lambda text, job: "",
     ) -> None:
@@ -67,14 +65,12 @@ class Frame:
             store: store of the parts.
             evidence: folder of their pictures.
             access: rights to look and to review.
-            review: stores a review; arguments as `Store.review`.
-            undo: takes a person's own review back, by the part's id and the person.
-            policy: rules of agreement and of blind reading.
+            reviews: keeps reviews and takes them back; has the rules of agreement and of blind reading.
             shadow: whether the service runs in shadow mode.
             outside_format: why a text does not fit the serial format of a job; empty if it fits.
         """
         self.store, self.evidence, self.access = store, evidence, access
-        self.review, self.undo, self.policy, self.outside_format = review, undo, policy, outside_format
+        self.reviews, self.outside_format = reviews, outside_format
         self.assets = StaticFiles(packages=[(__package__, "static")])
         self.environment = jinja2.Environment(
             loader=jinja2.PackageLoader("pipeline.service.pages", "templates"),
