@@ -41,7 +41,7 @@ def test_the_groove_shows_through_as_a_shallower_dip() -> None:
     """An even, thick film shrinks to 0.6 of its depth everywhere: 0.4 to 0.6 of the groove is left."""
     coat = bare_part()
     grid = thin_grid(coat)
-    thick = model._dried(model._levelled(coat, grid), np.full(coat.shape, 0.4, np.float32), 0.6)
+    thick = model._dry_thickness(model._wet_level(coat, grid), np.full(coat.shape, 0.4, np.float32), 0.6)
     groove = coat.brim_mm - coat.z_mm > 0.8 * grid.depth_mm
     land = np.abs(coat.brim_mm - coat.z_mm) < 0.02
     top = coat.z_mm + thick
@@ -128,7 +128,7 @@ def test_sand_does_not_yield_and_mud_does() -> None:
 def test_rain_takes_the_lands_mud_first() -> None:
     coat = bare_part()
     grid = thin_grid(coat)
-    left = model._left_by_rain(coat, grid, 0.3, BATCH, np.random.default_rng(0))
+    left = model._rain_share(coat, grid, 0.3, BATCH, np.random.default_rng(0))
     sheltered = coat.brim_mm - coat.z_mm > 0.9 * grid.depth_mm
     assert left[sheltered].mean() > 0.9
     assert left[~sheltered].mean() < 0.85

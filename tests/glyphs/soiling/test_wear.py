@@ -20,7 +20,7 @@ _coat = partial(bare_part, "H8", seed=1, varied=False)
 
 def _rubbed(coat: Coat, amount: float, *, soft: float, seed: int = 0) -> Field:
     life = wear._Life(rubbed=1.0, peened=0.0, knocked=0.0, soft=soft, crossed=0.0)
-    z, _ = wear._rubbed(on_bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(seed))
+    z, _ = wear._rub(on_bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(seed))
     return z
 
 

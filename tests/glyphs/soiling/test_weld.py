@@ -10,7 +10,7 @@ import numpy as np
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.weld.grinder import FURROW_MM, crown, grind
 from glyphs.soiling.weld.molten import Seam, add_arc_strikes, add_spatter
-from glyphs.soiling.weld.plate import SCALE_MM, _scaled, weld
+from glyphs.soiling.weld.plate import SCALE_MM, _add_scale, weld
 from tests.support.coats import bare_part
 
 _coat = partial(bare_part, rows=50)
@@ -61,7 +61,7 @@ def test_a_disc_takes_tops_and_leaves_floors() -> None:
 def test_scale_is_thin_dark_and_in_plates() -> None:
     coat = _coat()
     for seed in range(4):
-        z, cover = _scaled(coat, 1.0, np.random.default_rng(seed))
+        z, cover = _add_scale(coat, 1.0, np.random.default_rng(seed))
         rise = (z - coat.z_mm)[cover > 0.99]
         assert rise.min() >= SCALE_MM[0] - 1e-5
         # lifted ends stand up to 8 * 0.3 of the thickness higher
