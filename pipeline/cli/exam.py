@@ -201,7 +201,8 @@ def gate(
                 floor.save_floors(floor.raised(found, floors), path)
                 print(f"wrote {path}")
             else:
-                worse += [f"{edition}, {one}" for one in floor.objections(found, floors)]
+                judged = {mode: c for mode, c in found.items() if (edition, mode) not in floor.NOT_JUDGED}
+                worse += [f"{edition}, {one}" for one in floor.objections(judged, floors)]
     if worse:
         raise CommandError("worse than the floors: " + "; ".join(worse))
     if not raise_floors:

@@ -20,7 +20,7 @@ from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.score import with_score
+from recognition.decision.score import log_odds, with_score
 from recognition.decision.which_way_up import ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.prototypes import Prototypes, belief_of, lit_prototypes
@@ -33,6 +33,8 @@ from recognition.views.registered import photo_views, stainless_view
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
+CLEARLY_NATS = 0.5
+"""Log odds by which a reading without stains must be surer than the photograph's own."""
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -83,7 +85,7 @@ class VisionReader:
         return checked_by_codes(made, codes)
 
     def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
-        """The reading as the photograph is, or without its stains where that is surer."""
+        """The reading as the photograph is, or without its stains where that is clearly surer."""
         bare = without_codes(photo, codes)
         views, left_out = photo_views(bare)
         timer = StepTimer()
@@ -91,7 +93,9 @@ class VisionReader:
         if made.decision is not Decision.ACCEPT and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
-                made = max(made, self._of_views(photo, [clean], about, timer), key=lambda one: one.confidence)
+                other = self._of_views(photo, [clean], about, timer)
+                if log_odds(other.confidence) > log_odds(made.confidence) + CLEARLY_NATS:
+                    made = other
         return made
 
     def _of_views(
