@@ -101,9 +101,7 @@ def test_refusals() -> None:
             replace(REQUEST, **change)
 
 
-def test_counts_add_up_and_come_with_the_program() -> None:
-    both = counts(20, (0,), 96) + counts(20, (0,), 90)
-    assert (both.parts, both.accuracy, both.accepted) == (20, 0.93, 16)
+def test_counts_come_with_the_program() -> None:
     known = measured_plans()
     assert {c.severity for c in known} == {0.3, 0.6}
     assert {c.lines for c in known} == {10, 14, 20, 40}
