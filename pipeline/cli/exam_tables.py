@@ -48,7 +48,7 @@ def print_result(written: Written) -> None:
 
 def print_files(written: Written) -> None:
     """Name the files of a report."""
-    for path in (written.page, written.table, written.figures):
+    for path in (written.page, written.document, written.table, written.figures):
         print(f"wrote {path}")
 
 
@@ -102,7 +102,7 @@ def _print_factors(found: Statistics) -> None:
     from pipeline.benchmark.report.page import points
 
     lead = leading(modes_in(found.by_mode))
-    effects = [e for e in found.effects if e.mode == lead][:_MOST_FACTORS]
+    effects = [e for e in found.effects if e.mode == lead and e.levels[0].difference.value][:_MOST_FACTORS]
     if not effects:
         return
     print()

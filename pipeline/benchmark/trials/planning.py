@@ -17,7 +17,7 @@ def foresight(items: Sequence[Item], crossed: Sequence[str]) -> str:
     fewest = min(cells.values())
     worst, good = (share(round(fewest * value), fewest) for value in (WORST_SHARE, GOOD_SHARE))
     return (
-        f"{len(cells)} {'cells' if len(cells) > 1 else 'cell'} of {fewest} {'parts' if fewest > 1 else 'part'}: "
-        f"serials ±{(worst.high - worst.low) / 2:.0%} at worst, "
+        f"{len(cells)} {'cells' if len(cells) > 1 else 'cell'}, the smallest of {fewest} "
+        f"{'parts' if fewest > 1 else 'part'}; its serials right to ±{(worst.high - worst.low) / 2:.0%} at worst, "
         f"±{(good.high - good.low) / 2:.0%} near {GOOD_SHARE:.0%}"
     )

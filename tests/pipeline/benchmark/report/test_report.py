@@ -250,7 +250,7 @@ def test_two_parts_from_the_command_line(
     assert main(arguments) == 0
     captured = capsys.readouterr()
     said = captured.out
-    assert "1 cell of 2 parts: serials ±" in captured.err
+    assert "1 cell, the smallest of 2 parts; its serials right to ±" in captured.err
     assert max(len(line) for line in said.splitlines() if not line.startswith(("wrote", "met", "NOT"))) <= 80
     assert f"wrote {out / 'report.html'}" in said
     assert said.splitlines()[0].endswith(" ms read ms")

@@ -37,5 +37,5 @@ def test_before_a_run_one_line_tells_how_sure_the_cells_will_be() -> None:
         for k in range(13)
     ]
     said = foresight(items, ("soil", "severity"))
-    assert said.startswith("2 cells of 6 parts: serials ±31% at worst")
-    assert len(said) <= 80
+    assert said.startswith("2 cells, the smallest of 6 parts; its serials right to ±31% at worst")
+    assert len(said) <= 100
