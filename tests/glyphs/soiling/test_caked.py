@@ -65,16 +65,6 @@ def test_the_marks_are_lost_in_the_heights(raised: bool) -> None:
     assert explained(1.0) < 0.35
 
 
-@pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
-def test_patches_stand_over_the_brim_by_no_more_than_a_cake_is_thick(height_mm: float) -> None:
-    """NFPA 96: 0.05 mm is clean, 2 mm is due; and a patch outgrows the depth of the mark."""
-    coat = _coat(height_mm=height_mm)
-    deep = float(coat.hollow_mm().max())
-    over = [float(np.quantile(_caked(1.0, s, height_mm).z_mm - coat.brim_mm, 0.99)) for s in SEEDS]
-    assert 0.5 * deep < np.mean(over) < 3.0 * deep
-    assert max(over) < 2.0
-
-
 def test_it_yields_by_age() -> None:
     """Where the cake is thick, hardness spans the young and the old."""
     # at 0.06 mm, five times the hiding thickness, 0.7 % of the logarithm of the metal's hardness is left

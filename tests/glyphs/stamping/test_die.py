@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glyphs.fonts.glyph import Glyph
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, load_font
 from glyphs.stamping.die import die_glyph, ideal_relief
 from glyphs.stamping.errors import StampError
@@ -157,20 +156,6 @@ def test_dots_stand_about_a_pitch_apart_and_hold_the_ends():
     assert gaps == pytest.approx(gaps[0])
     assert gaps[0] == pytest.approx(die.dot_pitch_mm, rel=0.1)
     assert dots[:, 1].max() - dots[:, 1].min() == pytest.approx(5.0 - die.stroke_mm)
-
-
-def test_dots_never_crowd_where_strokes_meet():
-    die = default_die(5.0, font=GOTHIC, face=Face.DOTTED)
-    for char in SERIAL_CHARACTERS:
-        dots = np.concatenate(die_glyph(GOTHIC.glyph(char), die, height_mm=5.0).strokes) * 5.0
-        apart = np.hypot(*(dots[:, None] - dots[None]).transpose(2, 0, 1)) + 99 * np.eye(len(dots))
-        assert apart.min() > 0.59 * die.dot_pitch_mm
-
-
-def test_outlined_glyphs_cannot_be_dotted():
-    glyph = Glyph("A", contours=(np.array([[0.0, 0], [1, 0], [0.5, 1]]),))
-    with pytest.raises(StampError, match="another face"):
-        die_glyph(glyph, replace(DIE, face=Face.DOTTED), height_mm=5.0)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from glyphs.part import stamp
-from glyphs.soiling.coat import bare_coat
 from glyphs.stamping.blow import draw_stances
 from glyphs.stamping.dies import DIES, DieKind
 from glyphs.stamping.errors import StampError
@@ -181,18 +180,6 @@ def test_a_form_is_what_is_said_and_marks_keep_their_measures_along_the_skin() -
     assert land.min() == pytest.approx(flat.height_map.z_mm.min(), rel=0.02)
 
 
-@pytest.mark.parametrize("plate", ["cylinder", "ring", "saddle", "bow"])
-def test_dirt_fills_grooves_of_a_bent_plate_to_its_own_land(plate: str) -> None:
-    part = made(plate=plate)
-    coat = bare_coat(part, rng=np.random.default_rng(1))
-    land = outside_the_boxes(part, 0.5)
-    away = coat.brim_mm - part.height_map.z_mm
-    assert np.abs(away[land]).max() < 0.06
-    # in the boxes, too, the brim is the land's level and never far above or below what is left of it
-    inside = away[~outside_the_boxes(part, 0.0)]
-    assert -0.08 < np.quantile(inside, 0.1) < 0.06
-
-
 @pytest.mark.parametrize(
     ("texture", "ra_um"),
     [
@@ -212,21 +199,6 @@ def test_a_texture_is_as_rough_as_is_said(texture: Texture, ra_um: float) -> Non
     # the Ra of round grooves 2 t^2 - 1 is 0.257 of their depth; chatter and unevenness average out
     assert np.abs(z - z.mean()).mean() * 1e3 == pytest.approx(ra_um, rel=0.15)
     assert abs(z.mean()) < 1e-3
-
-
-def test_textures_run_their_own_ways() -> None:
-    x, y = np.arange(500) * 0.04, np.arange(300) * 0.04
-
-    def steps(texture: Texture) -> float:
-        """How much the surface changes along x, for each change along y."""
-        z = texture(x, y, rng=np.random.default_rng(4)).astype(float)
-        return float(np.abs(np.diff(z, axis=1)).mean() / max(np.abs(np.diff(z, axis=0)).mean(), 1e-12))
-
-    assert steps(Turning()) > 100.0
-    assert steps(Grinding()) < 0.2
-    assert steps(Grinding(along_x=False)) > 5.0
-    assert steps(Milling()) > 1.5
-    assert 0.8 < steps(Sand()) < 1.25
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -284,14 +256,6 @@ def test_a_hand_strays_more_than_a_press() -> None:
     assert spread("ideal") == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
-def test_a_jump_of_the_baseline_stays() -> None:
-    jumpy = replace(NONE, jump_probability=0.3, jump_fraction=0.1)
-    part = bare(text="H" * 12, variation=jumpy, seed=5)
-    middles = np.round([(b[1] + b[3]) / 2 for b in part.boxes_mm], 6)
-    assert 2 <= len(set(middles)) <= 8
-    assert np.count_nonzero(np.diff(middles)) < 9
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -307,25 +271,3 @@ def test_a_jump_of_the_baseline_stays() -> None:
 def test_what_cannot_be_is_refused(wrong: dict[str, object], message: str) -> None:
     with pytest.raises(StampError, match=message):
         bare(**{"variation": None, **wrong})
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: PlateForm(radius_x_mm=0.0),
-        lambda: PlateForm(radius_y_mm=math.nan),
-        lambda: Layout(radius_mm=0.0),
-        lambda: Layout(turned_deg=math.inf),
-        lambda: Layout(gap=-1.0),
-        lambda: Milling(chatter=1.5),
-        lambda: Milling(feed_mm=0.0),
-        lambda: Turning(unevenness=2.0),
-        lambda: Grinding(line_mm=0.0),
-        lambda: Sand(grain_mm=-1.0),
-        lambda: StampingVariation(pile_up_lean=1.1),
-        lambda: StampingVariation(jump_probability=2.0),
-    ],
-)
-def test_amounts_out_of_range_are_refused(make: object) -> None:
-    with pytest.raises(StampError):
-        make()  # type: ignore[operator]

@@ -11,7 +11,7 @@ from glyphs.fonts.outlines import SERIAL_CHARACTERS, load_font
 from glyphs.stamping.die import die_glyph, shape_relief_mm, to_plate
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Face, default_die
-from glyphs.stamping.plate import plate_form, plate_texture
+from glyphs.stamping.plate import plate_texture
 from glyphs.stamping.stamp import stamp_line
 from glyphs.stamping.variation import PlateVariation, StampingVariation
 from glyphs.surface.maps import MapError
@@ -106,15 +106,6 @@ def test_boxes_lie_on_the_plate_and_hold_all_the_ink(text, angle, seed, raised):
     assert not left.any()
 
 
-def test_characters_stand_left_to_right_and_spacing_widens_the_line():
-    near, far = part("ABC", variation=NONE), part("ABC", variation=NONE, spacing=0.4)
-    starts = [box[0] for box in near.boxes_mm]
-    assert starts == sorted(starts)
-    for k in (1, 2):
-        gain = (far.boxes_mm[k][0] - far.boxes_mm[0][0]) - (near.boxes_mm[k][0] - near.boxes_mm[0][0])
-        assert gain == pytest.approx(k * 0.4 * 5.0)
-
-
 def depths(variation, n=60):
     stamped = part("I" * n, variation=variation, die=replace(DIE, edge_radius_mm=0.0))
     z = stamped.height_map.z_mm
@@ -152,23 +143,6 @@ def test_roughness_has_the_ra_and_correlation_length_asked_for():
     shifted = np.mean(z[:, :-5] * z[:, 5:]) / np.mean(z * z)
     # 1/e at the correlation length; some 5000 independent patches leave a few per cent of scatter.
     assert shifted == pytest.approx(math.exp(-1), abs=0.06)
-
-
-def test_lay_runs_along_its_direction():
-    x = y = np.arange(200) * 0.02
-    z = plate_texture(x, y, replace(PlateVariation.none(), lay_um=2.0, lay_direction_deg=90.0), rng=rng())
-    # Ridges along y: the surface changes across the columns, not down the rows.
-    assert np.abs(np.diff(z, axis=1)).mean() > 50 * np.abs(np.diff(z, axis=0)).mean()
-    assert 1.9e-3 < z.max() < 2.7e-3
-
-
-def test_form_stays_within_its_amplitude_and_tilt():
-    x, y = np.arange(300) * 0.1, np.arange(100) * 0.1
-    wavy = plate_form(x, y, replace(PlateVariation.none(), waviness_um=10.0), rng=rng())
-    assert 5e-3 < np.ptp(wavy) < 3.3e-2
-    tilted = plate_form(x, y, replace(PlateVariation.none(), tilt_deg=0.2), rng=rng())
-    assert np.diff(tilted, 2, axis=1) == pytest.approx(0.0, abs=1e-7)
-    assert np.ptp(tilted) > 0
 
 
 @pytest.mark.parametrize(

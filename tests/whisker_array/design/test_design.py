@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 
@@ -14,21 +13,18 @@ from pipeline.cli.design_words import explain_failure
 from tests.support.stress import preload_stress_mpa
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
-    bending_stress_mpa,
     check,
     linear_force_error,
-    normal_forces_n,
     sideways_slide_mm,
 )
 from whisker_array.design.design import (
     Design,
     NoWhiskerError,
-    describe_design,
     design_whisker,
     worst_edge,
 )
 from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
-from whisker_array.design.trade import slide_trade_off, speed_trade_off
+from whisker_array.design.trade import speed_trade_off
 from whisker_array.design.tuned import Kind, factors, middle_friction, tune
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.surface import prepare_surface
@@ -161,17 +157,6 @@ def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
     assert twice.frequency_hz == pytest.approx(0.5 * made.frequency_hz, rel=0.01)
 
 
-def test_a_level_whisker_pays_for_stiffness_with_contrast() -> None:
-    level = design_whisker(ASKED, limits=Limits(beta_rad=(0.0, 0.0)))
-    assert level.whisker.beta_rad == 0.0
-    trade = slide_trade_off(level, factors=(0.5, 1.0, 2.0))
-    contrast = [c for c in trade.contrast if c is not None]
-    assert len(contrast) == 3
-    assert all(a < b for a, b in itertools.pairwise(contrast))
-    # the slide of a level ribbon goes as d0 k^2 and the contrast as k
-    assert contrast[0] < 0.8 * contrast[1]
-
-
 def test_speed_costs_contrast(made: Design) -> None:
     trade = speed_trade_off(made, factors=(0.5, 1.0, 4.0, 400.0))
     slow, same, fast = (c if c is not None else math.nan for c in trade.contrast[:3])
@@ -220,15 +205,6 @@ def test_the_first_order_of_the_beams_error_is_that_of_the_elastica(beta_deg: fl
     assert linear_force_error(whisker, lift_mm=lift, mu=mu) == pytest.approx(exact, abs=1.5e-5)
 
 
-def test_stress_on_the_land_is_that_of_the_validity_check() -> None:
-    for section in (Rectangle(0.3, 3.0), Round(0.4)):
-        whisker = LShaped(30.0, 4.0, 1.0, 0.2, section)
-        alpha, mu = np.zeros(1), np.array([0.3])
-        force, _ = normal_forces_n(whisker, preload_mm=0.8, alpha_rad=alpha, mu=mu)
-        stress = bending_stress_mpa(whisker, force, alpha_rad=alpha, mu=mu)
-        assert stress.max() == pytest.approx(preload_stress_mpa(whisker, preload_mm=0.8, mu=0.3))
-
-
 def test_round_wire_slides_sideways() -> None:
     with pytest.raises(DesignError, match=r"round wire.*slides.*take a ribbon"):
         design_whisker(ASKED, section="round")
@@ -268,24 +244,10 @@ def test_requests_that_cannot_be(change: dict[str, object], says: str) -> None:
         replace(ASKED, **change)
 
 
-def test_ball_and_raster_fit_wall_and_stroke() -> None:
-    for degrees in (30.0, 45.0, 60.0, 75.0):
-        asked = replace(ASKED, alpha_rad=(0.3, math.radians(degrees)))
-        wall = asked.depth_mm / math.tan(math.radians(degrees))
-        assert asked.tip_radius_mm * math.sin(math.radians(degrees)) <= 0.5 * wall * (1.0 + 1e-12)
-        assert 4.0 * asked.tip_radius_mm <= asked.character_height_mm / 14.0 * (1.0 + 1e-12)
-        assert 2.0 * asked.sample_pitch_mm <= wall * (1.0 + 1e-12)
-
-
 def test_slack_is_negative_where_a_limit_is_broken() -> None:
     assert Constraint(Bound.FORCE, 0.6, 0.5, True).slack == pytest.approx(-0.2)
     assert Constraint(Bound.SIGNAL, 100.0, 200.0, False).slack == pytest.approx(-0.5)
     assert Constraint(Bound.SIGNAL, 200.1, 200.0, False).binding
-
-
-def test_any_whisker_can_be_described(made: Design) -> None:
-    poor = describe_design(made.whisker, ASKED, limits=Limits(force_n=0.1), preload_mm=made.preload_mm)
-    assert [row.bound for row in poor.constraints if row.slack < 0.0] == [Bound.FORCE]
 
 
 def test_a_null_is_where_it_was_asked_for() -> None:

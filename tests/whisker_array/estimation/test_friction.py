@@ -11,7 +11,7 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from tests.factories import extruded, ideal_chain, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.scan import Scan, only
+from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import SensorChain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
@@ -75,15 +75,6 @@ def test_two_ways_give_the_friction_whatever_the_gains(fidelity: Fidelity, mu: f
     assert found[1].sd > USABLE_SD
 
 
-@pytest.mark.parametrize("two_way", [False, True])
-def test_two_ways_need_no_profiler_and_shapes_no_return(two_way: bool) -> None:
-    alone = land_friction(scan_of(0.3, others=(), two_way=two_way))
-    assert [f.route for f in alone] == [FrictionRoute.TWO_WAYS] * two_way
-    both = land_friction(scan_of(0.3, two_way=two_way))
-    assert FrictionRoute.SHAPES in {f.route for f in both}
-    assert len(both) == 1 + two_way
-
-
 @pytest.mark.parametrize("mu", FRICTIONS)
 @pytest.mark.parametrize("fidelity", list(Fidelity))
 def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu: float) -> None:
@@ -102,14 +93,6 @@ def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
     (found,) = land_friction(replace(scan_of(0.4), calibration=calibration))
     assert found.route is FrictionRoute.TWO_WAYS
     assert found.mu == pytest.approx(0.4, abs=0.003)
-
-
-def test_a_scan_that_tells_nothing_gives_nothing() -> None:
-    assert land_friction(scan_of(0.3, others=(), two_way=False)) == ()
-    # a profiler feels the same both ways, and a second one adds nothing
-    assert land_friction(scan_of(0.3, touch=PROFILER, others=())) == ()
-    assert land_friction(scan_of(0.3, touch=PROFILER, others=(PROFILER,))) == ()
-    assert land_friction(only(scan_of(0.3), kind=0)) == ()
 
 
 def test_one_whisker_has_no_standard_error() -> None:

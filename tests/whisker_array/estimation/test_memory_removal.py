@@ -9,12 +9,11 @@ import pytest
 
 from glyphs.surface.maps import TraceDirection
 from tests.factories import extruded, scanned
-from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.friction import land_friction
 from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.scan import Scan, only
+from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch, profiling_touch
@@ -85,13 +84,3 @@ def test_friction_and_relief_with_creep_known_and_unknown() -> None:
     assert depths["none"] == pytest.approx(-DEPTH, abs=0.002)
     assert depths["known"] == pytest.approx(-DEPTH, abs=0.002)
     assert depths["unknown"] == pytest.approx(-DEPTH, abs=0.006)
-
-
-def test_edges_stay_what_they_are_without_knowing_creep() -> None:
-    """Zero of each pass and straight baseline of each line: slow, so steps stand as they were."""
-    edges = {m: edge_map(only(felt(chain(memory=m), known=False))) for m in (False, True)}
-    error = edges[True].enhancement - edges[False].enhancement
-    step = np.ptp(edges[False].enhancement)
-    assert step > 0.4
-    assert np.sqrt(np.mean(error**2)) < 0.005  # of the land's moment
-    assert np.abs(error).max() < 0.02 * step

@@ -75,38 +75,6 @@ def test_ideal_maps_give_back_heights_and_slopes(mu: float) -> None:
     np.testing.assert_allclose(relief.steepness, np.hypot(p, q), atol=2e-4)
 
 
-def test_one_axis_traced_both_ways_gives_its_slope_only() -> None:
-    rng = np.random.default_rng(1)
-    height, p, q = (
-        rng.uniform(-0.4, 0.1, (5, 6)),
-        rng.uniform(-1.0, 1.0, (5, 6)),
-        rng.uniform(-1.0, 1.0, (5, 6)),
-    )
-    directions = (*FORWARD, TraceDirection.FORWARD_Y, TraceDirection.BACK_Y)
-    relief = relief_from_edges(ideal_edges(height, p, q, directions, 0.2), TOUCH)
-    assert relief.route is Route.TURNED
-    assert relief.slope_x is None
-    assert relief.slope_y is not None
-    np.testing.assert_allclose(relief.height_mm, height, atol=1e-5)
-    np.testing.assert_allclose(relief.steepness, np.abs(q), atol=1e-4)
-
-
-def test_floors_are_right_one_way_and_whatever_the_friction() -> None:
-    depth = np.linspace(-0.5, 0.0, 24).reshape(4, 6)
-    level = np.zeros_like(depth)
-    for directions, route in ((FORWARD, Route.FLOORS), (BOTH, Route.TURNED)):
-        for true, assumed in ((0.2, None), (0.5, 0.1), (0.1, 0.5)):
-            edges = ideal_edges(depth, level, level, directions, true)
-            relief = relief_from_edges(edges, TOUCH, friction=assumed)
-            assert relief.route is route
-            assert relief.friction == (TOUCH.friction if assumed is None else assumed)
-            np.testing.assert_allclose(relief.height_mm, depth, atol=1e-5)
-    one_way = relief_from_edges(ideal_edges(depth, level, level, FORWARD, 0.2), TOUCH)
-    assert one_way.slope_x is None
-    assert one_way.slope_y is None
-    np.testing.assert_array_equal(one_way.steepness, level)
-
-
 def test_a_profilers_edges_are_the_profile() -> None:
     depth = np.linspace(-0.5, 0.0, 24).reshape(4, 6)
     noise = 1e-3 * np.array([1.0, -1.0])[:, None, None]

@@ -48,18 +48,6 @@ def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
         assert all(way.sd[name] <= found.of(name)[1] * (1.0 + 1e-9) for name in way.sd)
 
 
-def test_a_bench_that_creeps_and_has_play_is_found_all_the_same() -> None:
-    scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27, memory=True)
-    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=FINER_MM)
-    assert found.settled
-    assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.08, rel=0.1)
-    assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
-    # creep adds to every moment as preload does: 0.4 % seen
-    assert found.of(Unknown.PRELOAD)[0] == pytest.approx(1.04, rel=0.01)
-    assert found.of(Unknown.PLAY)[0] == pytest.approx(0.010, abs=0.006)
-    assert found.misfit < 2.0
-
-
 def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
     scan = recorded(PIECE)
     loose = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=COARSE_MM)

@@ -130,19 +130,6 @@ def test_pushed_on_land_is_friction_with_the_other_sign(fidelity: Fidelity, mu: 
     assert there / back == pytest.approx((1.0 - 1.5 * k * mu) / (1.0 + 1.5 * k * mu), rel=1e-3)
 
 
-def test_pushed_walls_are_dragged_walls_from_the_other_side_without_friction() -> None:
-    scan = only(
-        trace_scan(surface(), touch=TOUCH, plan=TWO_WAYS, fidelity=Fidelity.POINTWISE, friction=0.0),
-        pushed=None,
-    )
-    for there, back in zip(scan.sweeps[:2], scan.sweeps[2:], strict=True):
-        # nothing but friction tells the ways apart; differences along the line are central, so they agree
-        good = (there.flags == 0) & (back.flags[..., ::-1] == 0)
-        np.testing.assert_allclose(
-            back.moment_n_mm[..., ::-1][good], there.moment_n_mm[good], rtol=1e-4, atol=1e-4
-        )
-
-
 def test_only_chooses_kind_way_and_calibration() -> None:
     rng = np.random.default_rng(0)
     calibration = Calibration(rng.uniform(0.9, 1.1, 2 * N), rng.normal(0.0, 0.1, 2 * N), from_land=True)

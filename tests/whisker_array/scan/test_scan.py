@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glyphs.surface.maps import HeightMap, MapError, TraceDirection
-from whisker_array.scan.calibration import Calibration
+from glyphs.surface.maps import HeightMap, MapError
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
-from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import Touch, default_touch
 
@@ -92,20 +90,6 @@ def test_dropouts_are_flagged_where_they_are(fidelity: Fidelity) -> None:
         assert np.isfinite(sweep.moment_n_mm).all()
 
 
-def test_friction_of_the_surface_is_felt() -> None:
-    flat = np.zeros((81, 121))
-    oily = np.full(flat.shape, 0.4, dtype=np.float32)
-    oily[:, 60:] = 0.1
-    plan = replace(PLAN, directions=(TraceDirection.FORWARD_X,))
-    tip, d0 = TOUCH.tip, TOUCH.preload_mm
-    for fidelity in Fidelity:
-        sweep = trace_scan(plate(flat), touch=TOUCH, plan=plan, fidelity=fidelity, friction=oily).sweeps[0]
-        at, on = sweep.plan.position_mm(), sweep.plan.line_mm <= 4.0 + 1e-6
-        felt = sweep.moment_n_mm[on]
-        for part, mu in ((at < 2.8, 0.4), (at > 3.4, 0.1)):
-            np.testing.assert_allclose(felt[:, part], land_moment_n_mm(tip, preload_mm=d0, mu=mu), rtol=1e-3)
-
-
 @pytest.mark.parametrize("pitch", [0.05, 0.01])
 def test_a_friction_map_must_fit(pitch: float) -> None:
     # at the fine pitch both would be averaged to the same grid: it must be caught before
@@ -154,19 +138,6 @@ def test_a_moment_beyond_the_converter_is_flagged() -> None:
         assert beyond.any()
         assert ((a.flags & SampleFlag.OUT_OF_RANGE) > 0)[beyond].all()
         assert not (a.flags & SampleFlag.OUT_OF_RANGE)[np.abs(b.moment_n_mm) < 1.0499 * land].any()
-
-
-def test_counts_add_up_and_calibration_must_fit() -> None:
-    scan = trace_scan(plate(), touch=TOUCH, plan=PLAN)
-    assert scan.n_whiskers == 4
-    air = sum(s.air_n_mm.size for s in scan.sweeps)
-    assert scan.n_samples + air == PLAN.n_samples
-    assert scan.sample_rate_hz == PLAN.sample_rate_hz
-    calibrated = replace(scan, calibration=Calibration(np.ones(4), np.zeros(4)))
-    assert calibrated.calibration is not None
-    assert calibrated.sweeps is scan.sweeps
-    with pytest.raises(MapError, match="3 whiskers for a scan of 4"):
-        replace(scan, calibration=Calibration(np.ones(3), np.zeros(3)))
 
 
 def test_refusals_say_what_is_wrong() -> None:

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from glyphs.errors import MarksError
 from tests.factories import ideal_chain
@@ -21,7 +19,6 @@ from whisker_array.scan.sensor_memory import (
     SensorState,
     draw_memory,
     read_gauges,
-    rest_gauges,
 )
 
 LARGEST = 20.0
@@ -126,18 +123,6 @@ def test_plays_alone_know_no_time_and_lie_apart_by_the_way() -> None:
     # a closed loop comes back to itself (wiping out): the second way round is the third
     again = read(np.tile(way, 3), memory)
     np.testing.assert_allclose(again[:, 400:800], again[:, 800:], atol=1e-12)
-
-
-@given(st.floats(0.05, 400.0), st.integers(0, 5))
-def test_hanging_in_air_is_the_same_at_once_and_sample_by_sample(seconds: float, seed: int) -> None:
-    memory = drawn(2, seed)
-    one, other = (SensorState.at_rest(2, memory) for _ in range(2))
-    for state in (one, other):
-        read(np.full(50, 15.0), memory, state)
-    rest_gauges(memory, one, seconds=seconds)
-    read_gauges(np.zeros((2, 20)), memory=memory, state=other, step_s=seconds / 20)
-    np.testing.assert_allclose(one.strain_n_mm, other.strain_n_mm, atol=1e-9)
-    np.testing.assert_array_equal(one.play_n_mm, other.play_n_mm)
 
 
 def test_the_chain_carries_its_state_and_lifts_between_passes() -> None:

@@ -93,16 +93,6 @@ def test_passes_of_other_steps_do_not_go_together() -> None:
         gather_sweeps([stage.feel(one), stage.feel(replace(one, sample_pitch_mm=0.1))])
 
 
-def test_a_harder_pass_feels_the_land_in_proportion() -> None:
-    stage, one = session(), PLAN.passes()[0]
-    usual, hard = (
-        stage.feel(p).moment_n_mm[0, -1, 5:10].mean()
-        for p in (one, replace(one, preload_mm=1.5 * TOUCH.preload_mm))
-    )
-    # far from the hill the land is level, and the moment in proportion to the preload
-    assert hard / usual == pytest.approx(1.5, rel=1e-3)
-
-
 def test_sensors_keep_their_gains_and_the_bench_knows_them() -> None:
     rng = np.random.default_rng(5)
     chain = draw_sensor_chain(4, rng=rng)

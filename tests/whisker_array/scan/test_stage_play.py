@@ -9,7 +9,6 @@ import pytest
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap, TraceDirection
-from whisker_array.estimation.edges import play_between
 from whisker_array.scan.scan import trace_scan
 from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
 from whisker_array.simulation.traces import Fidelity
@@ -87,19 +86,6 @@ def test_what_lies_on_the_part_is_what_was_asked_for() -> None:
         ratio = a.moment_n_mm[on] / b.moment_n_mm[on]
         assert (ratio != 1.0).mean() > 0.9
         assert np.abs(ratio - 1.0).max() < 0.01
-
-
-def test_large_play_is_found_by_the_estimator() -> None:
-    """Against `registration`, which knows nothing of this model."""
-    y, x = np.mgrid[:81, :241] * 0.025
-    z = -0.2 * ((np.abs(x - 2.0) < 0.3) | (np.abs(x - 4.2) < 0.2)) * (np.abs(y - 1.0) < 0.9)
-    part = HeightMap(z.astype(np.float32), 0.025)
-    plan = replace(PLAN, region_mm=(0.0, 0.0, 6.0, 2.0), line_pitch_mm=0.125, sample_pitch_mm=0.025)
-    played = trace_scan(part, touch=TOUCH, plan=plan, stage=replace(STILL, play_mm=0.3), rng=rng())
-    shift = play_between(played)
-    # a map felt where the stage lagged lies that much ahead: it is to go back, by half a pixel's tolerance
-    assert shift[TraceDirection.FORWARD_X][0] == pytest.approx(-0.15, abs=0.06)
-    assert shift[TraceDirection.BACK_X][0] == pytest.approx(0.15, abs=0.06)
 
 
 def test_refusals() -> None:

@@ -240,23 +240,6 @@ def test_the_kernel_minimises_the_energy_that_it_states(tip: TipModel) -> None:
 # --- symmetry, friction, sideways
 
 
-def test_a_mirrored_surface_gives_the_same_moments() -> None:
-    z = np.random.default_rng(3).normal(0.0, 1.0, (81, 161))
-    from scipy.ndimage import gaussian_filter
-
-    z = (0.15 * gaussian_filter(z, 5.0) / gaussian_filter(z, 5.0).std() / 3).astype(np.float32)
-    lines = np.linspace(0.4, 2.0, 9)
-    felt, mirrored = (
-        trace(prepare_surface(HeightMap(h, 0.03), friction=MU), WIRE, lines=at, start=0.2, step=0.03, n=140)
-        for h, at in ((z, lines), (z[::-1].copy(), 80 * 0.03 - lines))
-    )
-    assert not felt.flags.any()
-    assert np.ptp(felt.moment_n_mm) > 0.05 * np.abs(felt.moment_n_mm).mean()
-    # two solutions within the tolerance of Newton, carried along the trace
-    np.testing.assert_allclose(mirrored.moment_n_mm, felt.moment_n_mm, rtol=2e-3)
-    assert np.median(np.abs(mirrored.moment_n_mm / felt.moment_n_mm - 1.0)) < 1e-5
-
-
 def test_round_wire_slides_into_a_groove_that_runs_along_the_trace_and_a_ribbon_less() -> None:
     # a groove 0.3 mm deep with 45 degree walls that comes in beside the trace: the line runs half-way up the wall
     def groove(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import optimize
-from scipy.ndimage import gaussian_filter
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, TraceDirection
@@ -328,44 +327,6 @@ def test_a_groove_caked_full_is_felt_by_as_much_as_the_dirt_gives(fidelity: Fide
     np.testing.assert_allclose(soft, clean, atol=4 * SETTLED)
 
 
-def test_every_direction_feels_the_same_dirt() -> None:
-    """Plate, dirt and hardness turned by a quarter and by a half: the sweeps change places."""
-    top, _, thickness = dirty_part()
-    y, x = np.mgrid[:81, :121] * PITCH
-    hardness = 8.0 * np.exp(0.4 * np.sin(1.1 * x + 0.7 * y))
-    plan = replace(
-        PLAN, directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X, TraceDirection.FORWARD_Y)
-    )
-    scan = trace_scan(top, touch=TOUCH, plan=plan, soil=soil_of(thickness, hardness))
-    flipped = trace_scan(
-        HeightMap(top.z_mm[:, ::-1].copy(), PITCH),
-        touch=TOUCH,
-        plan=plan,
-        soil=soil_of(thickness[:, ::-1], hardness[:, ::-1]),
-    )
-    same = (scan.sweeps[0].flags == 0) & (flipped.sweeps[1].flags == 0)
-    assert same.mean() > 0.5
-    np.testing.assert_allclose(
-        scan.sweeps[0].moment_n_mm[same], flipped.sweeps[1].moment_n_mm[same], rtol=2e-3
-    )
-    turned = trace_scan(
-        HeightMap(top.z_mm.T.copy(), PITCH),
-        touch=TOUCH,
-        plan=replace(plan, region_mm=(0.0, 0.0, 4.0, 6.0), directions=(TraceDirection.FORWARD_X,)),
-        soil=soil_of(thickness.T, hardness.T),
-    )
-
-    def by_line(sweep_of: Scan, i: int) -> NDArray[np.float64]:
-        sweep = sweep_of.sweeps[i]
-        order = np.argsort(sweep.plan.line_mm.ravel())
-        lines = sweep.moment_n_mm.reshape(order.size, -1)[order]
-        return np.asarray(
-            lines[(sweep.flags.reshape(order.size, -1)[order] == 0).all(axis=1)], dtype=np.float64
-        )
-
-    np.testing.assert_allclose(by_line(scan, 2), by_line(turned, 0), rtol=2e-3)
-
-
 # --- the pieces
 
 
@@ -416,21 +377,3 @@ def test_dropouts_in_dirt_are_told_and_felt_as_filled(fidelity: Fidelity) -> Non
     for sweep in scan.sweeps:
         assert np.isfinite(sweep.moment_n_mm).all()
         assert (sweep.flags & SampleFlag.DROPOUT).any()
-
-
-def test_roughest_dirt_settles_nearly_everywhere() -> None:
-    """Lumps a tenth of a millimetre wide and high, of hardness that varies tenfold; the rest is flagged."""
-    rng = np.random.default_rng(5)
-    lumps = gaussian_filter(rng.normal(size=(81, 121)), 2.0)
-    thickness = np.clip(0.1 * lumps / lumps.std(), 0.0, 0.3).astype(np.float32)
-    vary = gaussian_filter(rng.normal(size=(81, 121)), 5.0)
-    hardness = 6.0 * np.exp(0.8 * vary / vary.std())
-    for touch in (TOUCH, WIRE):
-        scan = trace_scan(
-            HeightMap(thickness.copy(), PITCH), touch=touch, plan=PLAN, soil=soil_of(thickness, hardness)
-        )
-        flags = np.concatenate([s.flags.ravel() for s in scan.sweeps])
-        felt = np.concatenate([s.moment_n_mm.ravel() for s in scan.sweeps]) / touch.land_moment_n_mm()
-        assert not (flags & (SampleFlag.CONTACT_LOST | SampleFlag.JAMMED)).any()
-        assert ((flags & SampleFlag.NOT_CONVERGED) > 0).mean() < 0.01
-        assert 0.5 < felt[flags == 0].min() < felt[flags == 0].max() < 2.0

@@ -208,17 +208,6 @@ def test_averaging_is_the_mean_of_centred_blocks() -> None:
     assert fitted.z_mm[6, 6] == pytest.approx(np.nanmean(z[28:33, 28:33]), abs=1e-6)
 
 
-def test_dropouts_survive_either_way() -> None:
-    z = rough(11, (61, 61))
-    z[20:30, 20:30] = np.nan
-    coarse, _ = fit_pitch(HeightMap(z, 0.15), 0.2, target_mm=PITCH)
-    assert np.isnan(coarse.z_mm[60:88, 60:88]).all()
-    assert np.isnan(coarse.z_mm).sum() == 30 * 30
-    fine, _ = fit_pitch(HeightMap(z, 0.01), 0.2, target_mm=0.1)
-    assert np.isnan(fine.z_mm[5, 5])  # samples 23 to 27, all of them missing
-    assert np.isnan(fine.z_mm).sum() == 1
-
-
 def test_friction_comes_along_and_stays_a_friction() -> None:
     z = rough(12, (40, 40))
     oily = np.full(z.shape, 0.4, dtype=np.float32)
