@@ -50,7 +50,7 @@ def live_pages(folder: Path) -> Iterator[tuple[str, str, int]]:
 
 def shadow_page(folder: Path) -> Iterator[tuple[str, str, int]]:
     """The page of a service in shadow mode."""
-    parts = make_parts(folder / "parts", "--parts 32 --dirt 0.15 --seed 5")
+    parts = make_parts(folder / "parts", "--parts 24 --dirt 0.15 --seed 5")
     with (
         service_process(folder / "shadow", "--shadow", "--format", FORMAT) as service,
         Client(service.url, timeout_s=900.0) as client,

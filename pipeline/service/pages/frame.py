@@ -24,6 +24,7 @@ from pipeline.common.records import PartRecord, Scope
 from pipeline.service.pages.places import part_cells, why_not_accepted
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.addresses import relative, to_root
+from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
     from pipeline.service.reviews import Reviews
@@ -155,11 +156,11 @@ class View:
         """The person at the page with the name typed; a token's name stands."""
         return self.person if self.caller.token else replace(self.person, name=name)
 
-    def page(self, template: str, *, status: int = 200, **values: Any) -> Response:
-        """A page for this caller."""
-        return self.frame.render(
-            self.request, template, status=status, caller=self.caller, may_review=self.may_review, **values
-        )
+    def page(self, template: str, *, problem: Problem | None = None, **values: Any) -> Response:
+        """A page for this caller; with a problem it says what was wrong with the form that was sent."""
+        status, fault = (problem.status, problem.detail) if problem else (200, "")
+        values |= {"fault": fault, "may_review": self.may_review}
+        return self.frame.render(self.request, template, status=status, caller=self.caller, **values)
 
     def redirect(self, address: str, *, who: str = "") -> Response:
         """Answer a form by the page to look at next; the browser remembers the name typed."""

@@ -135,7 +135,7 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
     picture, *others = _pictures(view.frame, lesson.part, lesson.by)
     return view.page(
         "teach.html.j2",
-        status=200 if problem is None else problem.status,
+        problem=problem,
         part=view.frame.store.part(lesson.part),
         picture=picture,
         others=others,
@@ -144,7 +144,6 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
         names=[job.name for job in jobs.listed()],
         databases=[one["name"] for one in jobs.databases.listed()],
         most=MOST_TEXT,
-        fault="" if problem is None else problem.detail,
         may_replace=problem is not None and problem.status == 409,
     )
 
@@ -169,11 +168,10 @@ def _edit_page(
     stands = text_to_edit(jobs, name)
     return view.page(
         "job.html.j2",
-        status=200 if problem is None else problem.status,
+        problem=problem,
         job=job,
         text=stands if text is None else text,
         before=stands if before is None else before,
-        fault="" if problem is None else problem.detail,
     )
 
 

@@ -21,6 +21,7 @@ from pipeline.service.pages.passes import passes_view
 from pipeline.service.pages.pictures import picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
 from pipeline.service.review_policy import ReviewMode
+from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
@@ -108,15 +109,15 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
                 fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
                 said = said.model_copy(update={"outside": said.text})
         if fault:
-            return _page(view, part, said=said, fault=fault, status=422)
+            return _page(view, part, said=said, problem=Problem(422, fault))
         try:
             following = _keep(view, part, said)
         except ClaimedError as error:
             fault = f"{error.what}. Your input is not saved; take the next part, or wait."
-            return _page(view, part, said=said, fault=fault, status=409)
+            return _page(view, part, said=said, problem=Problem(409, fault))
         except ConflictError:
             now = store.part(part_id)
-            return _page(view, now, said=said, fault=_describe_change(now), status=409)
+            return _page(view, now, said=said, problem=Problem(409, _describe_change(now)))
         return view.redirect(
             f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=said.who
         )
@@ -209,8 +210,7 @@ def _page(
     said: ReviewForm | None = None,
     done: str = "",
     remark: str = "",
-    fault: str = "",
-    status: int = 200,
+    problem: Problem | None = None,
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
     opinions, awaits_audit = store.opinions(part.id), store.awaits_audit(part.id)
@@ -228,7 +228,7 @@ def _page(
     said = said or ReviewForm(text=part.text, who=person.name)
     return view.page(
         "review.html.j2",
-        status=status,
+        problem=problem,
         part=part,
         mode=mode.value,
         audit=store.audit(part.id),
@@ -244,6 +244,5 @@ def _page(
         most=MOST,
         remark=remark,
         taken=taken,
-        fault=fault,
         **_outcome(frame, done),
     )
