@@ -251,11 +251,14 @@ def strongest_tone(shares: list[SweepShares], sample_rate_hz: float) -> Tone:
         spectrum = np.fft.rfft((shared - shared.mean(axis=1, keepdims=True)) * window)
         power = (np.abs(spectrum) ** 2).mean(axis=0)
         hz = np.fft.rfftfreq(shared.shape[1], 1.0 / sample_rate_hz)
-        for k in np.flatnonzero((hz >= _LEAST_HZ) & (hz < 0.4 * sample_rate_hz)):
-            beside = np.r_[power[max(1, k - 8) : max(1, k - 2)], power[k + 3 : k + 9]]
-            if not beside.size or power[k] < power[max(0, k - 1) : k + 2].max():
-                continue
-            ratio = float(power[k] / max(float(np.median(beside)), 1e-30))
+        # a peak is held against what lies three to eight lines beside it
+        padded = np.pad(power[1:], (9, 8), constant_values=np.nan)
+        around = np.lib.stride_tricks.sliding_window_view(padded, 17)
+        at = np.flatnonzero((hz >= _LEAST_HZ) & (hz < 0.4 * sample_rate_hz))
+        at = at[power[at] >= np.nanmax(around[at, 7:10], axis=1)]
+        beside = np.nanmedian(around[at][:, [*range(6), *range(11, 17)]], axis=1)
+        for k, other in zip(at, beside, strict=True):
+            ratio = float(power[k] / max(float(other), 1e-30))
             # of a sine of amplitude a, differences between passes of any phase have 2 a^2 on average
             amplitude = float(np.sqrt(0.5 * power[k]) * 2.0 / window.sum())
             if ratio > best.ratio and abs(np.mean(np.exp(2j * np.angle(spectrum[:, k])))) < _LOCKED:
@@ -269,6 +272,10 @@ def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Fl
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
     median: Floats = np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))
     return median
+
+
+SPIKE_REACH = 6
+"""Samples beyond a stretch on which its spikes depend."""
 
 
 def spikes(f: SweepShares, *, least: float) -> NDArray[np.bool_]:

@@ -281,8 +281,9 @@ def _count_spikes(shares: list[SweepShares], least: float) -> int:
     count = 0
     for one in shares:
         lead = one.sweep.plan.n_lead
-        at = measures.spikes(one, least=least)
-        count += int(at[..., :lead].sum() + at[..., at.shape[2] - lead :].sum()) if lead else 0
+        for end in (slice(None), slice(None, None, -1)) if lead else ():
+            near = one.share[..., end][..., : lead + measures.SPIKE_REACH]
+            count += int(measures.spikes(replace(one, share=near), least=least)[..., :lead].sum())
         count += int((np.abs(one.air) > least).sum())
     return count
 
