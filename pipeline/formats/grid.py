@@ -220,7 +220,7 @@ def height_map(raw: RawMap, settings: MapSettings) -> HeightMap:
     if abs(offset) > MOST_OFFSET_MM:
         z -= offset
     z[np.abs(z) > MAX_HEIGHT_MM] = np.nan
-    if raw.is_bottom_first(settings):
+    if settings.rows == "bottom-first" or (settings.rows is None and raw.bottom_first):
         z = z[::-1]
     for pitch in (x_pitch * xy_mm, y_pitch * xy_mm):
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):

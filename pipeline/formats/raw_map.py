@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import MAX_PIXELS
-from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
 
 # heights that programs write for missing points; besides these all numbers of nines, such as -99.99 and -9999
@@ -43,10 +42,6 @@ class RawMap:
     bottom_first: bool = False
     rows_stated: bool = False
     one_unit: bool = False
-
-    def is_bottom_first(self, settings: MapSettings) -> bool:
-        """Whether the first row is the lowest one, by the settings where they say so."""
-        return self.bottom_first if settings.rows is None else settings.rows == "bottom-first"
 
 
 def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:

@@ -121,7 +121,6 @@ def write_parts(
     photos: bool = True,
     overwrite: bool = False,
     each: Callable[[Callable[[int], str], Iterable[int]], Iterable[str]] = map,
-    on_part: Callable[[str], None] | None = None,
 ) -> list[tuple[str, str]]:
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
 
@@ -133,7 +132,6 @@ def write_parts(
         overwrite: write into a folder that is not empty.
         each: calls a function with every number and gives the results in order, as `map` does; the files written do
             not depend on it.
-        on_part: called with the name of every part when it is written, in order.
 
     Returns:
         (name, text) of each part.
@@ -147,12 +145,8 @@ def write_parts(
         raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
     _prepare(folder, overwrite=overwrite)
     digits = max(3, len(str(parts - 1)))
-    truth = []
-    for number, text in enumerate(each(partial(_write_numbered, spec, folder, digits, photos), range(parts))):
-        name = _name(number, digits)
-        truth.append((name, text))
-        if on_part is not None:
-            on_part(name)
+    texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
+    truth = [(_name(number, digits), text) for number, text in enumerate(texts)]
     with (
         replacing(folder / TRUTH_FILE) as temporary,
         temporary.open("w", encoding="utf-8", newline="") as stream,

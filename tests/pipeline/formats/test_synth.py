@@ -115,13 +115,12 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
 
 def test_workers_write_the_same(tmp_path: Path) -> None:
     spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.5))
-    named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
     with WorkPool(2) as executor:
         each = partial(ordered_map, executor)
-        two = write_parts(spec, tmp_path / "two", parts=2, each=each, on_part=named.append)
+        two = write_parts(spec, tmp_path / "two", parts=2, each=each)
     assert one == two
-    assert named == ["part-000", "part-001"]
+    assert [name for name, _ in two] == ["part-000", "part-001"]
     for path in sorted((tmp_path / "one").glob("*.png")):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
 
