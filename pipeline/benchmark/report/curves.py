@@ -1,8 +1,7 @@
-"""The charts of a benchmark's report about confidence and mistakes: risk, reliability, confusion."""
+"""The charts of a benchmark's report about confidence: risk against coverage, and reliability."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +19,6 @@ from pipeline.benchmark.report.charts import (
     severity_panels,
     style_of,
 )
-from pipeline.common.texts import EXTRA, MISSING
 
 
 def risk_figure(groups: Sequence[Group]) -> Figure:
@@ -90,41 +88,3 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.vlines(x, [b.right.low for b in diagram.bins], [b.right.high for b in diagram.bins], color=colour)
     axes.plot(x, y, color=colour, linewidth=0.8, alpha=0.6)
     axes.scatter(x, y, s=12.0 + 90.0 * n / n.sum(), color=colour, zorder=3)
-
-
-def confusion_figure(confused: Counter[tuple[str, str]], title: str) -> Figure:
-    """Draw stamped (rows) against read (columns) characters; mistakes in red with their number."""
-    true = sorted({t for t, _ in confused}, key=lambda c: (c == EXTRA, c))
-    read = sorted({r for _, r in confused}, key=lambda c: (c == MISSING, c))
-    counts = np.array([[confused[t, r] for r in read] for t in true])
-    rows, columns = counts.shape
-    figure = Figure(
-        figsize=(max(2.6, 1.4 + 0.21 * columns), max(2.2, 1.3 + 0.2 * rows)), layout="constrained"
-    )
-    axes = figure.subplots()
-    totals = np.maximum(1, counts.sum(axis=1, keepdims=True))
-    same = np.array([[t == r for r in read] for t in true])
-    shares = counts / totals
-    picture = np.ones((rows, columns, 3))
-    picture[same] = 1.0 - shares[same][:, None] * (1.0 - np.array([0.72, 0.86, 0.80]))
-    wrong = ~same & (counts > 0)
-    strength = np.clip(0.25 + 0.75 * np.sqrt(shares), 0.0, 1.0)[..., None]
-    picture[wrong] = (1.0 - strength * (1.0 - np.array([0.83, 0.2, 0.15])))[wrong]
-    axes.imshow(picture, aspect="auto")
-    for i, j in np.argwhere(counts > 0):
-        count = int(counts[i, j])
-        colour = "#5b7a6d" if same[i, j] else "white" if shares[i, j] > 0.12 else "#5a0000"
-        axes.text(j, i, f"{count}", ha="center", va="center", fontsize=4.6 if same[i, j] else 6, color=colour)
-    words = {EXTRA: "(nothing)", MISSING: "(nothing)"}
-    axes.set_xticks(range(columns), [words.get(c, c) for c in read], fontsize=7)
-    axes.set_yticks(range(rows), [words.get(c, c) for c in true], fontsize=7)
-    for tick, name in zip(axes.get_xticklabels(), read, strict=True):
-        tick.set_rotation(90 if name == MISSING else 0)
-    axes.set_xticks(np.arange(-0.5, columns), minor=True)
-    axes.set_yticks(np.arange(-0.5, rows), minor=True)
-    axes.grid(visible=True, which="minor", color="#eceff1", linewidth=0.4)
-    axes.tick_params(which="both", length=0)
-    axes.set_xlabel("read", fontsize=9)
-    axes.set_ylabel("stamped", fontsize=9)
-    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
-    return figure

@@ -189,7 +189,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "summary": _sorted(found.by_severity),
         "severities": severities_in(found.by_severity),
         "pictures": {name: inlined(figure) for name, figure in pictures.items()},
-        "confusions": list(_confusions(by_mode)),
+        "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sorted(by_mode)],
         "errors": errors,
         "settings": list(_flat(description)),
     }
@@ -206,17 +206,6 @@ def _cells(cells: Sequence[Group]) -> dict[Any, dict[str, Group]]:
 def _sorted(groups: Sequence[Group]) -> list[Group]:
     modes, severities = modes_in(groups), severities_in(groups)
     return sorted(groups, key=lambda g: (severities.index(g.key.severity), modes.index(g.key.mode)))
-
-
-def _confusions(groups: Sequence[Group]) -> Iterator[tuple[str, str, list[tuple[str, str, int]], int]]:
-    """(mode, picture, mistakes, how many in all); single experts and peers without a picture."""
-    for group in _sorted(groups):
-        mode, wrong = group.key.mode, mistakes(group.confused)
-        total, picture = sum(n for *_, n in wrong), ""
-        if mode not in {*EXPERTS, *PEERS} and group.confused:
-            title = f"{mode}: {total} mistakes in {group.characters.total} characters"
-            picture = inlined(curves.confusion_figure(group.confused, title))
-        yield mode, picture, wrong, total
 
 
 def _flat(values: dict[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
