@@ -81,7 +81,7 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     """
     from pipeline.formats.find_parts import discover
     from pipeline.plots.pictures import save_figure
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import open_reader
     from recognition.decision.picture import reading_figure
 
@@ -89,8 +89,9 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     if len(parts) > 1:
         raise CommandError(f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file")
     (part,) = parts
-    mode = Mode(settings.mode) if settings.mode else None
-    reader = PartReader(open_reader(settings), mode=mode, maps=settings, budget_s=settings.touch_budget_s)
+    reader = PartReader(
+        open_reader(settings), mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s
+    )
     found = reader.read(part)
     shown, problem = _with_photo(found, part)
     save_figure(reading_figure(shown, title=part.name), picture)

@@ -34,7 +34,7 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         SettingsError: an unknown or invalid setting.
         MarksError: a font or an expected text that cannot be used.
     """
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
     checked = ReadSettings.of(**settings)
@@ -47,7 +47,7 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
             )
         files[kind] = path
     names: dict[str, Any] = {kind: str(path) for kind, path in files.items()}
-    part = PartFiles(Path(file).stem, **names)
-    mode = Mode(checked.mode) if checked.mode is not None else Mode.AUTO
-    parts = PartReader(reader_of(checked), mode=mode, maps=checked, budget_s=checked.touch_budget_s)
-    return parts.read(part, expected=expected)
+    parts = PartReader(
+        reader_of(checked), mode=checked.mode or "auto", maps=checked, budget_s=checked.touch_budget_s
+    )
+    return parts.read(PartFiles(Path(file).stem, **names), expected=expected)

@@ -1,16 +1,12 @@
-"""From a part that was read to the record that is kept and sent of it, whatever happened to the part."""
+"""From a reading to the record that is kept and sent of it."""
 
 from __future__ import annotations
 
 import itertools
 import math
-import time
-from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from glyphs.errors import MarksError, describe_fault
 from pipeline.common.reading_records import (
     Box,
     CandidateRecord,
@@ -37,30 +33,6 @@ if TYPE_CHECKING:
     from whisker_array.scan.pass_log import PassLog
 
 MOST_RIVALS = 3
-
-
-def record_of_part(
-    name: str, file: str, read: Callable[[], tuple[Reading, ReadSettings, Grammar | None]]
-) -> tuple[ReadingRecord, Reading | None]:
-    """The record of a part, whatever happens to it, and its reading.
-
-    Args:
-        name: of the part.
-        file: named in an error that names no file itself.
-        read: loads and reads the part; also gives its settings, and what serials may be, of which rivals are.
-    """
-    started = time.perf_counter()
-    try:
-        reading, settings, grammar = read()
-        seconds = time.perf_counter() - started
-        return reading_record(reading, settings, grammar, part=name, seconds=seconds), reading
-    except MarksError as problem:
-        error = str(problem) if problem.where else f"{file}: {problem}"
-    # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
-    except Exception as fault:
-        error = f"{file}: {describe_fault(fault)}; please report it"
-    failed = ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4))
-    return replace(failed, at=datetime.now(UTC), program=program_version()), None
 
 
 def reading_record(

@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from pipeline.reading.certificate import Certificate, certificate_of
 from recognition.decision.likeness import Unlike, unlike
 
 if TYPE_CHECKING:
-    from pipeline.reading.certificate import Certificate
+    from pipeline.common.settings import ReadSettings
     from recognition.decision.evidence import Measure
 
 EVERY = 20
@@ -22,17 +23,29 @@ WINDOW = 200
 """Number of most recent parts that are compared; older ones would hide a recent change."""
 
 
+def watch_of(settings: ReadSettings) -> DriftWatch | None:
+    """Watch of the parts that are read with these settings; None without a certificate.
+
+    Raises:
+        FileError: a file that is not a certificate.
+        SettingsError: it was made with another program, other networks or other settings.
+    """
+    certificate = certificate_of(settings)
+    return None if certificate is None else DriftWatch(certificate)
+
+
 class DriftWatch:
     """Running comparison of the parts being read with those of a certificate.
 
     Attributes:
+        certificate: what they are compared with.
         found: differences at the last comparison; empty if there are none.
         parts: number of parts checked so far.
         first: message of the first difference found; empty if there was none.
     """
 
     def __init__(self, certificate: Certificate) -> None:
-        self._certificate = certificate
+        self.certificate = certificate
         self._latest: deque[Mapping[Measure, float]] = deque(maxlen=WINDOW)
         self._waiting = 0
         self.parts = 0
@@ -46,7 +59,7 @@ class DriftWatch:
             source: source of its reading; a source that was not certified is ignored.
             measures: measures of the part; empty if it could not be read.
         """
-        if not measures or source not in self._certificate.sources:
+        if not measures or source not in self.certificate.sources:
             return False
         self._latest.append(measures)
         self.parts += 1
@@ -58,7 +71,7 @@ class DriftWatch:
         if not self._waiting:
             return False
         before, self._waiting = self.found, 0
-        self.found = unlike(self._certificate.kind, self._latest)
+        self.found = unlike(self.certificate.kind, self._latest)
         self.first = self.first or self.message()
         return bool(self.found) and not before
 
@@ -68,6 +81,6 @@ class DriftWatch:
             return ""
         return (
             f"these parts are unlike the certified ones, for which alone the certificate of "
-            f"{self._certificate.made_at:%Y-%m-%d} holds: {'; '.join(map(str, self.found[:3]))}; certify again on "
+            f"{self.certificate.made_at:%Y-%m-%d} holds: {'; '.join(map(str, self.found[:3]))}; certify again on "
             f"parts like these"
         )

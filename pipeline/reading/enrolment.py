@@ -9,7 +9,8 @@ matter, and a part that is enrolled twice counts once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
+from pipeline.common.texts import without_blanks
 from pipeline.common.version import file_sha256
 from recognition.learning.exemplars import Cut, ExemplarError
 
@@ -75,8 +77,8 @@ class SetAside:
     place: int
 
 
-_Named = tuple[ReviewedPart, str]
-_Cuts = tuple[Cut, ...] | Refused
+_Cuts = tuple[str, tuple[Cut, ...]] | Refused
+"""Hash of a part's file with the characters cut from it, or why there are none."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def enrol(
     settings: ReadSettings,
     vouching: bool = True,
     now: datetime | None = None,
-    each: Callable[[Callable[[_Named], _Cuts], Sequence[_Named]], Iterable[_Cuts]] = map,
+    each: Callable[[Callable[[ReviewedPart], _Cuts], Sequence[ReviewedPart]], Iterable[_Cuts]] = map,
 ) -> EnrolReport:
     """Take the characters of reviewed parts into a database, and make a font of them.
 
@@ -165,40 +167,49 @@ def enrol(
             f"{font!r} is a font of its own in {database}",
             hint=f"name the die another, {font + '-worn'!r} for example",
         )
-    learned_names = {e.font_name for e in held.exemplars}
-    fonts = tuple(held.fonts.values())
     when = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     exemplars = list(held.exemplars)
     before = {(e.evidence, e.note) for e in exemplars if e.font_name == font}
-    named = [(part, "".join(part.text.split()), _sha256(part)) for part in parts]
-    fresh = [(part, text) for part, text, sha in named if isinstance(sha, str) and (sha, text) not in before]
-    made = iter(each(partial(_cuts, settings), fresh))
     enrolled: list[tuple[str, str]] = []
     known: list[str] = []
     refused: list[Refused] = []
-    for part, text, sha in named:
-        if isinstance(sha, Refused):
-            refused.append(sha)
+    for part, cut in zip(parts, each(partial(_cut, settings, before), parts), strict=True):
+        if isinstance(cut, Refused):
+            refused.append(cut)
             continue
-        cuts = () if (sha, text) in before else next(made)
-        if isinstance(cuts, Refused):
-            refused.append(cuts)
-            continue
+        (sha, cuts), text = cut, without_blanks(part.text)
         if not cuts or any((e.font_name, e.evidence, e.note) == (font, sha, text) for e in exemplars):
             known.append(part.name)
             continue
         # reviewed anew: what was taken under the other text was wrong
         exemplars = [e for e in exemplars if (e.font_name, e.evidence) != (font, sha)]
-        exemplars += [_exemplar(c, font, text, part.name, sha, when) for c in cuts]
+        exemplars += [
+            Exemplar(
+                char=c.char,
+                font_name=font,
+                edge_map=c.edge_map,
+                note=text,
+                enrolled_at=when,
+                relief=c.relief,
+                height_mm=c.height_mm,
+                rotation_deg=c.rotation_deg,
+                raised=c.raised,
+                part=part.name,
+                evidence=sha,
+            )
+            for c in cuts
+        ]
         enrolled.append((part.name, "".join(c.char for c in cuts)))
     exemplars = _youngest(exemplars, font)
-    own = [e for e in exemplars if e.font_name == font]
+    taught = [e for e in exemplars if e.font_name == font and e.relief is not None]
+    learned_names = {e.font_name for e in held.exemplars}
+    fonts = tuple(held.fonts.values())
     bases = tuple(f for f in fonts if f.name not in learned_names) or fonts
-    learned = _learn(font, own, bases, vouching=vouching) if own else None
+    learned = _learn(font, taught, bases, vouching=vouching) if taught else None
     if learned is not None and (enrolled or font not in held.fonts):
         all_fonts = {**held.fonts, font: learned.font}
         save_database(replace(held, fonts=all_fonts, exemplars=tuple(exemplars)), database)
-    return _report(font, enrolled, known, refused, own, learned)
+    return _report(font, enrolled, known, refused, taught, learned)
 
 
 def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
@@ -210,76 +221,50 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
     return GlyphDatabase({f.name: f for f in fonts})
 
 
-def _sha256(part: ReviewedPart) -> str | Refused:
-    path = part.scan or part.height_map
-    if path is None:
-        error = ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
-        return Refused(part.name, str(error))
-    try:
-        return file_sha256(path)
-    except OSError as error:
-        problem = FileError(path, f"cannot be read ({error.strerror})", "check the name")
-        return Refused(part.name, str(problem))
-
-
-def _cuts(settings: ReadSettings, named: _Named) -> _Cuts:
-    """Cut the characters of a part with a known text; the refusal if that fails."""
+def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: ReviewedPart) -> _Cuts:
+    """Cut the characters of a part with a known text; none of a part that was enrolled before."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.tactile_part import cut_height_map, cut_scan
 
-    (part, text), height_mm = named, settings.height_mm
+    text, height_mm, path = without_blanks(part.text), settings.height_mm, part.scan or part.height_map
     try:
+        if path is None:
+            raise ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
+        try:
+            sha = file_sha256(path)
+        except OSError as error:
+            raise FileError(path, f"cannot be read ({error.strerror})", "check the name") from error
+        if (sha, text) in before:
+            return sha, ()
         if part.scan is not None:
-            cuts = cut_scan(read_scan(part.scan), text, height_mm=height_mm)
+            cuts = cut_scan(read_scan(path), text, height_mm=height_mm)
         else:
-            assert part.height_map is not None
-            soil = read_soil(part.height_map, settings)
-            surface = read_height_map(part.height_map, settings)
-            cuts = cut_height_map(surface, text, soil=soil, height_mm=height_mm)
+            soil = read_soil(path, settings)
+            cuts = cut_height_map(read_height_map(path, settings), text, soil=soil, height_mm=height_mm)
         if not cuts:
             raise ExemplarError("too little of its characters was scanned", hint="scan it again")
-        return cuts
+        return sha, tuple(cuts)
     except MarksError as error:
         return Refused(part.name, str(error))
-
-
-def _exemplar(cut: Cut, font: str, text: str, part: str, evidence: str, when: str) -> Exemplar:
-    return Exemplar(
-        char=cut.char,
-        font_name=font,
-        edge_map=cut.edge_map,
-        note=text,
-        enrolled_at=when,
-        relief=cut.relief,
-        height_mm=cut.height_mm,
-        rotation_deg=cut.rotation_deg,
-        raised=cut.raised,
-        part=part,
-        evidence=evidence,
-    )
 
 
 def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
     """The exemplars, of each character of the font the last ones only."""
     kept: list[Exemplar] = []
-    count: dict[str, int] = {}
+    count: Counter[str] = Counter()
     for exemplar in reversed(exemplars):
-        if exemplar.font_name == font:
-            count[exemplar.char] = count.get(exemplar.char, 0) + 1
-            if count[exemplar.char] > MOST_EXEMPLARS:
-                continue
-        kept.append(exemplar)
+        count[exemplar.char] += exemplar.font_name == font
+        if exemplar.font_name != font or count[exemplar.char] <= MOST_EXEMPLARS:
+            kept.append(exemplar)
     return kept[::-1]
 
 
-def _learn(font: str, own: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned | None:
+def _learn(font: str, taught: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned:
     from recognition.learning.learned_shapes import learn_font
 
-    taught = [(e.char, e.relief) for e in own if e.relief is not None]
-    if not taught:
-        return None
-    return learn_font(font, [c for c, _ in taught], [r for _, r in taught], known=bases, vouching=vouching)
+    reliefs = [e.relief for e in taught if e.relief is not None]
+    return learn_font(font, [e.char for e in taught], reliefs, known=bases, vouching=vouching)
 
 
 def _report(
@@ -287,12 +272,11 @@ def _report(
     enrolled: Sequence[tuple[str, str]],
     known: Sequence[str],
     refused: Sequence[Refused],
-    own: Sequence[Exemplar],
+    taught: Sequence[Exemplar],
     learned: Learned | None,
 ) -> EnrolReport:
     from recognition.learning.lot import agreement
 
-    taught = [e for e in own if e.relief is not None]
     aside = () if learned is None else learned.set_aside
     places = exemplar_places(taught)
     used = {} if learned is None else learned.used

@@ -13,6 +13,7 @@ from pathlib import Path
 from glyphs.errors import MarksError
 from glyphs.stamping.database import load_database, save_database
 from pipeline.common.settings import ReadSettings
+from pipeline.common.texts import without_blanks
 from pipeline.reading.enrolment import ReviewedPart, enrol
 
 
@@ -105,7 +106,7 @@ def _copy_without(database: Path, copy: Path, font: str) -> None:
 def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: ReadSettings) -> HeldOutCheck:
     from rapidfuzz.distance import Levenshtein
 
-    texts = ["".join(part.text.split()) for part in parts]
+    texts = [without_blanks(part.text) for part in parts]
     edits = [
         sum(
             Levenshtein.distance(_read(part, settings), text) for part, text in zip(parts, texts, strict=True)
@@ -118,13 +119,12 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
     from pipeline.formats.part_files import PartFiles
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
-    reader = PartReader(reader_of(settings), mode=Mode.TACTILE, maps=settings)
+    reader = PartReader(reader_of(settings), mode="tactile", maps=settings)
     try:
-        return "".join(
-            reader.read(PartFiles(part.name, str(part.height_map or ""), str(part.scan or ""))).text.split()
-        )
+        found = reader.read(PartFiles(part.name, str(part.height_map or ""), str(part.scan or "")))
     except MarksError:
         return ""
+    return without_blanks(found.text)

@@ -19,7 +19,7 @@ import contextlib
 import logging
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -27,21 +27,23 @@ from typing import TYPE_CHECKING, TypeVar
 from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, describe_fault, is_machine_error
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
-from pipeline.common.records import EvidenceKind, PartState
+from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import shown_as
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
-from pipeline.reading.triage import state_after
+from pipeline.reading.triage import state_after, why_touch
 
 if TYPE_CHECKING:
-    from pipeline.reading.part_pictures import MadeFile
+    from pipeline.reading.part_pictures import Picture
     from recognition.active.active_reading import ActiveReading
     from recognition.decision.evidence import Measure
     from recognition.reader import Reader
     from whisker_array.scan.session import SessionStage
 
 Order = TypeVar("Order")
+RECORDING = "scan.h5"
+"""Name of the recording that `read_on_stage` leaves in the order's folder."""
 _log = logging.getLogger(__name__)
 
 
@@ -58,7 +60,7 @@ class PartOrder:
         part_name: the line's name of the part.
         expected: expected text; empty if there is none.
         database: glyph database to read with (default: that of the settings).
-        names: the sender's names of the files (default: the names in their paths).
+        names: names of the files in messages, without folders (default: the names in their paths).
     """
 
     folder: Path
@@ -72,34 +74,15 @@ class PartOrder:
     names: Mapping[Path, str] = field(default_factory=dict)
 
     @property
-    def files(self) -> dict[Path, str]:
-        """All files, each with its kind in words."""
-        told = (
-            *((self.scan, "scan"), (self.height_map, "height map")),
-            *((photo, "photo") for photo in (*self.photos, *self.earlier_photos)),
-        )
-        return {path: what for path, what in told if path is not None}
-
-    def name_of(self, path: Path) -> str:
-        """The sender's name of a file, for messages: never a path of the server."""
-        given = self.names.get(path, "") or path.name
-        # a name is shown, not opened: its last part is enough, and no more than a line
-        last = given.replace("\\", "/").rpartition("/")[2]
-        return "".join(c for c in last if c.isprintable())[:120] or self.files[path]
+    def shown(self) -> dict[Path, str]:
+        """All files, each with its name in messages: never a path of the server."""
+        files = (self.scan, self.height_map, *self.photos, *self.earlier_photos)
+        return {path: self.names.get(path) or path.name for path in files if path is not None}
 
     @property
     def name(self) -> str:
         """Name of the part: the line's, or the stem of its first file's name."""
-        first = next(iter(self.files), Path("scan"))
-        return self.part_name or Path(self.name_of(first)).stem
-
-    def names_by_path(self) -> dict[Path, str]:
-        """The sender's name of each file."""
-        names = {path: self.name_of(path) for path in self.files}
-        if self.height_map is not None:
-            name = self.name_of(self.height_map)
-            names[self.folder / f"height_map{Path(name).suffix.lower()}"] = name
-        return names
+        return self.part_name or Path(next(iter(self.shown.values()), RECORDING)).stem
 
 
 @dataclass(frozen=True)
@@ -108,13 +91,13 @@ class Done:
 
     Attributes:
         readings: readings in the order they were made; the last one counts.
-        made: output files to keep.
+        pictures: pictures to keep.
         plan: plan for touch; None if touch is not needed.
         measures: measures of the last reading, if a certificate needs them.
     """
 
     readings: tuple[ReadingRecord, ...]
-    made: tuple[MadeFile, ...] = ()
+    pictures: tuple[Picture, ...] = ()
     plan: ScanPlanRecord | None = None
     measures: Mapping[Measure, float] = field(default_factory=dict)
 
@@ -131,20 +114,19 @@ def read_order(
 
     Args:
         order: its files.
-        settings: how to read; `mode` is of no account, a part is read by all that it has files for.
+        settings: how to read; `mode` is ignored, a part is read by all that it has files for.
         limits: checked from the files' heads before anything is decoded.
         felt: what was read of its scan already, while it was felt.
 
     Raises:
         FileError: a file that was sent, or an expected text, that cannot be used.
-        OwnFileError: a file of the settings, or this machine, that is of no use now.
+        OwnFileError: a file of the settings, or this machine, that cannot be used now.
         ValueError: an order without any file to read, or an earlier one's photograph without touch.
     """
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.part_reader import PartReader
     from pipeline.reading.scan_plan import plan_of
-    from pipeline.reading.triage import why_touch
     from recognition.decision.evidence import measures_of
 
     tactile = order.scan is not None or order.height_map is not None
@@ -154,18 +136,11 @@ def read_order(
         )
     settings, reader = _reader(order, settings)
     started, expected = time.perf_counter(), order.expected.strip()
-    names = order.names_by_path()
-    with _sender_names(order, names), shown_as({str(path): name for path, name in names.items()}):
-        # a format is known by the suffix that the sender gave the file
-        photo, *more = order.photos or order.earlier_photos or (None,)
-        part = PartFiles(
-            order.name,
-            height_map=str(_with_suffix(order)) if order.height_map is not None else "",
-            scan=str(order.scan or ""),
-            photo=str(photo or ""),
-            more_photos=tuple(map(str, more)),
-        )
-        mode = Mode.FUSED if tactile and part.photo else None
+    with _sender_names(order, order.shown):
+        photo, *more = map(str, order.photos or order.earlier_photos or ("",))
+        touch = str(order.height_map or ""), str(order.scan or "")
+        part = PartFiles(order.name, *touch, photo, more_photos=tuple(more))
+        mode = "fused" if tactile and photo else None
         parts = PartReader(reader, mode=mode, maps=settings, limits=limits, budget_s=settings.touch_budget_s)
         found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
@@ -176,10 +151,12 @@ def read_order(
             reading_record(r, settings, reader.grammar, part=order.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
-        made = tuple(pictures_of(readings[-1], order.folder, photo=bool(order.photos)))
-        measures = measures_of(readings[-1]) if settings.certificate is not None else {}
+        done = Done(
+            records,
+            pictures_of(readings[-1], photo=bool(order.photos)),
+            measures=measures_of(readings[-1]) if settings.certificate is not None else {},
+        )
         taken = found.trace.photo
-        done = Done(records, made, measures=measures)
         if tactile or taken is None or done.state is not PartState.TOUCH_NEEDED:
             return done
         plan = plan_of(found, taken, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
@@ -195,11 +172,11 @@ def read_on_stage(
 ) -> Done:
     """Feel a part pass by pass until its serial is sure, keep a recording of it, and read the part with it.
 
-    A stage that fails on the way costs what was felt before nothing: the part is read from that, for a person to
-    look at.
+    A stage that fails on the way does not cost what was felt before: the part is read from that, for a person to look
+    at. The recording is `RECORDING` in the order's folder.
 
     Args:
-        order: the part's other files; `scan` is of no account.
+        order: the part's other files; `scan` is ignored.
         settings: as of `read_order`; `budget_s` is the most stage time.
         limits: likewise.
         stage: opens a session.
@@ -209,7 +186,6 @@ def read_on_stage(
         StageError: nothing could be felt.
         FileError: as `read_order`.
     """
-    from pipeline.reading.part_pictures import MadeFile
     from recognition.active.replay import read_kept
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.stage_error import StageError
@@ -222,12 +198,10 @@ def read_on_stage(
         session.close()
     if felt.scan is None:
         raise StageError(felt.problem or "the stage has felt nothing")
-    recording = order.folder / "scan.h5"
-    with _sender_names(order, {recording: recording.name}):
+    recording = order.folder / RECORDING
+    with _sender_names(order, {recording: RECORDING}):
         save_scan(felt.scan, recording)
-    done = read_order(replace(order, scan=recording), settings, limits, felt=felt)
-    kept = MadeFile(EvidenceKind.SCAN, recording, "application/x-hdf5", name=recording.name)
-    return replace(done, made=(kept, *done.made))
+    return read_order(replace(order, scan=recording), settings, limits, felt=felt)
 
 
 def check_settings(settings: ReadSettings) -> None:
@@ -249,9 +223,8 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
 
     if order.database is not None:
         settings = settings.model_copy(update={"database": order.database})
-    names = {path: path.name for path in files_of(settings)}
     try:
-        with _sender_names(order, names):
+        with _sender_names(order, {path: path.name for path in files_of(settings)}):
             return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
     except FaultError:
         raise
@@ -259,31 +232,9 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
         raise OwnFileError(error.path, error.what, error.hint) from error
 
 
-def _with_suffix(order: PartOrder) -> Path:
-    """The height map under the suffix that its sender gave it."""
-    from pipeline.formats.kinds import is_height_map
-
-    path = order.height_map
-    assert path is not None
-    suffix = Path(order.name_of(path)).suffix.lower()
-    named = Path(f"height_map{suffix}")
-    if not is_height_map(named):
-        raise FileError(
-            path,
-            f"is of no format known for height maps ({suffix or 'no suffix'})",
-            "save it as .npz or .x3p",
-        )
-    if path.suffix.lower() == suffix:
-        return path
-    link = order.folder / named
-    link.unlink(missing_ok=True)
-    link.symlink_to(path.resolve())
-    return link
-
-
 @contextlib.contextmanager
 def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
-    """Translate every problem with a file into an error under the sender's name of the file.
+    """Turn every problem into the error of a file, under the sender's name of it.
 
     Args:
         order: its folder is kept out of the messages.
@@ -296,31 +247,28 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
     """
     from recognition.decision.verify import VerifyError
 
+    def without_folders(message: str) -> str:
+        for folder in (*(path.parent for path in names), order.folder):
+            if len(str(folder)) > 1:
+                message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
+        return message
+
     name = next(iter(names.values()), "part")
     try:
-        yield
+        with shown_as({str(path): shown for path, shown in names.items()}):
+            yield
     except VerifyError as error:
         raise FileError("expected", error.what, error.hint) from error
     except FileError as error:
-        known = names.get(error.path, error.path.name)
-        own = error.path.is_absolute() and error.path not in names
-        kind = OwnFileError if own or is_machine_error(error) else FileError
-        raise kind(known, _unplaced(error.what, order, names), error.hint) from error
+        kind = OwnFileError if error.path.is_absolute() or is_machine_error(error) else FileError
+        raise kind(error.path.name, without_folders(error.what), error.hint) from error
     except MarksError as error:
-        raise FileError(name, _unplaced(error.what, order, names), error.hint) from error
+        raise FileError(name, without_folders(error.what), error.hint) from error
     except MemoryError as error:
         raise OwnFileError(name, "needs more memory than a worker may have", "crop or thin it") from error
     except OSError as error:
-        what = f"cannot be read ({error.strerror or error})"
-        raise OwnFileError(name, _unplaced(what, order, names), "see to the disk") from error
+        what = without_folders(f"cannot be read ({error.strerror or error})")
+        raise OwnFileError(name, what, "see to the disk") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
-        raise FaultError(name, _unplaced(describe_fault(error), order, names), "please report it") from error
-
-
-def _unplaced(message: str, order: PartOrder, names: Iterable[Path]) -> str:
-    """The message without the folders of the server."""
-    for folder in (*(path.parent for path in names), order.folder):
-        if len(str(folder)) > 1:
-            message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
-    return message
+        raise FaultError(name, without_folders(describe_fault(error)), "please report it") from error

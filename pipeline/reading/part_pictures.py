@@ -1,14 +1,13 @@
 """Pictures for the operator's page, drawn without matplotlib: a part waits for them.
 
-Each tells where it lies: `x0_mm`, `y0_mm` of the middle of its first pixel and `mm_per_pixel`, so that boxes in mm
+Each says where it lies: `x0_mm`, `y0_mm` of the middle of its first pixel and `mm_per_pixel`, so that boxes in mm
 can be drawn over it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,65 +32,61 @@ _BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
 
 
 @dataclass(frozen=True)
-class MadeFile:
-    """A file made for a part, in the job's folder.
+class Picture:
+    """A picture of a part, to be kept as evidence.
 
     Attributes:
         kind: what it is.
-        path: where.
-        media_type: for the browser.
-        meta: of pictures, as `EvidenceRecord.meta`.
         name: to download it by.
+        content: the encoded file.
+        media_type: for the browser.
+        meta: as `EvidenceRecord.meta`.
     """
 
     kind: EvidenceKind
-    path: Path
+    name: str
+    content: bytes
     media_type: str
-    meta: Mapping[str, float] = field(default_factory=dict)
-    name: str = ""
+    meta: Mapping[str, float]
 
 
-def pictures_of(reading: Reading, folder: Path, *, photo: bool = True) -> list[MadeFile]:
+def pictures_of(reading: Reading, *, photo: bool = True) -> tuple[Picture, ...]:
     """Pictures of a part: its photograph, if wanted, and the edge map of touch, as far as available."""
-    taken, touch = reading.trace.photo, reading.touch
-    made = [photo_picture(taken, folder)] if photo and taken is not None else []
-    return made + edges_picture(touch.trace.edge_map if touch is not None else None, folder)
+    made = [photo_picture(reading.trace.photo)] if photo and reading.trace.photo is not None else []
+    edges = None if reading.touch is None else reading.touch.trace.edge_map
+    return (*made, *([] if edges is None else [edges_picture(edges)]))
 
 
-def photo_picture(photo: Photo, folder: Path) -> MadeFile:
+def photo_picture(photo: Photo) -> Picture:
     """The photograph, upright, in its own frame."""
     from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
     pixels = photo.eight_bit[..., ::-1] if photo.pixels.ndim == 3 else photo.eight_bit
-    return _written(
-        folder / "photo.jpg",
+    return _encoded(
         EvidenceKind.PHOTO_PICTURE,
+        "photo.jpg",
         pixels,
         origin_mm=photo_origin_mm(photo),
         pitch_mm=photo_pitch_mm(photo),
     )
 
 
-def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
-    """Touch's edge map in the plate frame: land white, falls blue, rises red; none where nothing was measured."""
-    if edges is None:
-        return []
+def edges_picture(edges: EdgeMap) -> Picture:
+    """Touch's edge map in the plate frame: land white, falls blue, rises red."""
     # what stands up or lies deep shows in every direction; what shows in one alone is half as strong
     value = edges.enhancement.mean(axis=0)
     top = max(_strongest(np.abs(value), edges.valid), 1e-3)
     index = np.clip(127.5 + 127.5 * value / top, 0.0, 255.0).astype(np.uint8)
     colours = _diverging()[index]
     colours[~edges.valid] = _NOT_FELT
-    return [
-        _written(
-            folder / "edges.jpg",
-            EvidenceKind.EDGES_PICTURE,
-            colours,
-            origin_mm=edges.origin_mm,
-            pitch_mm=edges.pitch_mm,
-            least=LEAST_EDGE_PIXELS,
-        )
-    ]
+    return _encoded(
+        EvidenceKind.EDGES_PICTURE,
+        "edges.jpg",
+        colours,
+        origin_mm=edges.origin_mm,
+        pitch_mm=edges.pitch_mm,
+        least=LEAST_EDGE_PIXELS,
+    )
 
 
 def _size(shape: tuple[int, int], most: int, least: int = 0) -> tuple[int, int]:
@@ -117,16 +112,16 @@ def _diverging() -> NDArray[np.uint8]:
     return np.stack([np.interp(np.arange(256), at, stops[:, k]) for k in range(3)], axis=1).astype(np.uint8)
 
 
-def _written(
-    path: Path,
+def _encoded(
     kind: EvidenceKind,
+    name: str,
     pixels: NDArray[Any],
     *,
     origin_mm: tuple[float, float],
     pitch_mm: float,
     least: int = 0,
-) -> MadeFile:
-    """Write a picture, smaller or larger where it must be."""
+) -> Picture:
+    """Encode a picture, smaller or larger where it must be."""
     from glyphs.opencv import cv2
 
     shape = (pixels.shape[0], pixels.shape[1])
@@ -136,10 +131,9 @@ def _written(
         pixels = cv2.resize(pixels, (width, height), interpolation=how)
     done, encoded = cv2.imencode(".jpg", np.ascontiguousarray(pixels), (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
     if not done:
-        raise FileError(path.name, "could not be drawn", "report it")
-    path.write_bytes(encoded.tobytes())
+        raise FileError(name, "could not be drawn", "report it")
     size = pitch_mm * shape[1] / width
-    meta: Mapping[str, float] = {
+    meta = {
         # the rims of both pictures are the same, the middles of their first pixels are not
         "x0_mm": origin_mm[0] + 0.5 * (size - pitch_mm),
         "y0_mm": origin_mm[1] + 0.5 * (size - pitch_mm),
@@ -147,4 +141,4 @@ def _written(
         "width": float(width),
         "height": float(height),
     }
-    return MadeFile(kind, path, "image/jpeg", meta)
+    return Picture(kind, name, encoded.tobytes(), "image/jpeg", meta)

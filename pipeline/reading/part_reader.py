@@ -16,7 +16,6 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -45,7 +44,7 @@ MIRRORED_NOTE = "read with the rows of the map in the other order (the file does
 
 
 class Mode(StrEnum):
-    """PartReadings that read."""
+    """Senses that read; settings and other callers may write the words."""
 
     TACTILE = "tactile"
     VISION = "vision"
@@ -53,15 +52,8 @@ class Mode(StrEnum):
     AUTO = "auto"
 
 
-class Sense(StrEnum):
-    """One sense."""
-
-    TOUCH = "touch"
-    VISION = "vision"
-
-
-def senses_of(part: PartFiles, mode: Mode | None) -> tuple[Sense, ...]:
-    """The senses that read a part.
+def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
+    """Whether touch reads a part, and whether vision does.
 
     Raises:
         FileError: a file that the mode needs is not there.
@@ -72,11 +64,8 @@ def senses_of(part: PartFiles, mode: Mode | None) -> tuple[Sense, ...]:
         raise problem_of(named, "has no height map and no scan", "add one, or read it with --mode vision")
     if mode in (Mode.VISION, Mode.FUSED) and not visual:
         raise problem_of(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
-    if mode is Mode.FUSED or (mode is Mode.AUTO and tactile and visual):
-        return (Sense.TOUCH, Sense.VISION)
-    if mode is Mode.VISION or not tactile:
-        return (Sense.VISION,)
-    return (Sense.TOUCH,)
+    touches = tactile and mode != Mode.VISION
+    return touches, not touches or (visual and mode in (Mode.FUSED, Mode.AUTO))
 
 
 @dataclass(frozen=True)
@@ -95,7 +84,7 @@ class PartReader:
         self,
         reader: Reader,
         *,
-        mode: Mode | None = None,
+        mode: str | None = None,
         maps: MapSettings | None = None,
         limits: Limits | None = None,
         budget_s: float | None = None,
@@ -152,10 +141,12 @@ class PartReader:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
-        senses = senses_of(part, self.mode)
-        photo, notes = self._photo(part, senses)  # before touch takes its time
-        found, touches = None, Sense.TOUCH in senses and felt is None
-        if touches and not part.scan:
+        touches, sees = senses_of(part, self.mode)
+        photo, notes = (
+            self._photo(part, touches=touches) if sees else (None, [])
+        )  # before touch takes its time
+        found = None
+        if touches and felt is None and not part.scan:
             with naming(part.height_map):
                 found = self._map(part)
         if again is not None:
@@ -169,25 +160,26 @@ class PartReader:
             if self.budget_s is not None and found is not None and again is None:
                 # the camera tells touch where to feel
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
-        touch = None if felt is None or Sense.TOUCH not in senses else felt.reading
+        touch = None
         if touches:
             with naming(part.scan or part.height_map):
-                touch = (
-                    self._scan(part, again) if found is None else self._feel(part, found, again, region_mm)
-                )
+                if felt is not None:
+                    touch = felt.reading
+                elif found is None:
+                    touch = self._scan(part, again)
+                else:
+                    touch = self._feel(part, found, again, region_mm)
         reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
         assert reading is not None
         return replace(reading, notes=(*reading.notes, *notes))
 
-    def _photo(self, part: PartFiles, senses: Sequence[Sense]) -> tuple[Photo | None, list[str]]:
-        """The photograph where vision reads, and notes on what could not be used."""
-        if Sense.VISION not in senses:
-            return None, []
+    def _photo(self, part: PartFiles, *, touches: bool) -> tuple[Photo | None, list[str]]:
+        """The photograph, and notes on what could not be used."""
         try:
             photo, problems = load_photos(part, self.limits)
             return photo, [f"read without one of its photographs: {problem}" for problem in problems]
         except FileError as problem:
-            if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
+            if self.mode != Mode.AUTO or not touches:
                 raise
             return None, [f"read by touch alone: {problem}"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,6 @@ from whisker_array.simulation.traces import Fidelity
 MOST_KEPT = 8
 """Readers of different settings at once; the least recently used is evicted."""
 
-_Key = tuple[str, int, ReadSettings, bool]
-_KEPT: dict[_Key, Reader] = {}
-
 
 def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
     """The reader for these settings and their database, as the file now is.
@@ -34,25 +32,20 @@ def reader_of(settings: ReadSettings, *, after_photo: bool = False) -> Reader:
         FileError: a lexicon that cannot be used.
         ValueError: a database or font that cannot be used.
     """
-    key = (str(settings.database or ""), _changed_ns(settings.database), settings, after_photo)
-    found = _KEPT.pop(key, None)
-    if found is None:
-        found = open_reader(settings)
-        found = found.after_photo() if after_photo else found
-        # of a database that has changed the old readers are of no more use
-        for old in [k for k in _KEPT if k[0] == key[0] and k[1] != key[1]]:
-            del _KEPT[old]
-        while len(_KEPT) >= MOST_KEPT:
-            del _KEPT[next(iter(_KEPT))]
-    _KEPT[key] = found
-    return found
+    return _kept(settings, _changed_ns(settings.database), after_photo)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _kept(settings: ReadSettings, _: int, after_photo: bool) -> Reader:
+    found = open_reader(settings)
+    return found.after_photo() if after_photo else found
 
 
 def _changed_ns(path: Path | None) -> int:
     try:
         return path.stat().st_mtime_ns if path is not None else 0
     except OSError:
-        return 0  # the readers tell what is wrong with it
+        return 0  # the reader says what is wrong with it
 
 
 def open_reader(settings: ReadSettings) -> Reader:

@@ -108,13 +108,11 @@ def open_session(
     height_map: HeightMap,
     *,
     height_mm: float,
-    n_whiskers: int = 8,
     fidelity: Fidelity = Fidelity.CONTACT,
     noise: bool = True,
     memory: bool = True,
     sensor_seed: int = 0,
     part_id: str = "",
-    touch: Touch | None = None,
     friction: float | None = None,
     soil: Soil | None = None,
 ) -> SimulatedSession:
@@ -125,24 +123,20 @@ def open_session(
     Args:
         height_map: the part.
         height_mm: character height that the whiskers are built for.
-        n_whiskers: number of whiskers on the comb.
         fidelity: how touch is simulated.
         noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
         memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
         sensor_seed: seed of gains, offsets, noise and everything else on the bench.
         part_id: name of the part.
-        touch: the whisker (default: the default one for the height).
         friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
         soil: dirt on the part, whose top surface is the map (default: no dirt).
 
     Raises:
         MapError: the map cannot be felt, or soil on another grid.
     """
-    touch = touch if touch is not None else default_touch(height_mm)
-    usual = default_plan(
-        (0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm, n_whiskers=n_whiskers
-    )
-    rng, chain, stage = _bench(n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
+    touch = default_touch(height_mm)
+    usual = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm)
+    rng, chain, stage = _bench(usual.array.n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
     rate = usual.sample_rate_hz
     known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
     return SimulatedSession(

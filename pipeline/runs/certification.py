@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, ClassVar
@@ -42,33 +42,26 @@ from recognition.decision.likeness import KindOfParts
 
 
 @dataclass(frozen=True)
-class LabelledPart:
+class CertifiedPart:
     """A part of known text, as it was read.
 
     Attributes:
         record: of its reading.
         measures: of the part, by name.
         sha256: of its files; empty with an error.
-        truth: what is stamped on it, without blanks.
     """
 
     record: ReadingRecord
     measures: Mapping[Measure, float]
     sha256: str
-    truth: str
-
-    @property
-    def right(self) -> bool:
-        """Whether it was read without any error."""
-        return without_blanks(self.record.text) == self.truth
 
 
-class CertificationJournal(Journal[LabelledPart]):
+class CertificationJournal(Journal[CertifiedPart]):
     """The parts that a broken-off certification has read."""
 
     kind: ClassVar[str] = "certification"
-    version: ClassVar[int] = 2
-    keeps: ClassVar[Any] = LabelledPart
+    version: ClassVar[int] = 3
+    keeps: ClassVar[Any] = CertifiedPart
 
 
 @dataclass(frozen=True)
@@ -126,50 +119,69 @@ def certify(
     threshold_tests((), (), risk=risk, confidence=confidence)
     known = load_truth(truth)
     found = parts_for(inputs, settings, manifests=manifests)
-    texts = {part.name: text for part in found if (text := known.text_of(part.name)) is not None}
-    parts = [part for part in found if part.name in texts]
+    texts = ((part.name, known.text_of(part.name)) for part in found)
+    labels = {name: without_blanks(text) for name, text in texts if text is not None}
+    parts = [part for part in found if part.name in labels]
     if not parts:
-        raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
+        raise FileError(truth, "has no row for any of the parts", "name the parts as their files")
     if own := next((part.name for part in parts if part.format or part.font), ""):
         raise SettingsError(
             f"{own} has a format or font of its own, but a certificate holds for one way of reading",
             hint="certify the parts of each format by themselves, with --format and --font",
         )
     least = open_reader(settings).settings.accept_confidence
-    labels = {name: without_blanks(text) for name, text in texts.items()}
-    place = out.with_name(f"{out.name}.unfinished")
-    with CertificationJournal(place, _description(inputs, settings, manifests), output=out) as journal:
-        read = _all_read(parts, labels, settings, executors, journal)
-        found_out = _certification(
-            read, len(found) - len(parts), settings, risk=risk, confidence=confidence, least=least
-        )
-        journal.remove()
-    return found_out
-
-
-def _description(inputs: Sequence[str], settings: ReadSettings, manifests: Sequence[str]) -> dict[str, Any]:
-    """Settings, inputs and versions that the readings depend on."""
-    return {
+    description = {
         "settings": settings_described(settings),
         "mode": settings.mode,
         "maps": settings.model_dump(include=set(MapSettings.model_fields)),
         "inputs": [*inputs, *manifests],
         "versions": reader_versions(),
     }
+    place = out.with_name(f"{out.name}.unfinished")
+    with CertificationJournal(place, description, output=out) as journal:
+        _read_all(parts, settings, executors, journal)
+        read = dict(sorted(journal.done.items()))
+        accepted = {name: part.record for name, part in read.items() if part.record.decision == "accept"}
+        tests = threshold_tests(
+            [record.confidence for record in accepted.values()],
+            [without_blanks(record.text) == labels[name] for name, record in accepted.items()],
+            risk=risk,
+            confidence=confidence,
+            thresholds=(*(t for t in THRESHOLDS if t > least), least),
+        )
+        certificate = missing = None
+        if (chosen := certified_threshold(tests)) is None:
+            missing = parts_missing(tests, len(read), risk=risk, confidence=confidence)
+        else:
+            sources = {r.source for r in accepted.values() if r.confidence >= chosen.threshold}
+            certificate = Certificate(
+                made_at=datetime.now(UTC).replace(microsecond=0),
+                risk=risk,
+                confidence=confidence,
+                threshold=chosen.threshold,
+                sources=tuple(sorted(sources)),
+                parts=len(read),
+                accepted=chosen.accepted,
+                wrong=chosen.wrong,
+                bound=chosen.bound,
+                tests=tests,
+                kind=KindOfParts.of([p.measures for p in read.values() if p.record.source in sources]),
+                data_sha256=_hash_of(read, labels),
+                settings=settings_described(settings),
+                versions=reader_versions(),
+            )
+        journal.remove()
+    errors = sum(bool(part.record.error) for part in read.values())
+    return Certification(certificate, tests, len(read), errors, len(found) - len(parts), missing)
 
 
-def _all_read(
+def _read_all(
     parts: Sequence[PartFiles],
-    labels: dict[str, str],
     settings: ReadSettings,
     executors: ExecutorOptions,
     journal: CertificationJournal,
-) -> list[LabelledPart]:
-    """Every part with its label, by name; those that were read before are taken from the journal."""
-
-    def labelled(read: ReadPart) -> LabelledPart:
-        return LabelledPart(read.record, read.measures, read.sha256, labels[read.listed.name])
-
+) -> None:
+    """Read the parts that the journal lacks."""
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
@@ -178,56 +190,18 @@ def _all_read(
         sent = files_to_send(settings) if executor.remote else None
         order = RunOrder(settings, digests=True, measures=True, sent=sent)
         tasks = absolute(parts) if executor.remote else parts
-        for _, part in resumable(journal, tasks, executor, read_listed, order, lost=lost_part, kept=labelled):
+        for _, part in resumable(
+            journal, tasks, executor, read_listed, order, lost=lost_part, kept=_certified
+        ):
             end_part()
             progress.advance(failed=bool(part.record.error))
-    return [replace(part, truth=labels[name]) for name, part in sorted(journal.done.items())]
 
 
-def _certification(
-    parts: Sequence[LabelledPart],
-    without_truth: int,
-    settings: ReadSettings,
-    *,
-    risk: float,
-    confidence: float,
-    least: float,
-) -> Certification:
-    """Test the confidences from the least that the settings accept."""
-    accepted = [part for part in parts if part.record.decision == "accept"]
-    tests = threshold_tests(
-        [part.record.confidence for part in accepted],
-        [part.right for part in accepted],
-        risk=risk,
-        confidence=confidence,
-        thresholds=(*(t for t in THRESHOLDS if t > least), least),
-    )
-    errors, chosen = sum(bool(part.record.error) for part in parts), certified_threshold(tests)
-    if chosen is None:
-        missing = parts_missing(tests, len(parts), risk=risk, confidence=confidence)
-        return Certification(None, tests, len(parts), errors, without_truth, missing)
-    sure = [part.record for part in accepted if part.record.confidence >= chosen.threshold]
-    sources = tuple(sorted({record.source for record in sure}))
-    made = Certificate(
-        made_at=datetime.now(UTC).replace(microsecond=0),
-        risk=risk,
-        confidence=confidence,
-        threshold=chosen.threshold,
-        sources=sources,
-        parts=len(parts),
-        accepted=chosen.accepted,
-        wrong=chosen.wrong,
-        bound=chosen.bound,
-        tests=tests,
-        kind=KindOfParts.of([part.measures for part in parts if part.record.source in sources]),
-        data_sha256=_hash_of(parts),
-        settings=settings_described(settings),
-        versions=reader_versions(),
-    )
-    return Certification(made, tests, len(parts), errors, without_truth, None)
+def _certified(_: PartFiles, read: ReadPart) -> CertifiedPart:
+    return CertifiedPart(read.record, read.measures, read.sha256)
 
 
-def _hash_of(parts: Sequence[LabelledPart]) -> str:
+def _hash_of(parts: Mapping[str, CertifiedPart], labels: Mapping[str, str]) -> str:
     """Hash of all names, labels and files of the parts."""
-    lines = (f"{part.record.part}\t{part.truth}\t{part.sha256}\n" for part in parts)
+    lines = (f"{name}\t{labels[name]}\t{part.sha256}\n" for name, part in parts.items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()

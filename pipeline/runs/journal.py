@@ -69,30 +69,27 @@ class Journal(Generic[Kept]):
     shared: ClassVar[bool] = False
 
     def __init__(
-        self,
-        path: Path,
-        description: Mapping[str, Any] | None,
-        *,
-        output: Path | None = None,
-        make_place: Callable[[], None] = lambda: None,
+        self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
     ) -> None:
         """Resume the journal, or begin a new one.
 
         Args:
-            path: journal file.
+            place: journal file, or the folder of the run, which is made if need be.
             description: description of the run; None to read any run and change nothing.
             output: file that errors name (default: the journal).
-            make_place: called before a new run is begun.
 
         Raises:
             FileError: the journal is of another run, another process has it, or it cannot be used.
         """
-        self.path, self._output = path, output or path
+        self.path = place / self.file if self.file else place
+        self._output = output or self.path
         self._adapter: TypeAdapter[Kept] = TypeAdapter(self.keeps)
         self._synced_s = time.monotonic()
         with self._faults():
-            if description is None and not os.access(path, os.W_OK):
-                self._db = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)
+            if self.file:
+                place.mkdir(parents=True, exist_ok=True)
+            if description is None and not os.access(self.path, os.W_OK):
+                self._db = sqlite3.connect(f"{self.path.absolute().as_uri()}?immutable=1", uri=True)
             else:
                 self._db = self._opened()
         try:
@@ -103,27 +100,16 @@ class Journal(Generic[Kept]):
                     raise self._unusable(f"is no journal of a {self.kind}")
                 self.description = dict(held if description is None else description)  # type: ignore[arg-type]
                 if held is None:
-                    self._begin(make_place)
+                    self._begin()
                 elif key_of(held) != key_of(self.description):
                     what = f"holds another {self.kind} ({differences(held, self.description)})"
-                    raise self._unusable(what, f"name another one, or remove {path.name} to start again")
+                    raise self._unusable(what, f"name another one, or remove {self.path.name} to start again")
                 rows = self._db.execute("select name, again is not null from parts").fetchall()
                 self.names = {_text(name) for name, _ in rows}
                 self.again = {_text(name) for name, again in rows if again}
         except BaseException:
             self.close()
             raise
-
-    @classmethod
-    def open(cls, place: Path, description: Mapping[str, Any]) -> Self:
-        """Take up the journal of the run in a place, or begin one; a folder is made if need be."""
-        path = place / cls.file if cls.file else place
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            hint = "name another folder"
-            raise FileError(path.parent, f"cannot be made ({error.strerror})", hint) from error
-        return cls(path, description)
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -135,7 +121,7 @@ class Journal(Generic[Kept]):
         path = folder / cls.file
         if not path.is_file():
             raise FileError(path, "is not there", f"name the folder of a {cls.kind} (--out)")
-        with cls(path, None) as journal:
+        with cls(folder, None) as journal:
             journal.done  # noqa: B018 - read while it is open
         return journal
 
@@ -249,15 +235,11 @@ class Journal(Generic[Kept]):
         if not self._db.execute("select 1 from sqlite_schema where name = 'run'").fetchone():
             return None
         row = self._db.execute("select kind, version, description from run").fetchone()
-        if row is None:
-            return None
-        if row[:2] != (self.kind, self.version):
+        if row is not None and row[:2] != (self.kind, self.version):
             raise self._unusable(f"is of a {row[0]} of version {row[1]}, not a {self.kind} of {self.version}")
-        held: dict[str, Any] = json.loads(row[2])
-        return held
+        return None if row is None else json.loads(row[2])
 
-    def _begin(self, make_place: Callable[[], None]) -> None:
-        make_place()
+    def _begin(self) -> None:
         self._db.executescript(_TABLES)
         run = (self.kind, self.version, json.dumps(self.description))
         # until here the output may be of the run before: this line has to be on the disk before any row
@@ -311,7 +293,7 @@ def resumable(
     order: O,
     *,
     lost: Callable[[T, Exception], R],
-    kept: Callable[[R], Kept] = lambda result: result,  # type: ignore[assignment, return-value]
+    kept: Callable[[T, R], Kept] = lambda _, result: result,  # type: ignore[assignment, return-value]
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Kept]]:
@@ -324,7 +306,7 @@ def resumable(
         work: makes a result of (order, part).
         order: order for all parts.
         lost: makes the result of a part whose work failed or whose worker was lost.
-        kept: makes the stored form of a result (default: the result itself).
+        kept: makes the stored form of (part, result) (default: the result itself).
         name: attribute that names a part.
         again: whether the parts are done a second time.
     """
@@ -333,7 +315,7 @@ def resumable(
         task, result = outcome.task, outcome.result
         if outcome.error is not None:
             result = lost(task, outcome.error)
-        yield task, journal.keep(named(task), kept(result), again=again)  # type: ignore[arg-type]
+        yield task, journal.keep(named(task), kept(task, result), again=again)  # type: ignore[arg-type]
 
 
 def cannot_be_written(path: Path, error: Exception) -> FileError:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from glyphs.atomic import check_writable
 from pipeline.common.settings import SettingsError
+from pipeline.runs.store_target import is_store
 
 MODULES = ("pipeline.runs.task", "pipeline.reading.readers", "recognition.senses.touch")
 """Modules that a worker needs for its first part."""
@@ -21,7 +23,7 @@ class RunOptions:
         verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         order: Production order: a file of serials one a line, or ranges such as KX400000..KX409999. A part that is
-            read surely and is not in it, or bears the serial of another one of the run, goes to review.
+            read with certainty and is not in it, or bears the serial of another one of the run, goes to review.
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .xlsx, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
@@ -44,8 +46,6 @@ class RunOptions:
     @property
     def store(self) -> str | None:
         """URL of the store, where that is the output."""
-        from pipeline.runs.store_target import is_store
-
         return self.out if self.out is not None and is_store(self.out) else None
 
     def check(self) -> None:
@@ -55,7 +55,6 @@ class RunOptions:
             FileError: unknown suffix, or a place that cannot be written.
             SettingsError: pictures without a store.
         """
-        from glyphs.atomic import check_writable
         from pipeline.runs.tables import check_output
 
         if self.evidence is not None and self.store is None:

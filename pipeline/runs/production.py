@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from glyphs.atomic import replacing
 from glyphs.compiling import show_compiling
@@ -31,9 +31,6 @@ from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, check_order
 from pipeline.runs.workbook import check_number
 from pipeline.workers.executors import Executor, WorkerLostError
-
-if TYPE_CHECKING:
-    from pipeline.reading.certificate import Certificate
 
 MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""
@@ -84,14 +81,12 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if options.out is not None and options.store is None:
         check_number(Path(options.out), len(found))
     scores = Accuracy(load_truth(options.truth)) if options.truth is not None else None
-    production = read_order(options.order) if options.order is not None else None
-    certificate = watch = None
+    lot = LotCheck(read_order(options.order)) if options.order is not None else None
+    watch = None
     if settings.certificate is not None:
-        from pipeline.reading.certificate import certificate_of  # slow to import, as all of recognition
-        from pipeline.reading.drift import DriftWatch
+        from pipeline.reading.drift import watch_of  # slow to import, as all of recognition
 
-        if (certificate := certificate_of(settings)) is not None:
-            watch = DriftWatch(certificate)
+        watch = watch_of(settings)
     expected = load_expected(options.verify, serial_format(settings)) if options.verify is not None else None
     parts: Sequence[PartFiles] = found
     if expected is not None:
@@ -103,7 +98,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         verify=expected is not None,
         pictures=options.store is not None and options.evidence is not None,
         digests=options.store is not None,
-        measures=certificate is not None,
+        measures=watch is not None,
         sent=files_to_send(settings) if executor.remote else None,
     )
     # in a worker, which keeps the reader for its first part
@@ -111,7 +106,20 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     if checked.error is not None and not isinstance(checked.error, WorkerLostError):
         raise checked.error
     learning = learns(options, settings, parts)
-    description = _description(inputs, settings, options, learning, certificate)
+    # settings, options and versions that the rows depend on
+    more = {
+        "learn_die": learning,
+        "files": {str(path): file_sha256(path) for path in files_of(settings)},
+        "order": str(options.order or ""),
+        "certified": watch and watch.certificate.threshold,
+    }
+    description = {
+        "settings": settings.model_dump(mode="json", exclude_defaults=True),
+        "inputs": [*inputs, *options.manifest],
+        "verify": options.verify,
+        "program": program_version(),
+        **{name: value for name, value in more.items() if value},
+    }
     shown: dict[str, ReadingRecord] = {}
 
     def on_row(record: ReadingRecord) -> None:
@@ -127,27 +135,32 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         if run.journal.kept is not None:
             print(f"{options.out} existed already; it is kept as {run.journal.kept}")
         progress.start(len(parts), done)
-        run.on_row = on_row
-        run.lot = LotCheck(production) if production is not None else None
-        run.watch = watch
+        run.on_row, run.lot, run.watch = on_row, lot, watch
         began = time.monotonic()
         with show_compiling(progress.line):
             run.work(parts, order, executor)
     elapsed_s = time.monotonic() - began
     if shown:
         print_table([shown[part.name] for part in parts])
-    if run.watch is not None:
-        run.watch.compare()
+    if watch is not None:
+        watch.compare()
+    workers = min(executor.workers, len(parts))
     counts = {
+        **run.summary.as_json(),
         "read_now": run.read_now,
         "read_again": run.second.again if run.second is not None else 0,
         "elapsed_s": round(elapsed_s, 3),
         "passed_over": dict(sorted(found.passed_over.counts.items())),
-        "workers": min(executor.workers, len(parts)),
-        **({"drift": run.watch.first} if run.watch is not None else {}),
+        "workers": workers,
+        **({"drift": watch.first} if watch is not None else {}),
         **{key: description[key] for key in ("program", "settings", "inputs")},
     }
-    _print_done(run, options, found.passed_over.describe(), counts)
+    if run.summary.parts > 1:
+        lines = run.summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)
+        print("\n".join(map(visible, lines)))
+    if passed_over := found.passed_over.describe():
+        print(visible(passed_over))
+    _print_outputs(run, options, counts)
     if scores is not None:
         print(scores.describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
@@ -156,40 +169,13 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0
 
 
-def _description(
-    inputs: Sequence[str],
-    settings: ReadSettings,
-    options: RunOptions,
-    learning: bool,
-    certificate: Certificate | None,
-) -> dict[str, Any]:
-    """Settings, options and versions that the rows depend on."""
-    told = {
-        "learn_die": learning,
-        "files": {str(path): file_sha256(path) for path in files_of(settings)},
-        "order": str(options.order or ""),
-        "certified": certificate and certificate.threshold,
-    }
-    return {
-        "settings": settings.model_dump(mode="json", exclude_defaults=True),
-        "inputs": [*inputs, *options.manifest],
-        "verify": options.verify,
-        "program": program_version(),
-        **{name: value for name, value in told.items() if value},
-    }
-
-
-def _print_done(run: Run, options: RunOptions, passed_over: str, counts: dict[str, Any]) -> None:
-    summary, second = run.summary, run.second
-    if summary.parts > 1:
-        times = {name: counts[name] for name in ("elapsed_s", "read_now", "workers")}
-        print("\n".join(map(visible, summary.lines(**times))))
-    if passed_over:
-        print(visible(passed_over))
+def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> None:
+    """Print what was written, and write the summary."""
+    second = run.second
     if second is not None and second.again:
         print(f"{second.again:,} read again with the shapes learned")
-    if counts.get("drift"):
-        print(f"warning: {counts['drift']}", file=sys.stderr)
+    if run.watch is not None and run.watch.first:
+        print(f"warning: {run.watch.first}", file=sys.stderr)
     if run.known:
         print(
             f"{run.known:,} parts were in the store already, of the same files read in the same way; "
@@ -199,13 +185,13 @@ def _print_done(run: Run, options: RunOptions, passed_over: str, counts: dict[st
         print(f"wrote {options.out}")
         if second is not None and second.learned is not None:
             print(f"wrote {second.database}, the shapes of this lot's die; read more of it with --database")
-        if run.quarantine is not None and summary.errors:
+        if run.quarantine is not None and run.summary.errors:
             print(
                 f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and give it to "
                 "read"
             )
     if options.summary is not None:
-        text = json.dumps({**summary.as_json(), **counts}, indent=1, ensure_ascii=False)
+        text = json.dumps(counts, indent=1, ensure_ascii=False)
         with replacing(options.summary) as temporary:
             temporary.write_text(f"{text}\n", encoding="utf-8")
         print(f"wrote {options.summary}")

@@ -25,7 +25,6 @@ class Quarantine:
 
     Attributes:
         path: the CSV; there from the first bad part on.
-        kept: what an earlier run left there, moved; None where there was nothing.
     """
 
     def __init__(self, path: Path, *, keep: bool = False) -> None:
@@ -33,29 +32,27 @@ class Quarantine:
 
         Args:
             path: of the CSV.
-            keep: whether a list that is there is of this run, which tells all its parts again; else it is moved to
+            keep: whether a list that is there is of this run, which adds all its parts again; else it is moved to
                 the same name with a ~.
 
         Raises:
             FileError: what is there is no such list, or cannot be moved or read.
         """
-        self.path, self.kept = path, None
+        self.path = path
         self._stream: IO[str] | None = None
         self._names: set[str] = set()
         with self._writing():
-            if not path.exists() or not self._is_ours():
-                return
-            if keep:
-                path.unlink()
+            head = b""
+            with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
+                head = stream.read(len(_HEAD))
+            if not _HEAD.encode().startswith(head):
+                raise FileError(path, "is not a list of bad parts", "name another file for it")
+            if (
+                len(head) < len(_HEAD) or keep
+            ):  # one that was broken off in its first line, or is empty, is none
+                path.unlink(missing_ok=True)
             else:
-                self.kept = path.with_name(path.name + "~")
-                os.replace(path, self.kept)
-
-    def __enter__(self) -> Quarantine:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+                os.replace(path, path.with_name(f"{path.name}~"))
 
     def add(self, listed: PartFiles, problem: str) -> None:
         """Append a part, once; it is the kernel's before this returns.
@@ -87,17 +84,6 @@ class Quarantine:
             with self._writing(), stream:
                 stream.flush()
                 os.fsync(stream.fileno())
-
-    def _is_ours(self) -> bool:
-        """Whether a list is there; one that was broken off in its first line, or is empty, is none."""
-        with self.path.open("rb") as stream:
-            head = stream.read(len(_HEAD))
-        if head == _HEAD.encode():
-            return True
-        if not _HEAD.encode().startswith(head):
-            raise FileError(self.path, "is not a list of bad parts", "name another file for it")
-        self.path.unlink()
-        return False
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,15 +86,13 @@ class Run:
                 self.lot.known(record)
             if record.error:
                 failed[record.part] = record.error
-        if self.quarantine is not None and failed:
-            for part in parts:
-                if part.name in failed:
-                    self.quarantine.add(part, failed[part.name])
+        for part in parts if failed else ():
+            if part.name in failed:
+                self._quarantine(part, failed[part.name])
         for part, record in resumable(
             self.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
         ):
-            if record.error and self.quarantine is not None:
-                self.quarantine.add(part, record.error)
+            self._quarantine(part, record.error)
             self.read_now += 1
             self._advance(record)
         if self.second is not None:
@@ -104,7 +102,7 @@ class Run:
             self.progress.more(len(waiting))
             for _, record in resumable(
                 self.journal, waiting, executor, read_listed, order,
-                lost=lost_part, kept=self._checked, again=True,
+                lost=lost_part, kept=lambda _, read: self._checked(read.record), again=True,
             ):  # fmt: skip
                 self.second.again += 1
                 self._advance(record)
@@ -115,15 +113,15 @@ class Run:
                 self._count(record)
         self.finished = True
 
-    def _checked(self, read: ReadPart) -> ReadingRecord:
-        return read.record if self.lot is None else self.lot.checked(read.record)
+    def _checked(self, record: ReadingRecord) -> ReadingRecord:
+        return record if self.lot is None else self.lot.checked(record)
 
-    def _record(self, read: ReadPart) -> ReadingRecord:
+    def _record(self, part: PartFiles, read: ReadPart) -> ReadingRecord:
         """The record of a part, checked against the lot, kept in the store and compared with the certificate."""
-        record = self._checked(read)
+        record = self._checked(read.record)
         if self.store is not None:
             try:
-                self.known += not self.store.add(replace(read, record=record))
+                self.known += not self.store.add(part, replace(read, record=record))
             # what no store holds may not end the run, now and whenever it goes on
             except UnfitError as error:
                 problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
@@ -131,6 +129,10 @@ class Run:
         if self.watch is not None:
             self.watch.add(record.source, read.measures)
         return record
+
+    def _quarantine(self, part: PartFiles, error: str) -> None:
+        if error and self.quarantine is not None:
+            self.quarantine.add(part, error)
 
     def _advance(self, record: ReadingRecord) -> None:
         end_part()
@@ -167,11 +169,11 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
             table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
         journal = stack.enter_context(RunJournal(table, description))
         with ExitStack() as inner:
-            run = Run(journal, inner.enter_context(Quarantine(bad, keep=journal.resumed)))
+            run = Run(journal, inner.enter_context(closing(Quarantine(bad, keep=journal.resumed))))
             if options.store is not None:
                 journal.keep_private()
                 store = RunStore(options.store, key, evidence=options.evidence)
-                run.store = inner.enter_context(store)
+                run.store = inner.enter_context(closing(store))
             if learns:
                 # an earlier run's database is moved as its table is
                 database = table.with_suffix(".die.glyphs")

@@ -7,7 +7,7 @@ rows.csv~                  the table that stood there before the run
 Parquet and workbooks, to which nothing can be appended, are written by `finish`. The table is never read: a run that is
 taken up writes it anew from the journal.
 
-     open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
+     open --> keep, keep, keep --> finish          kill, loss of power: the same `open` takes it up again
                            \\--> forget          of a run whose rows are kept elsewhere: nothing stays
 """
 
@@ -17,7 +17,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from io import FileIO
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, describe_fault
@@ -50,9 +50,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.table, self._form = table, form_of(table)
         self.kept: Path | None = None
         self._stream: FileIO | None = None
-        super().__init__(
-            _beside(table, ".unfinished"), description, output=table, make_place=self._make_place
-        )
+        super().__init__(_beside(table, ".unfinished"), description, output=table)
         if grows(table):
             try:
                 write_table(self.records(), table)
@@ -61,23 +59,8 @@ class RunJournal(Journal[ReadingRecord]):
                 self.close()
                 raise
 
-    @classmethod
-    def open(cls, place: Path, description: Mapping[str, Any]) -> Self:
-        """Begin a run or resume one, like the class."""
-        return cls(place, description)
-
-    def add(self, record: ReadingRecord) -> None:
-        """Store a record; if a part has two, the first counts.
-
-        Raises:
-            FileError: it cannot be written; the records before stay.
-        """
-        self.keep(record.part, record)
-
     def keep(self, name: str, kept: ReadingRecord, *, again: bool = False) -> ReadingRecord:
         """Store a record and append its line; a value that no table can hold makes it a record with an error."""
-        if name in (self.again if again else self.names):
-            return kept
         try:
             line = self._form.encode(kept)
         except ValueError as error:
@@ -154,7 +137,7 @@ class RunJournal(Journal[ReadingRecord]):
             self._stream.close()
             self._stream = None
 
-    def _make_place(self) -> None:
+    def _begin(self) -> None:
         # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
         head = self._form.head if grows(self.table) else b""
         if self.table.exists() and self.table.stat().st_size > len(head):
@@ -162,6 +145,7 @@ class RunJournal(Journal[ReadingRecord]):
             os.replace(self.table, self.kept)
         else:
             self.table.unlink(missing_ok=True)
+        super()._begin()
 
 
 def _beside(path: Path, ending: str) -> Path:

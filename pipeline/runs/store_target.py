@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
-from pipeline.runs.task import Picture, ReadPart
+from glyphs.errors import MissingExtraError
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import EvidenceRecord, PartState
+from pipeline.reading.triage import state_after
 
 if TYPE_CHECKING:
-    from pipeline.common.records import EvidenceRecord
+    from pipeline.formats.part_files import PartFiles
+    from pipeline.reading.part_pictures import Picture
+    from pipeline.runs.task import ReadPart
 
-_SCHEMES = ("sqlite:///", "postgresql://")
+_SCHEMES = ("sqlite:///", "postgresql://", "postgresql+")
 
 
 def is_store(name: str) -> bool:
     """Whether an output is a store's URL."""
-    return name.startswith(_SCHEMES) or name.startswith("postgresql+")
+    return name.startswith(_SCHEMES)
 
 
 class RunStore:
@@ -39,8 +44,6 @@ class RunStore:
             FileError: a folder cannot be made.
             MissingExtraError: the extra `service` is not installed.
         """
-        from glyphs.errors import MissingExtraError
-
         try:
             from pipeline.store.evidence_folder import EvidenceFolder
             from pipeline.store.store import Store
@@ -50,15 +53,11 @@ class RunStore:
         self._folder = EvidenceFolder(evidence) if evidence is not None else None
         self._store = Store.open(url)
 
-    def __enter__(self) -> RunStore:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Close the store."""
         self._store.close()
 
-    def add(self, read: ReadPart) -> bool:
+    def add(self, part: PartFiles, read: ReadPart) -> bool:
         """Store a part, and return whether it is new; a part that could not be read is skipped.
 
         Raises:
@@ -66,41 +65,35 @@ class RunStore:
             ValueError: a text that no store can hold.
             FileError: a picture cannot be kept.
         """
-        from pipeline.common.part_id import new_part_id
-        from pipeline.common.records import PartState
-        from pipeline.reading.triage import state_after
         from pipeline.store.errors import MAX_TEXT, AlreadyDoneError, cleaned
         from pipeline.store.parts import IdempotencyKey
 
         if read.record.error:
             return True
-        state = state_after(read.record)
-        if state is PartState.TOUCH_NEEDED:
-            state = PartState.REVIEW  # there is no stage to feel it any more
-        name = read.listed.name
-        text = cleaned(name)[:MAX_TEXT]
+        accepted = state_after(read.record) is PartState.ACCEPTED
+        text = cleaned(part.name)[:MAX_TEXT]
         try:
             self._store.add_part(
                 part_id=new_part_id(),
                 name=text,
-                state=state,
+                # there is no stage to feel it any more
+                state=PartState.ACCEPTED if accepted else PartState.REVIEW,
                 readings=(replace(read.record, part=text),),
                 evidence=self._kept(read.pictures),
-                expected=read.listed.expected,
+                expected=part.expected,
                 database=read.record.database,
-                idempotency=IdempotencyKey.of_run(self._run, name, read.sha256),
+                idempotency=IdempotencyKey.of_run(self._run, part.name, read.sha256),
             )
         except AlreadyDoneError:
             return False
         return True
 
-    def _kept(self, pictures: tuple[Picture, ...]) -> tuple[EvidenceRecord, ...]:
-        from pipeline.common.records import EvidenceRecord
-
-        kept: list[EvidenceRecord] = []
-        if self._folder is None:
-            return ()
-        for one in pictures:
-            digest, n_bytes = self._folder.keep_content(one.content)
-            kept.append(EvidenceRecord(one.kind, digest, n_bytes, one.name, one.media_type, meta=one.meta))
-        return tuple(kept)
+    def _kept(self, pictures: Sequence[Picture]) -> list[EvidenceRecord]:
+        if (folder := self._folder) is None:
+            return []
+        return [
+            EvidenceRecord(
+                one.kind, *folder.keep_content(one.content), one.name, one.media_type, meta=one.meta
+            )
+            for one in pictures
+        ]

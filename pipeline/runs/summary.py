@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -70,9 +69,12 @@ class Summary:
 
     def counts(self) -> str:
         """One line: how many parts of each kind."""
-        counted = {**{d: self.decisions[d] for d in DECISIONS}, **{v: self.verdicts[v] for v in VERDICTS}}
-        written = [f"{n} {word}" for word, n in {**counted, "with an error": self.errors}.items() if n]
-        return ", ".join([f"{self.parts:,} parts", *written])
+        counted = {
+            **{word: self.decisions[word] for word in DECISIONS},
+            **{word: self.verdicts[word] for word in VERDICTS},
+            "with an error": self.errors,
+        }
+        return ", ".join((f"{self.parts:,} parts", *(f"{n} {word}" for word, n in counted.items() if n)))
 
     def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
         """For a person.
@@ -82,15 +84,21 @@ class Summary:
             read_now: parts read in that time.
             workers: that read them.
         """
-        written = [self.counts(), *_listed("not accepted", self.reasons), *_listed("errors", self.faults)]
+        lines = [self.counts()]
+        for title, counter in (("not accepted", self.reasons), ("errors", self.faults)):
+            shown = counter.most_common(MOST_REASONS)
+            lines += [f"{title}:"] if shown else []
+            lines += [f"  {n:>6,}  {kind}" for kind, n in shown]
+            if len(counter) > len(shown):
+                lines.append(f"  ... and {len(counter) - len(shown)} more kinds")
         if read_now and elapsed_s > 0.0:
             at_once = f" with {workers} workers" if workers > 1 else ""
-            written += [
+            lines += [
                 f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {read_now / elapsed_s:.2f} a second,"
                 f" {self.seconds / self.parts:.2f} s of work each",
                 "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest),
             ]
-        return written
+        return lines
 
     def as_json(self) -> dict[str, Any]:
         """The same in plain values."""
@@ -125,14 +133,6 @@ def _count(counter: Counter[str], kind: str) -> None:
         counter[kind] += 1
     else:
         counter["other"] += 1
-
-
-def _listed(title: str, counter: Counter[str]) -> Sequence[str]:
-    if not counter:
-        return ()
-    shown = counter.most_common(MOST_REASONS)
-    more = [f"  ... and {len(counter) - len(shown)} more kinds"] if len(counter) > len(shown) else []
-    return (f"{title}:", *(f"  {n:>6,}  {kind}" for kind, n in shown), *more)
 
 
 def _duration(seconds: float) -> str:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import FileError, MarksError, MissingExtraError, describe_fault
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.records import EvidenceKind
+from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.common.version import file_sha256
+from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.part_files import PartFiles, settings_of
-from pipeline.reading.as_record import record_of_part
+from pipeline.reading.triage import state_after
 from pipeline.runs.setting_files import settled
 
 if TYPE_CHECKING:
+    from pipeline.reading.part_pictures import Picture
     from recognition.decision.evidence import Measure
-    from recognition.decision.reading import Reading
-    from recognition.language.grammar import Grammar
     from recognition.reader import Reader
 
 
@@ -48,29 +48,16 @@ class RunOrder:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A picture of a part for its review: a `MadeFile` of `pipeline.reading` with its content."""
-
-    kind: EvidenceKind
-    name: str
-    content: bytes
-    media_type: str
-    meta: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class ReadPart:
     """A part as it was read.
 
     Attributes:
-        listed: as it was listed.
         record: of its reading, or of why there is none.
         pictures: where they are wanted.
         measures: where they are wanted, and the part could be read.
         sha256: of what its files hold and what its list says of it, likewise.
     """
 
-    listed: PartFiles
     record: ReadingRecord
     pictures: tuple[Picture, ...] = ()
     measures: Mapping[Measure, float] = field(default_factory=dict)
@@ -92,56 +79,65 @@ def check_order(order: RunOrder, _: None) -> None:
 
 def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
     """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
-    file = listed.files[0] if listed.files else listed.name
-    digests: list[str] = []
-    record, reading = record_of_part(listed.name, file, lambda: _read(order, listed, digests))
-    read = ReadPart(listed, record, sha256=_joined(digests) if order.digests else "")
-    if reading is not None and order.measures:
-        from recognition.decision.evidence import measures_of
-
-        read = replace(read, measures=measures_of(reading))
-    if reading is None or not order.pictures:
-        return read
-    from pipeline.common.records import PartState
-    from pipeline.reading.triage import state_after
-
-    accepted = state_after(record) is PartState.ACCEPTED
-    return read if accepted else replace(read, pictures=_pictures(reading))
+    started = time.perf_counter()
+    try:
+        return _read(order, listed, started)
+    except MarksError as problem:
+        error = str(problem) if problem.where else f"{_file_of(listed)}: {problem}"
+    # a fault of the program in one part may not cost a night's run the other parts; the record names its kind
+    except Exception as fault:
+        error = f"{_file_of(listed)}: {describe_fault(fault)}; please report it"
+    failed = ReadingRecord.failed(listed.name, error, seconds=round(time.perf_counter() - started, 4))
+    return ReadPart(replace(failed, at=datetime.now(UTC), program=program_version()))
 
 
 def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
     """A part that no worker has read, with the reason."""
-    file = listed.files[0] if listed.files else listed.name
     reason = " ".join(str(error).split()) or type(error).__name__
-    return ReadPart(listed, ReadingRecord.failed(listed.name, f"{file}: {reason}; try it alone"))
+    return ReadPart(ReadingRecord.failed(listed.name, f"{_file_of(listed)}: {reason}; try it alone"))
 
 
-def _read(
-    order: RunOrder, listed: PartFiles, digests: list[str]
-) -> tuple[Reading, ReadSettings, Grammar | None]:
-    from glyphs.errors import MissingExtraError
+def _file_of(listed: PartFiles) -> str:
+    return listed.files[0] if listed.files else listed.name
+
+
+def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
     from pipeline.formats.remote import fetched
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.as_record import reading_record
+    from pipeline.reading.part_pictures import pictures_of
+    from pipeline.reading.part_reader import PartReader
+    from recognition.decision.evidence import measures_of
 
-    mode = Mode(order.settings.mode) if order.settings.mode is not None else None
+    settings, digest = order.settings, ""
     reader = _reader_for(order, listed)
     try:
-        with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            parts = PartReader(reader, mode=mode, maps=order.settings, budget_s=order.settings.touch_budget_s)
+        with fetched(listed, photos=settings.mode not in (None, "tactile")) as part:
+            parts = PartReader(reader, mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s)
             reading = parts.read(part, expected=listed.expected)
             if order.digests:
-                digests += [file_sha256(Path(path)) for path in part.files]
-                digests += [listed.format, listed.font, listed.expected]
-            if order.verify and not listed.expected:
-                note = "not verified: the table of expected texts has no such part"
-                reading = replace(reading, notes=(*reading.notes, note))
-            return reading, settings_of(order.settings, listed), reader.grammar
+                texts = [*(file_sha256(Path(path)) for path in part.files), listed.format, listed.font]
+                digest = sha256(
+                    "\n".join((*texts, listed.expected)).encode("utf-8", "surrogatepass")
+                ).hexdigest()
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
-
-
-def _joined(texts: list[str]) -> str:
-    return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()
+    if order.verify and not listed.expected:
+        note = "not verified: the table of expected texts has no such part"
+        reading = replace(reading, notes=(*reading.notes, note))
+    record = reading_record(
+        reading,
+        settings_of(settings, listed),
+        reader.grammar,
+        part=listed.name,
+        seconds=time.perf_counter() - started,
+    )
+    shown = order.pictures and state_after(record) is not PartState.ACCEPTED
+    return ReadPart(
+        record,
+        pictures_of(reading) if shown else (),
+        measures_of(reading) if order.measures else {},
+        digest,
+    )
 
 
 def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
@@ -158,14 +154,3 @@ def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:
         own = listed.format or listed.font
         hint = "correct its format or font in the manifest" if own else "correct the settings"
         raise FileError(listed.name, f"cannot be read with these settings ({error})", hint) from error
-
-
-def _pictures(reading: Reading) -> tuple[Picture, ...]:
-    """Pictures of a part, as the service keeps them."""
-    from pipeline.reading.part_pictures import pictures_of
-
-    with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
-        return tuple(
-            Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta))
-            for m in pictures_of(reading, Path(name))
-        )

@@ -18,11 +18,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
@@ -31,7 +30,7 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, Pa
 from pipeline.common.serial_rules import SerialRules
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
-from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.reading.part_orders import RECORDING, Done, PartOrder
 from pipeline.reading.triage import compared
 from pipeline.service.new_part import Decision, NewPart, Touch
 from pipeline.service.part_log import count_reading
@@ -50,7 +49,6 @@ from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
-    from pipeline.reading.part_pictures import MadeFile
     from pipeline.service.metrics import Metrics
     from pipeline.service.settings import ServiceSettings
     from pipeline.service.worker_calls import WorkerCalls
@@ -264,13 +262,14 @@ class Intake:
         """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan of what to feel")
-        order, sent = ScanOrder(part_name=part.name, plan=part.plan), []
+        order = ScanOrder(part_name=part.name, plan=part.plan)
         read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
             try:
                 if self.stage.by_pass:
                     async with self.stage.for_worker() as stage:
                         done = await read([], folder=folder, felt_by=(stage, order))
+                    sent = [Upload(folder / RECORDING, RECORDING, EvidenceKind.SCAN)]
                 else:
                     path = await self.stage.scan(order, folder, self.calls.call)
                     sent = [Upload(path, path.name, EvidenceKind.SCAN)]
@@ -332,8 +331,25 @@ class Intake:
 
         def keep() -> PartRecord:
             try:
-                files = [self._kept(one, sha256=one.sha256) for one in sent]
-                files += [self._kept(one, meta=one.meta) for one in done.made]
+                files = [
+                    EvidenceRecord(
+                        one.kind,
+                        *self.evidence.keep(one.path, sha256=one.sha256),
+                        one.name,
+                        one.media_type,
+                    )
+                    for one in sent
+                ]
+                files += [
+                    EvidenceRecord(
+                        one.kind,
+                        *self.evidence.keep_content(one.content),
+                        one.name,
+                        one.media_type,
+                        meta=one.meta,
+                    )
+                    for one in done.pictures
+                ]
             except FileError as error:
                 raise no_room(error) from error
             return write(
@@ -350,12 +366,6 @@ class Intake:
         self._announce(part)
         count_reading(part, done, metrics=self.metrics, bench=self.bench, watch=self._watch(part.job))
         return part
-
-    def _kept(
-        self, file: Upload | MadeFile, *, sha256: str = "", meta: Mapping[str, float] = MappingProxyType({})
-    ) -> EvidenceRecord:
-        sha256, n_bytes = self.evidence.keep(file.path, sha256=sha256)
-        return EvidenceRecord(file.kind, sha256, n_bytes, file.name, file.media_type, meta)
 
     # ----------------------------------------------------------------------------------------------------- answer
 

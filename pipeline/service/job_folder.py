@@ -27,8 +27,7 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError, OwnFileError, describe_fault
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.certificate import certificate_of
-from pipeline.reading.drift import EVERY, DriftWatch
+from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.job_check import check_job, read_settings
 from pipeline.service.recent_files import GlyphDatabases, RecentFiles
 from pipeline.service.web.problem import OwnProblem, Problem
@@ -102,7 +101,7 @@ class JobFolder:
         self.databases = databases or GlyphDatabases(folder)
         # the service's own settings are the job without a name; each change is one step of the dict, so threads need
         # no lock
-        self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), _watch_of(own))}
+        self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
         self._recent, self._needed = RecentFiles(folder, SUFFIX, "job", needed=needed), needed
         self.lock = threading.RLock()
         self.call = _called_here  # workers start later
@@ -283,17 +282,12 @@ def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile,
     """
     try:
         job: JobFile = call(check_job, path, *(keys or read_keys(path)))
-        return job, _watch_of(job.settings)
+        return job, watch_of(job.settings)
     except (MarksError, Problem):
         raise
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
         raise FileError(path, describe_fault(error), "take it away, and report it") from error
-
-
-def _watch_of(settings: ReadSettings) -> DriftWatch | None:
-    certificate = certificate_of(settings)
-    return None if certificate is None else DriftWatch(certificate)
 
 
 def _state_of(path: Path) -> _State:

@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--out", type=Path, required=True, help="folder of the readings")
     given = asked.parse_args(arguments)
     fonts, reader = find_fonts(given.fonts).held_out, Reader(format=FORMAT)
-    journal = TrialJournal.open(given.out, {"parts": {"name": "sketched"}})
+    journal = TrialJournal(given.out, {"parts": {"name": "sketched"}})
     for k in range(given.parts):
         rng = np.random.default_rng((given.seed, k))
         text = random_text(FORMAT, rng=rng)

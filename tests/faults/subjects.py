@@ -24,10 +24,11 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.part_pictures import Picture
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.task import Picture, ReadPart, RunOrder
+from pipeline.runs.task import ReadPart, RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.inputs.watched_files import FileState, Handled, WatchJournal
 from pipeline.service.job_folder import JobFolder
@@ -176,8 +177,8 @@ def _record(name: str) -> ReadingRecord:
 
 def _old_table(table: str) -> Callable[[Path], None]:
     def prepare(root: Path) -> None:
-        with RunJournal.open(root / table, {"before": True}) as book:
-            book.add(_record("before"))
+        with RunJournal(root / table, {"before": True}) as book:
+            book.keep("before", _record("before"))
             book.finish(["before"])
 
     return prepare
@@ -186,9 +187,9 @@ def _old_table(table: str) -> Callable[[Path], None]:
 def _table_work(table: str) -> Callable[[Path, Say], None]:
     def work(root: Path, say: Say) -> None:
         def run() -> None:
-            with RunJournal.open(root / table, RUN) as book:
+            with RunJournal(root / table, RUN) as book:
                 for name in reversed(NAMES):
-                    book.add(_record(name))
+                    book.keep(name, _record(name))
                     say(f"row {name}")
                 book.finish(NAMES)
             say("finished")
@@ -207,12 +208,12 @@ def _table_check(table: str) -> Callable[[Path, list[str], bool], None]:
         unfinished = marker.exists() and marker.stat().st_size > 0
         # its marker is the last to go, and nobody may have been told
         if unfinished or not path.exists() or _names_in(path) != NAMES:
-            with RunJournal.open(path, RUN) as book:
+            with RunJournal(path, RUN) as book:
                 if not power and book.resumed:
                     told = {word.split()[1] for word in said if word.startswith("row")}
                     assert told <= set(book.done), f"lost {sorted(told - set(book.done))}"
                 for name in reversed(NAMES):
-                    book.add(_record(name))
+                    book.keep(name, _record(name))
                 book.finish(NAMES)
             assert not marker.exists()
         assert [row.part for row in read_rows(path)] == NAMES
@@ -239,7 +240,7 @@ def _read(_: RunOrder, listed: PartFiles) -> ReadPart:
     picture = Picture(
         EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {}
     )
-    return ReadPart(listed, _record(listed.name), (picture,))
+    return ReadPart(_record(listed.name), (picture,))
 
 
 def _run_into_store(root: Path) -> None:
@@ -248,11 +249,11 @@ def _run_into_store(root: Path) -> None:
     with opened(options, RUN) as run:
         parts = [PartFiles(name, height_map=f"{name}.npz") for name in NAMES]
 
-        class Executor(Executor):
+        class NoReader(Executor):
             def calls(self, _function: Any, order: Any, tasks: Any) -> Any:
                 return super().calls(_read, order, tasks)
 
-        run.work(parts, RunOrder(ReadSettings()), Executor())
+        run.work(parts, RunOrder(ReadSettings()), NoReader())
 
 
 def _run_work(root: Path, say: Say) -> None:
@@ -378,7 +379,7 @@ def _handled(path: str) -> Handled:
 
 def _journal_work(root: Path, say: Say) -> None:
     def start() -> None:
-        journal.append(WatchJournal.open(root / "watched.jsonl", {}))
+        journal.append(WatchJournal(root / "watched.jsonl", {}))
 
     journal: list[WatchJournal] = []
     if not tried(start):
@@ -395,7 +396,7 @@ def _journal_work(root: Path, say: Say) -> None:
 
 
 def _journal_check(root: Path, said: list[str], power: bool) -> None:
-    again = WatchJournal.open(root / "watched.jsonl", {})
+    again = WatchJournal(root / "watched.jsonl", {})
     kept = [path for path in _FILES if path in said]
     if "only" in said:
         kept = [path for path in kept if path not in _FILES[:2]]
@@ -403,7 +404,7 @@ def _journal_check(root: Path, said: list[str], power: bool) -> None:
         assert set(kept) - set(_FILES[:2]) <= set(again.done), "a line that was written is lost"
     for path in _FILES:
         again.keep(path, _handled(path))
-    assert set(WatchJournal.open(root / "watched.jsonl", {}).done) == set(_FILES)
+    assert set(WatchJournal(root / "watched.jsonl", {}).done) == set(_FILES)
 
 
 # ---------------------------------------------------------------------------------- small things of the service

@@ -160,10 +160,9 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> T
 
 def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
     from pipeline.formats.remote import fetched
-    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
-    mode = Mode(settings.mode) if settings.mode is not None else None
     reader = reader_of(settings_of(settings, listed))
-    with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as files:
-        return PartReader(reader, mode=mode, maps=settings).unverified(files, again=again)
+    with fetched(listed, photos=settings.mode not in (None, "tactile")) as files:
+        return PartReader(reader, mode=settings.mode, maps=settings).unverified(files, again=again)

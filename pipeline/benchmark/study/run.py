@@ -65,7 +65,7 @@ def run_study(
         "arrays": plan.arrays,
         "program": program_mark(),
     }
-    with StudyJournal.open(out, description) as journal, Progress() as progress:
+    with StudyJournal(out, description) as journal, Progress() as progress:
         if journal.names:
             print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")
         progress.start(len(parts) - len(journal.names))

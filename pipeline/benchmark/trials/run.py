@@ -127,7 +127,7 @@ def run_benchmark(
         for mode in benchmark.modes:
             open_mode(mode, Reader(settings))
 
-    with TrialJournal.open(folder, benchmark.description()) as book:
+    with TrialJournal(folder, benchmark.description()) as book:
         if on_start is not None:
             on_start(len(items), sum(item.part in book.names for item in items))
         work = executor or Executor()

@@ -80,7 +80,7 @@ class WatchedFolder:
         self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
         self._at_once = asyncio.Semaphore(at_once)
-        self.journal = WatchJournal.open(journal, {})
+        self.journal = WatchJournal(journal, {})
         self._looks = FolderLooks(
             self.folder, self.journal, a_set=settings.photos, settle_s=settings.settle_s
         )

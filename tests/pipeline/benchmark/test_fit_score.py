@@ -37,7 +37,7 @@ def reading(rng: np.random.Generator, soil: str = "mould", *, slope: float = 0.5
 @pytest.fixture
 def exam(tmp_path: Path) -> Path:
     """Parts of two soils, a third that is kept out and a section that is, read by every mode."""
-    journal = TrialJournal.open(tmp_path / "run", {"parts": DESIGN})
+    journal = TrialJournal(tmp_path / "run", {"parts": DESIGN})
     rng = np.random.default_rng(8)
     for k in range(480):
         soil = ("mould", "ash", "tar")[k % 3]

@@ -27,7 +27,7 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.remote import copied, fetched, list_remote
 from pipeline.formats.touch_file import read_height_map
-from pipeline.reading.part_reader import Mode, load_photo, senses_of
+from pipeline.reading.part_reader import load_photo, senses_of
 
 if TYPE_CHECKING:
     from moto.server import ThreadedMotoServer
@@ -127,7 +127,7 @@ def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[
     with fetched(listed) as part:
         assert part.photo_problem is not None
         assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
-        assert len(senses_of(part, Mode.AUTO)) == 2
+        assert senses_of(part, "auto") == (True, True)
         with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
             load_photo(part)
     with fetched(listed, photos=False) as part:

@@ -46,7 +46,7 @@ def test_the_camera_tells_touch_where_to_feel(tmp_path: Path) -> None:
     def log(mode: Mode) -> PassLog:
         found = PartReader(reader, mode=mode, budget_s=BUDGET_S).read(part)
         assert (found.text, found.decision) == (make_part(spec, 0).text, "accept")
-        touch = found.trace.touch if mode is Mode.FUSED else found
+        touch = found.trace.touch if mode == Mode.FUSED else found
         assert touch is not None
         assert touch.trace.scan is not None
         assert touch.trace.scan.log is not None

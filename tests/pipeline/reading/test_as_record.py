@@ -15,13 +15,13 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord, from_json, to_json
 from pipeline.common.row import row_of
-from pipeline.common.settings import MapSettings, ReadSettings
+from pipeline.common.settings import ReadSettings
 from pipeline.common.version import key_of, program_version
 from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
-from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
-from pipeline.reading.part_reader import PartReader
+from pipeline.reading.as_record import reading_record, rivals_of
+from pipeline.runs.task import RunOrder, read_listed
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
@@ -66,15 +66,14 @@ class FakeReader:
         raise AssertionError("no scan in these tests")
 
 
-def fake_reader() -> PartReader:
+@pytest.fixture(autouse=True)
+def _fake_readers(monkeypatch: pytest.MonkeyPatch) -> None:
     reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, apply_certificate=lambda found: found)
-    return PartReader(reader, maps=MapSettings(unit="mm"))
+    monkeypatch.setattr("pipeline.reading.readers.reader_of", lambda _: reader)
 
 
-def record_of(part: PartFiles, reader: PartReader | None = None) -> ReadingRecord:
-    reader = reader or fake_reader()
-    settings = ReadSettings(format=("99",))
-    return record_of_part(part.name, str(part.height_map), lambda: (reader.read(part), settings, None))[0]
+def record_of(part: PartFiles) -> ReadingRecord:
+    return read_listed(RunOrder(ReadSettings(format=("99",))), part).record
 
 
 def stamped(folder: Path, *values: int) -> Path:
@@ -86,8 +85,7 @@ def stamped(folder: Path, *values: int) -> Path:
 def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
     stamped(tmp_path, 11, 12, 13, 14)
     (tmp_path / "part-12.npz").write_bytes(b"rubbish")
-    reader = fake_reader()
-    rows = [record_of(part, reader) for part in discover([tmp_path, tmp_path / "none.npz"])]
+    rows = [record_of(part) for part in discover([tmp_path, tmp_path / "none.npz"])]
     assert [r.part for r in rows] == ["part-11", "part-12", "part-13", "part-14", "none"]
     assert [r.text for r in rows] == ["11", "", "", "", ""]
     assert [bool(r.error) for r in rows] == [False, True, True, True, True]

@@ -26,7 +26,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     """Outcome of a file, in a worker: a decision or a problem."""
     name, data = named
     folder = Path(tempfile.mkdtemp(dir=place))
-    path = folder / "upload"
+    path = folder / f"upload{Path(name).suffix.lower()}"
     path.write_bytes(data)
     kind = "photo" if is_photo(Path(name)) else "scan" if is_scan(Path(name)) else "height_map"
     sent: dict[str, Any] = {"photos": (path,)} if kind == "photo" else {kind: path}

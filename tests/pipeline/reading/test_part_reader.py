@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +17,7 @@ from pipeline.formats.find_parts import discover
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
-from pipeline.reading.part_reader import Mode, PartReader, Sense, read_surface, senses_of
+from pipeline.reading.part_reader import Mode, PartReader, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.verify import Verdict, VerifyError
@@ -119,8 +118,7 @@ def part(folder: Path, name: str) -> PartFiles:
     return found
 
 
-TOUCH, VISION = (Sense.TOUCH,), (Sense.VISION,)
-BOTH = (Sense.TOUCH, Sense.VISION)
+TOUCH, VISION, BOTH = (True, False), (False, True), (True, True)
 
 
 @pytest.mark.parametrize(
@@ -233,12 +231,6 @@ def test_an_expected_text_that_the_format_forbids_costs_no_reading(folder: Path)
     with pytest.raises(VerifyError, match="text expected of felt: is 'ZZ', but it does not fit"):
         PartReader(reader).read(part(folder, "felt"), expected="ZZ")
     assert reader.given == []
-
-
-def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
-    problem = FileError("a", "b", "c")
-    with pytest.raises(FileError):
-        PartReader(FakeReader()).read(replace(part(folder, "felt"), problem=problem))
 
 
 def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: Path) -> None:

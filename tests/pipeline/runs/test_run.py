@@ -22,7 +22,7 @@ from pipeline.common.serial_rules import ProductionOrder
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
-from pipeline.formats.part_files import PartFiles, settings_of
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
@@ -61,7 +61,7 @@ def reading(
 
     def answer(part: PartFiles, _: RunOrder) -> ReadPart | Exception:
         lost = RuntimeError("its worker\nis lost")
-        return lost if part.name in bad else ReadPart(part, record(part, text(part)))
+        return lost if part.name in bad else ReadPart(record(part, text(part)))
 
     return FakeExecutor(answer, backwards=True, **how)
 
@@ -69,14 +69,14 @@ def reading(
 def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     path, marker = tmp_path / "rows.csv", tmp_path / "rows.csv.unfinished"
     for breaks_after, bad in ((2, ["p5"]), (3, ["p1"])):
-        with RunJournal.open(path, {"a": 1}) as book:
+        with RunJournal(path, {"a": 1}) as book:
             listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
             run = Run(book, listed)
             with pytest.raises(KeyboardInterrupt):
                 run.work(PARTS, ORDER, reading(*bad, breaks_after=breaks_after))
             listed.close()
         assert marker.exists()
-    with RunJournal.open(path, {"a": 1}) as book:
+    with RunJournal(path, {"a": 1}) as book:
         listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
         run = Run(book, listed)
         executor = reading()
@@ -97,29 +97,15 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
     stored: list[str] = []
 
     class Store:
-        def add(self, read: ReadPart) -> None:
+        def add(self, _: PartFiles, read: ReadPart) -> None:
             if len(stored) == 3:
                 raise KeyboardInterrupt
             stored.append(read.record.part)
 
-    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
+    with RunJournal(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
             Run(book, store=Store()).work(PARTS, ORDER, reading())
         assert book.names == set(stored)
-
-
-def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> None:
-    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
-        run = Run(book)
-        run.work(PARTS[:1], ORDER, FakeExecutor(lambda p, _: ReadPart(p, record(p, "A", float("nan")))))
-    assert run.summary.errors == 1
-
-
-def test_parts_with_formats_and_fonts_of_their_own() -> None:
-    base = ReadSettings(font=("gothic",), format=("AA99",), height_mm=5.0)
-    own = settings_of(base, PartFiles("a", "a.npz", font="romans, timesrb", format="9999"))
-    assert (own.font, own.format, own.height_mm) == (("romans", "timesrb"), ("9999",), 5.0)
-    assert settings_of(base, PartFiles("a", "a.npz")) is base
 
 
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:

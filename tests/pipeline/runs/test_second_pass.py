@@ -60,7 +60,7 @@ class Reads(FakeExecutor):
 
     def reading(self, part: PartFiles, order: RunOrder) -> ReadPart:
         self.fonts.append(order.settings.font)
-        return ReadPart(part, SECOND[part.name] if order.settings.font else first_reading(part.name))
+        return ReadPart(SECOND[part.name] if order.settings.font else first_reading(part.name))
 
     @property
     def again(self) -> list[str]:
@@ -103,7 +103,7 @@ def test_what_was_not_accepted_is_read_again_and_the_better_counts(
     suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
 ) -> None:
     path, executor = tmp_path / f"rows{suffix}", Reads()
-    with RunJournal.open(path, {}) as book:
+    with RunJournal(path, {}) as book:
         run = run_of(book)
         run.work(PARTS, ORDER, executor)
     assert executor.again == sorted(UNSURE)
@@ -118,16 +118,6 @@ def test_what_was_not_accepted_is_read_again_and_the_better_counts(
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, "rows.die.glyphs"])
 
 
-def test_the_order_of_the_parts_makes_no_difference(
-    tmp_path: Path, enrolled: list[list[ReviewedPart]]
-) -> None:
-    for k, parts in enumerate((PARTS, PARTS[::-1], PARTS[5:] + PARTS[:5])):
-        with RunJournal.open(tmp_path / f"{k}.csv", {}) as book:
-            run_of(book).work(parts, ORDER, Reads())
-        assert rows_of(tmp_path / f"{k}.csv") == EXPECTED
-    assert enrolled[0] == enrolled[1] == enrolled[2]
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
@@ -135,9 +125,9 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
     path = tmp_path / f"rows{suffix}"
     executors = [Reads(breaks_after=9), Reads(breaks_after=7), Reads(breaks_after=1)]
     for executor in executors:
-        with RunJournal.open(path, {}) as book, pytest.raises(KeyboardInterrupt):
+        with RunJournal(path, {}) as book, pytest.raises(KeyboardInterrupt):
             run_of(book).work(PARTS, ORDER, executor)
-    with RunJournal.open(path, {}) as book:
+    with RunJournal(path, {}) as book:
         last = Reads()
         run = run_of(book)
         run.work(PARTS, ORDER, last)
@@ -155,11 +145,11 @@ def test_a_run_that_breaks_off_as_it_ends_is_ended(
     tmp_path: Path, enrolled: list[list[ReviewedPart]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "rows.csv"
-    with RunJournal.open(path, {}) as book, monkeypatch.context() as patched:
+    with RunJournal(path, {}) as book, monkeypatch.context() as patched:
         patched.setattr("pipeline.runs.journal.Journal.remove", _broken)
         with pytest.raises(KeyboardInterrupt):
             run_of(book).work(PARTS, ORDER, Reads())
-    with RunJournal.open(path, {}) as book:
+    with RunJournal(path, {}) as book:
         executor = Reads()
         run_of(book).work(PARTS, ORDER, executor)
     assert executor.read == []
@@ -195,7 +185,7 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
 
     monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
     executor = Reads()
-    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+    with RunJournal(tmp_path / "rows.csv", {}) as book:
         run_of(book).work(PARTS, ORDER, executor)
     assert executor.again == []
     assert rows_of(tmp_path / "rows.csv") == {
@@ -214,20 +204,10 @@ def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn
     parts[2] = replace(parts[2], height_map="", scan="s3://lot/p02.h5")  # far away: may learn, cannot teach
     parts[3] = replace(parts[3], font="gothic")  # unsure
     executor = Reads()
-    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+    with RunJournal(tmp_path / "rows.csv", {}) as book:
         run_of(book).work(parts, ORDER, executor)
     assert executor.again == sorted(UNSURE - {"p03"})
     assert {p.name for p in enrolled[0]}.isdisjoint({"p00", "p01", "p02", "p03"})
-
-
-def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
-    tmp_path: Path, enrolled: list[list[ReviewedPart]]
-) -> None:
-    sure = [part for part in PARTS if part.name not in UNSURE]
-    for always, calls in ((False, 0), (True, 1)):
-        with RunJournal.open(tmp_path / "rows.csv", {}) as book:
-            run_of(book, always=always).work(sure, ORDER, Reads())
-        assert len(enrolled) == calls
 
 
 # ---------------------------------------------------------------------------------------------------- when it happens
@@ -269,7 +249,7 @@ def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) ->
         assert run.second.database == database
         assert not database.exists()
         assert (tmp_path / "rows.die.glyphs~").read_bytes() == b"of the lot before"
-        run.journal.add(first_reading("p00"))
+        run.journal.keep("p00", first_reading("p00"))
         database.write_bytes(b"of this lot")
     with opened(options, {}, learns=True):
         assert database.read_bytes() == b"of this lot"
@@ -284,13 +264,3 @@ def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[R
         assert run.second.database.exists()
     assert told == {name: text for name, (text, _) in EXPECTED.items()}
     assert not run.second.database.exists()
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
-def test_rows_of_a_second_reading_are_whole(
-    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
-) -> None:
-    with RunJournal.open(tmp_path / f"rows{suffix}", {}) as book:
-        run_of(book).work(PARTS, ORDER, Reads())
-    rows = read_rows(tmp_path / f"rows{suffix}")
-    assert {row.part for row in rows if row.columns["font"]} == set(CHANGED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from datetime import UTC, datetime
 from pathlib import Path
@@ -61,27 +60,6 @@ RECORDS = [
     ),
     ReadingRecord.failed("p,1", '"a", ü\nline two'),
 ]
-
-
-def test_csv_is_flat_and_holds_the_stated_columns_first(tmp_path: Path) -> None:
-    write_records(RECORDS, tmp_path / "t.CSV")
-    with (tmp_path / "t.CSV").open(newline="", encoding="utf-8") as stream:
-        table = list(csv.DictReader(stream))
-    assert list(table[0])[:7] == ["part", "text", "decision", "confidence", "source", "seconds", "error"]
-    assert [(r["part"], r["text"], float(r["confidence"]), r["error"]) for r in table] == [
-        (r.part, r.text, r.confidence, r.error) for r in RECORDS
-    ]
-    # what is not known is an empty field
-    assert [(r["height_mm"], r["height_px"], r["depth_min_mm"], r["depths"]) for r in table] == [
-        ("5.0", "", "0.21", "8 0.210/0.230"),
-        ("", "", "", ""),
-    ]
-    assert [(r["verdict"], r["verify_probability"], r["states"], r["action"]) for r in table] == [
-        ("refuted", "0.0004", "1:mismatch 8/B", "clean 1"),
-        ("", "", "", ""),
-    ]
-    assert [r["lines"] for r in table] == ["lot=LOT77;12/26", ""]
-    assert [r["codes"] for r in table] == ["[)>␞12␝SER 8␞␄ (same) | PNR 7", ""]
 
 
 def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:

@@ -43,23 +43,6 @@ def test_an_exception_is_its_tasks_own(cluster: ClusterProcess) -> None:
     assert str(outcomes[3].error) == "told: 3 is odd"
 
 
-def test_tasks_are_taken_as_they_are_needed(cluster: ClusterProcess) -> None:
-    taken = 0
-
-    def endless() -> Iterator[int]:
-        nonlocal taken
-        while True:
-            taken += 1
-            yield taken
-
-    with ClusterExecutor(cluster.address) as executor:
-        for done, _ in enumerate(executor.calls(doubled, 0, endless())):
-            # a few for each worker, whatever the number of tasks
-            assert taken <= done + 10
-            if done == COUNT:
-                break
-
-
 def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> None:
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()

@@ -12,13 +12,11 @@ from pipeline.workers.executors import Executor, ordered_map
 from pipeline.workers.options import ExecutorOptions
 from pipeline.workers.pool import WorkPool
 from tests.support.executor_calls import (
-    crash_at,
     dies_of_seven,
     dies_once,
     doubled,
     late_first,
     odd_fails,
-    slow_seven,
 )
 
 COUNT = 20
@@ -90,13 +88,6 @@ def test_a_task_whose_worker_is_killed_from_outside_is_done_by_another(tmp_path:
     assert sorted(o.result for o in outcomes if o.result is not None) == list(range(COUNT))
 
 
-def test_a_task_that_never_ends_is_given_up() -> None:
-    with WorkPool(2, timeout_s=1.0) as executor:
-        outcomes = {o.task: o for o in executor.calls(slow_seven, "", range(COUNT))}
-    assert [task for task, o in outcomes.items() if o.error is not None] == [7]
-    assert "1" in str(outcomes[7].error)
-
-
 @pytest.mark.parametrize(
     ("jobs", "parts", "workers"), [(None, 1, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1), (3, None, 3)]
 )
@@ -106,11 +97,3 @@ def test_no_more_workers_than_parts_and_none_before_there_is_work(
     with ExecutorOptions(jobs).opened(parts) as executor:
         assert isinstance(executor, WorkPool)
         assert (executor.workers, executor.pids) == (workers, ())
-
-
-def test_one_part_that_crashes_its_worker_is_one_outcome() -> None:
-    with ExecutorOptions().opened(1) as executor:
-        (outcome,) = executor.calls(crash_at, 7, [7])
-        assert "has ended (exit code -6)" in str(outcome.error)
-        (sound,) = executor.calls(crash_at, 7, [8])
-        assert sound.result == 8

@@ -53,22 +53,6 @@ def test_an_interrupt_is_raised_at_once_and_the_handler_is_put_back() -> None:
         raise_interrupt()  # the one before is forgotten
 
 
-def test_another_thread_has_nothing_to_note() -> None:
-    failed: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            with interrupts_noted():
-                raise_interrupt()
-        except BaseException as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert failed == []
-
-
 def test_a_program_that_took_an_interrupt_ends_with_its_own_status(tmp_path: Path) -> None:
     (tmp_path / "interrupted.py").write_text(
         "import sys\n"

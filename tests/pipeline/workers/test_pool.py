@@ -11,9 +11,7 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.formats.touch_file import Limits
-from pipeline.reading.warm_up import warm_up
+from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError, WorkPool
 from tests.support import pool_calls as calls
@@ -114,15 +112,6 @@ def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(tmp_path: Pat
         assert pool.submit(os.getpid).result(LONG_S) != idle
 
 
-def test_workers_that_die_again_and_again_do_not_stop_the_pool() -> None:
-    with WorkPool(2, queue=10) as pool:
-        lost = [pool.submit(calls.leave) for _ in range(4)]
-        for future in lost:
-            with pytest.raises(WorkerLostError, match="exit code 3"):
-                future.result(LONG_S)
-        assert pool.submit(os.getpid).result(LONG_S)
-
-
 def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> None:
     full = tmp_path / "full"
     full.touch()
@@ -208,15 +197,6 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
     service.kill()
     service.join()
     until(lambda: not any(alive(pid) for pid in pids))
-
-
-def test_warm_worker_has_read_a_part() -> None:
-    ready = partial(warm_up, ReadSettings(font=("gothic",), height_mm=5.0), Limits())
-    with WorkPool(1, memory_mb=3072, warm_up=ready) as pool:
-        assert calls.wait_ready(pool, LONG_S)
-        facts = pool.submit(calls.facts).result(LONG_S)
-        assert facts["cv2"] == 1
-        assert not facts["matplotlib"], "a worker draws without it"
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def trials(texts: str, *, decision: str = "review") -> list[Trial]:
 
 
 def kept(folder: Path, members: list[Trial], benchmark: Benchmark = BENCHMARK) -> Path:
-    with TrialJournal.open(folder, benchmark.description()) as book:
+    with TrialJournal(folder, benchmark.description()) as book:
         for part in dict.fromkeys(t.part for t in members):
             book.keep(part, tuple(t for t in members if t.part == part))
     return folder
@@ -136,7 +136,7 @@ def test_pictures_are_left_out_where_parts_cannot_be_made_again(
 ) -> None:
     heading = {"parts": {"folder": ["x"], "truth": "0", "severity": None, "format": ""}}
     for name, texts in (("a", "A" * 12), ("b", "B" * 12)):
-        with TrialJournal.open(tmp_path / name, heading) as book:
+        with TrialJournal(tmp_path / name, heading) as book:
             for t in trials(texts):
                 book.keep(t.part, (*book.done.get(t.part, ()), t))
     assert main(["benchmark", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0

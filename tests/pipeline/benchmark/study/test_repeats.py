@@ -35,7 +35,7 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
 
 def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Trial]:
     """All trials of a study in a folder, by this process."""
-    with StudyJournal.open(folder, {"repeats": plan.repeats}) as journal:
+    with StudyJournal(folder, {"repeats": plan.repeats}) as journal:
         return repeats.measure(plan, parts, Executor(), journal)
 
 

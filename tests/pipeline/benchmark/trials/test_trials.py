@@ -20,15 +20,15 @@ TRIAL = Trial(
 
 
 def test_a_book_comes_back_as_it_was(tmp_path: Path) -> None:
-    with TrialJournal.open(tmp_path, DESCRIPTION) as book:
+    with TrialJournal(tmp_path, DESCRIPTION) as book:
         book.keep("p", (TRIAL,))
-    for again in (TrialJournal.read(tmp_path), TrialJournal.open(tmp_path, DESCRIPTION)):
+    for again in (TrialJournal.read(tmp_path), TrialJournal(tmp_path, DESCRIPTION)):
         (found,) = again.done["p"]
         assert asdict(found) == asdict(TRIAL)
 
 
 def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with TrialJournal.open(tmp_path, DESCRIPTION) as book:
+    with TrialJournal(tmp_path, DESCRIPTION) as book:
         book.keep("p", (TRIAL,))
     monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root
     before = book.path.stat().st_mtime_ns
@@ -39,11 +39,11 @@ def test_a_book_that_may_not_be_written_is_read(tmp_path: Path, monkeypatch: pyt
 def test_a_book_of_another_format_is_refused_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with TrialJournal.open(tmp_path, DESCRIPTION) as book:
+    with TrialJournal(tmp_path, DESCRIPTION) as book:
         book.keep("p", (TRIAL,))
     with monkeypatch.context() as patched:
         patched.setattr(TrialJournal, "version", TrialJournal.version + 1)
-        for look in (TrialJournal.read, lambda folder: TrialJournal.open(folder, DESCRIPTION)):
+        for look in (TrialJournal.read, lambda folder: TrialJournal(folder, DESCRIPTION)):
             with pytest.raises(FileError, match=r"is of a benchmark of version 4, not a benchmark of 5"):
                 look(tmp_path)
     assert "p" in TrialJournal.read(tmp_path).done

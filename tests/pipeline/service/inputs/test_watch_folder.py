@@ -263,14 +263,14 @@ def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.Mon
     for k in range(7):
         (bench.folder / f"{k}.png").unlink()
     bench.look(1)
-    assert list(WatchJournal.open(bench.journal, {}).done) == [str(bench.folder / "7.png")]
+    assert list(WatchJournal(bench.journal, {}).done) == [str(bench.folder / "7.png")]
     bench.anew()
     assert len(bench.look(2)) == 8
     # an empty folder may be a drive that is away: nothing is forgotten
     (bench.folder / "7.png").unlink()
     monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 0)
     bench.look(2)
-    assert list(WatchJournal.open(bench.journal, {}).done) == [str(bench.folder / "7.png")]
+    assert list(WatchJournal(bench.journal, {}).done) == [str(bench.folder / "7.png")]
 
 
 def test_a_full_disk_under_the_journal_stops_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -358,7 +358,7 @@ def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> Non
     broken = bench.put("a.light-2.png", b"no picture at all")
     assert bench.look(3) == ["a"]
     assert bench.parts.received[0][1] == "a.light-1.png"
-    told = WatchJournal.open(bench.journal, {}).done
+    told = WatchJournal(bench.journal, {}).done
     assert "not a picture" in told[str(broken)].problem
 
 
@@ -366,4 +366,4 @@ def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     for number in range(13):
         path = bench.put(f"a.shot-{number}.png")
     assert bench.look(3) == []
-    assert "12 of a part" in WatchJournal.open(bench.journal, {}).done[str(path)].problem
+    assert "12 of a part" in WatchJournal(bench.journal, {}).done[str(path)].problem
