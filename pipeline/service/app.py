@@ -194,7 +194,7 @@ class Service:
             self.evidence.check_room()
         except FileError as error:
             return f"a file {error.what}; {error.hint}"
-        trouble = intake.stage.trouble or intake.camera.trouble
+        trouble = intake.stage.thread.trouble or intake.camera.thread.trouble
         trouble = trouble or intake.calls.trouble("") or intake.calls.trouble(self.settings.watch.job)
         return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 

@@ -65,7 +65,7 @@ class Ports:
             MissingExtraError: a library of an extra is not installed.
             ValueError: an address or format that cannot be.
         """
-        self._intake, self._senders, self._grace_s = intake, senders, settings.shutdown_grace_s
+        self._intake, self._grace_s = intake, settings.shutdown_grace_s
         self._dispatcher = Dispatcher(intake.store, senders) if senders else None
         self._inputs: dict[str, Input] = {}
         self._open: dict[str, Connection] = {}

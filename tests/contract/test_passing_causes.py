@@ -73,7 +73,7 @@ def test_a_file_whose_name_is_no_text_is_named_and_left(
     odd = os.fsencode(place / "watched") + b"/St\xfcck-7.png"
     with open(odd, "wb") as stream:
         stream.write(picture)
-    with open(odd.replace(b"-7", b"-8.light-1"), "wb") as stream:
+    with open(odd.replace(b"ck-7", b"ck-8.light-1"), "wb") as stream:
         stream.write(picture)
     (place / "watched" / "after.png").write_bytes(picture)
     wait_until(lambda: "after" in names(watching), watching.process)

@@ -39,6 +39,7 @@ class StageWork:
 
     Attributes:
         there: there is a stage.
+        thread: that its driver is called in; knows its faults.
         by_pass: feel parts pass by pass; else the whole plan is scanned.
     """
 
@@ -54,13 +55,8 @@ class StageWork:
         """
         self._stage, self.there = stage, stage is not None
         self.by_pass = active and stage is not None and has_sessions(stage)
-        self._thread = DriverThread("stage", timeout_s=timeout_s)
+        self.thread = DriverThread("stage", timeout_s=timeout_s)
         self._one_at_a_time = asyncio.Lock()
-
-    @property
-    def trouble(self) -> str:
-        """Fault of the stage now; empty without one."""
-        return self._thread.trouble
 
     @contextlib.asynccontextmanager
     async def for_worker(self) -> AsyncIterator[SessionStage[ScanOrder]]:
@@ -75,9 +71,9 @@ class StageWork:
             yield self._stage
             return
         async with self._one_at_a_time:
-            if self.trouble:  # known before a worker is asked
-                raise StageDownError(self.trouble, "see that the stage and its driver work")
-            link = StageLink(self._stage, self._thread)
+            if self.thread.trouble:  # known before a worker is asked
+                raise StageDownError(self.thread.trouble, "see that the stage and its driver work")
+            link = StageLink(self._stage, self.thread)
             try:
                 yield link.stage
             except StageError:
@@ -108,22 +104,17 @@ class StageWork:
             )
 
         async with self._one_at_a_time:
-            timeout_s = self._thread.timeout_s + _PLANS * order.plan.seconds
-            return await self._thread.call_async(scanned, timeout_s=timeout_s)
+            timeout_s = self.thread.timeout_s + _PLANS * order.plan.seconds
+            return await self.thread.call_async(scanned, timeout_s=timeout_s)
 
 
 class CameraWork:
-    """The camera at work."""
+    """The camera at work; `thread`: that its driver is called in."""
 
     def __init__(self, camera: Camera | None, *, timeout_s: float = 30.0) -> None:
         """Take the driver; None: photographs are sent to the service. `timeout_s`: for one call."""
         self._camera = camera
-        self._thread = DriverThread("camera", timeout_s=timeout_s)
-
-    @property
-    def trouble(self) -> str:
-        """Fault of the camera now; empty without one."""
-        return self._thread.trouble
+        self.thread = DriverThread("camera", timeout_s=timeout_s)
 
     async def take(self, name: str, folder: Path) -> list[Upload]:
         """Photograph the part of that name, and copy the photographs into the folder.
@@ -146,4 +137,4 @@ class CameraWork:
                 photos.append(Upload(copy, file.name, EvidenceKind.PHOTO))
             return photos
 
-        return await self._thread.call_async(photograph)
+        return await self.thread.call_async(photograph)

@@ -12,7 +12,6 @@ from email.message import Message
 from typing import Any
 
 from fastapi.routing import APIRoute
-from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import Request
@@ -41,20 +40,6 @@ class _Parser(MultiPartParser):
         super().on_headers_finished()
 
 
-class _FormRequest(Request):
-    async def _get_form(self, **limits: Any) -> FormData:
-        if self._form is not None or not self.headers.get("content-type", "").lower().startswith(
-            "multipart/form-data"
-        ):
-            return await super()._get_form(**limits)
-        try:
-            async with aclosing(self.stream()) as stream:
-                self._form = await _Parser(self.headers, stream, **limits).parse()
-        except MultiPartException as error:
-            raise HTTPException(status_code=400, detail=error.message) from error
-        return self._form
-
-
 class FormRoute(APIRoute):
     """A route that takes files."""
 
@@ -62,7 +47,13 @@ class FormRoute(APIRoute):
         """As FastAPI's, with every file of a form taken for one."""
         handle = super().get_route_handler()
 
-        async def handled(request: Request) -> Response:
-            return await handle(_FormRequest(request.scope, request.receive))
+        async def handle_form(request: Request) -> Response:
+            if request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+                try:
+                    async with aclosing(request.stream()) as stream:
+                        request._form = await _Parser(request.headers, stream).parse()
+                except MultiPartException as error:
+                    raise HTTPException(status_code=400, detail=error.message) from error
+            return await handle(request)
 
-        return handled
+        return handle_form
