@@ -64,31 +64,24 @@ class ResultString:
             parsed = list(Formatter().parse(template))
         except ValueError as error:
             raise ResultStringError(f"the result format {template!r} is broken: {error}") from error
-        self._pieces: list[tuple[str, str | None, str]] = []
-        for literal, field, spec, conversion in parsed:
-            if any(is_hidden(char) for char in literal):
-                raise ResultStringError(
-                    "a result format has no control characters", hint="the line's end is added"
-                )
+        literals = "".join(literal for literal, *_ in parsed)
+        if any(map(is_hidden, literals)):
+            raise ResultStringError(
+                "a result format has no control characters", hint="the line's end is added"
+            )
+        for _, field, spec, conversion in parsed:
             if field is not None:
                 _check_field(field, spec or "", conversion)
-            self._pieces.append((literal, field, spec or ""))
-        if not any(field for _, field, _ in self._pieces):
+        if not any(field for _, field, *_ in parsed):
             raise ResultStringError(f"the result format {template!r} names no field, such as {{text}}")
-        literals = "".join(literal for literal, _, _ in self._pieces)
         self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
 
     def of(self, part: PartRecord) -> str:
         """The result string of a part, without the line's end."""
         reading = part.reading or NO_READING
-        made = []
-        for literal, field, spec in self._pieces:
-            made.append(literal)
-            if field in TEXT_FIELDS:
-                made.append(self._quoted(TEXT_FIELDS[field](part, reading)))
-            elif field is not None:
-                made.append(format(getattr(reading, field) or 0.0, spec))
-        return "".join(made)
+        texts = {name: self._quoted(value(part, reading)) for name, value in TEXT_FIELDS.items()}
+        numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
+        return self.template.format(**texts, **numbers)
 
     def _quoted(self, text: str) -> str:
         return "".join(
