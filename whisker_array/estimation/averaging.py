@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BRIDGED = 2.1
-"""Gaps between samples that are joined, usual steps: passes laid between passes leave some twice as wide as others."""
 
-
-def averaging_weights(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
+def averaging_weights(
+    position: NDArray[Any], pixel: NDArray[Any], pitch: float, *, bridged: float = 2.1
+) -> Any:
     """Sparse (pixels, samples) weights of samples for pixels.
 
     A triangle reaches one pitch to either side, or to the neighbouring sample if that is further away: so samples of
-    uneven distance are joined by straight lines. A gap of more than `BRIDGED` usual steps stays open.
+    uneven distance are joined by straight lines. A gap of more than `bridged` usual steps stays open: passes
+    laid between passes leave some gaps twice as wide as others.
     """
     from scipy import sparse
 
@@ -32,7 +32,7 @@ def averaging_weights(position: NDArray[Any], pixel: NDArray[Any], pitch: float)
     steps = np.sort(gaps)
     step = float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2])) if steps.size else pitch
     # to the neighbour on either side; at the ends, and into a gap that stays open, as far as usual
-    closed = np.where(gaps > BRIDGED * step, step, gaps)
+    closed = np.where(gaps > bridged * step, step, gaps)
     apart = np.maximum(np.r_[step, closed, step], pitch) * (1.0 + 1e-6)
     begin = np.searchsorted(ordered + apart[1:], pixel)
     end = np.searchsorted(ordered - apart[:-1], pixel)

@@ -23,9 +23,6 @@ from whisker_array.whisker.shapes import TipModel
 
 Array = NDArray[np.float64]
 
-PROFILER_TOLERANCE = 1e-3
-"""A whisker is a profiler when its G changes by less than this share between theta = 0 and 45 degrees."""
-
 
 def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
     """G of m = lift G(theta), eqs. (11) and (14), N mm per mm; NaN where the force cannot lift the tip."""
@@ -35,14 +32,16 @@ def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
     return np.where(give > 0.0, (arm[1] - arm[0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
 
 
-def is_profiler(tip: TipModel) -> bool:
+def is_profiler(tip: TipModel, *, tolerance: float = 1e-3) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
+
+    That is when G changes by less than the tolerance, a share, between theta = 0 and 45 degrees.
 
     Straight whiskers are, (17), (18), unless so steep that stretch counts or that 45 degrees jam; and so is an
     L-shaped one whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are the same.
     """
     level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
-    return bool(np.isfinite(leaning) and abs(leaning - level) <= PROFILER_TOLERANCE * abs(level))
+    return bool(np.isfinite(leaning) and abs(leaning - level) <= tolerance * abs(level))
 
 
 def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:

@@ -25,17 +25,6 @@ from whisker_array.scan.sweep import Sweep
 Floats = NDArray[np.float64]
 MAD = 1.4826
 """From a median of deviations to a standard deviation."""
-_FEW = 200
-"""Fewest samples of a whisker that are evaluated."""
-_BESIDE = 2
-"""Lines on either side of a border between whiskers."""
-_LEAST_STEPS = 0.3
-"""Root sum of squares of the steps along such lines, share of the land: less is no mark."""
-_LEAST_DEPTH = 0.02
-"""Share of the land: a line that is less deep runs beside the strokes that the other meets."""
-_LEAST_HZ = 10.0
-_LOCKED = 0.5
-"""Agreement of phases from pass to pass, above which a wave stands on the plate."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,9 +66,9 @@ def _of_whiskers(stacks: list[Floats]) -> list[Floats]:
     return [np.concatenate([s[:, w].ravel() for s in stacks]) for w in range(stacks[0].shape[1])]
 
 
-def _median(values: Floats) -> float:
+def _median(values: Floats, *, fewest: int = 200) -> float:
     known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size >= _FEW else float("nan")
+    return float(np.median(known)) if known.size >= fewest else float("nan")
 
 
 def noises(shares: list[SweepShares]) -> tuple[Floats, Floats]:
@@ -114,16 +103,26 @@ def level_steps(shares: list[SweepShares]) -> Floats:
     return found
 
 
-def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
+def sharpness(
+    shares: list[SweepShares],
+    *,
+    line_pitch_mm: float,
+    beside: int = 2,
+    least_steps: float = 0.3,
+    least_depth: float = 0.02,
+) -> Floats:
     """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
 
     Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
     rounds their edges. All borders are reconciled by least squares, as gains are.
 
     Args:
-        felt: all that was felt.
+        shares: of all sweeps.
         line_pitch_mm: of the grid: lines more than two of it apart, as in a part felt by a few passes, run over
             different marks and do not compare the tips.
+        beside: lines on either side of a border between whiskers.
+        least_steps: root sum of squares of the steps along such lines, share of the land: less is no mark.
+        least_depth: share of the land: a line that is less deep runs beside the strokes that the other meets.
     """
     n, borders = shares[0].share.shape[1], []
     for f in shares:
@@ -132,11 +131,11 @@ def sharpness(shares: list[SweepShares], *, line_pitch_mm: float) -> Floats:
         gaps = np.diff(place)
         # nor do neighbours meet over the gap that a whisker leaves which is out of use
         for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * line_pitch_mm)):
-            before, after = slice(i + 1 - _BESIDE, i + 1), slice(i + 1, i + 1 + _BESIDE)
-            if i + 1 < _BESIDE or np.ptp(whisker[before]) or np.ptp(whisker[after]):
+            before, after = slice(i + 1 - beside, i + 1), slice(i + 1, i + 1 + beside)
+            if i + 1 < beside or np.ptp(whisker[before]) or np.ptp(whisker[after]):
                 continue
             (depth0, steps0), (depth1, steps1) = _contrast(marks[before]), _contrast(marks[after])
-            if min(steps0, steps1) < _LEAST_STEPS or min(depth0, depth1) < _LEAST_DEPTH:
+            if min(steps0, steps1) < least_steps or min(depth0, depth1) < least_depth:
                 continue
             step = 0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0))
             borders.append((int(whisker[i]), int(whisker[i + 1]), step))
@@ -227,11 +226,19 @@ class Tone:
     ratio: float
 
 
-def strongest_tone(shares: list[SweepShares], sample_rate_hz: float) -> Tone:
+def strongest_tone(
+    shares: list[SweepShares], sample_rate_hz: float, *, least_hz: float = 10.0, locked: float = 0.5
+) -> Tone:
     """The strongest line in what changes from pass to pass: marks stand still, a vibration does not.
 
     Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers leaves what
     they share.
+
+    Args:
+        shares: of all sweeps.
+        sample_rate_hz: of the converter.
+        least_hz: lowest frequency that counts.
+        locked: agreement of phases from pass to pass, above which a wave stands on the plate.
     """
     best = Tone(0.0, 0.0, 0.0)
     for f in shares:
@@ -254,14 +261,14 @@ def strongest_tone(shares: list[SweepShares], sample_rate_hz: float) -> Tone:
         # a peak is held against what lies three to eight lines beside it
         padded = np.pad(power[1:], (9, 8), constant_values=np.nan)
         around = np.lib.stride_tricks.sliding_window_view(padded, 17)
-        at = np.flatnonzero((hz >= _LEAST_HZ) & (hz < 0.4 * sample_rate_hz))
+        at = np.flatnonzero((hz >= least_hz) & (hz < 0.4 * sample_rate_hz))
         at = at[power[at] >= np.nanmax(around[at, 7:10], axis=1)]
         beside = np.nanmedian(around[at][:, [*range(6), *range(11, 17)]], axis=1)
         for k, other in zip(at, beside, strict=True):
             ratio = float(power[k] / max(float(other), 1e-30))
             # of a sine of amplitude a, differences between passes of any phase have 2 a^2 on average
             amplitude = float(np.sqrt(0.5 * power[k]) * 2.0 / window.sum())
-            if ratio > best.ratio and abs(np.mean(np.exp(2j * np.angle(spectrum[:, k])))) < _LOCKED:
+            if ratio > best.ratio and abs(np.mean(np.exp(2j * np.angle(spectrum[:, k])))) < locked:
                 best = Tone(float(hz[k]), amplitude, ratio)
     return best
 

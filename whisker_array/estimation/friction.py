@@ -21,11 +21,8 @@ from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
 
-LAND_BAND = 0.03
-"""Samples within this share of the land's moment are land: marks are 10 % and more."""
 USABLE_SD = 0.05
 """A friction known no better is not used: the nominal one is within 0.15 or so without measuring."""
-FEWEST_SAMPLES = 16
 
 
 class FrictionRoute(StrEnum):
@@ -81,7 +78,8 @@ class _LandLines:
         return alike and np.allclose(self.place_mm, other.place_mm)
 
 
-def _land_lines(scan: Scan, sweep: Sweep, kind: int) -> _LandLines:
+def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _LandLines:
+    """Lines of one kind of whisker, NaN where they are off the land by more than a band: marks are 10 % and more."""
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
     moment = calibrated_moments(scan, sweep)[:, columns, within]
@@ -98,7 +96,7 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int) -> _LandLines:
         rows = np.flatnonzero((whisker == w) & np.isfinite(lines).any(axis=1))
         if rows.size:
             land = land_surface(land_coefficients(lines[rows]), lines[rows].shape)
-            off = np.abs(lines[rows] / land - 1.0) > LAND_BAND
+            off = np.abs(lines[rows] / land - 1.0) > band
             lines[rows] = np.where(off, np.nan, lines[rows])
     return _LandLines(lines, place, whisker)
 
@@ -107,6 +105,8 @@ def _mean_friction(
     pairs: Iterable[tuple[_LandLines, _LandLines]],
     solve: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]],
     route: FrictionRoute,
+    *,
+    fewest: int = 16,
 ) -> LandFriction | None:
     """Mean over whiskers; each was asked in several sweeps, which share its gain and so count once.
 
@@ -114,11 +114,12 @@ def _mean_friction(
         pairs: lines of each sweep, felt in two ways.
         solve: friction from the land's moments in both ways.
         route: that is taken.
+        fewest: samples of land that a line must have.
     """
     found: dict[int, list[float]] = {}
     for one, other in pairs:
         both = np.isfinite(one.moment) & np.isfinite(other.moment)
-        enough = both.sum(axis=1) >= FEWEST_SAMPLES
+        enough = both.sum(axis=1) >= fewest
         a, b = (np.nanmedian(np.where(both, v.moment, np.nan)[enough], axis=1) for v in (one, other))
         mu, whisker = solve(a, b), one.whisker[enough]
         for w in np.unique(whisker):

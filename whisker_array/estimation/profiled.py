@@ -44,10 +44,6 @@ Lines = NDArray[np.float64]
 ROUNDS = 4
 """Times that tip places and leans are settled against each other; each takes off a tenth or less of the last."""
 
-LEAST_GIVE = 0.5
-"""A pushed tip is trusted where lifting it takes less than about twice the force that level land asks."""
-MOST_JAMMED = 0.05
-
 
 def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
     """Height and slopes of the surface by the best route that the scan allows.
@@ -161,17 +157,26 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
     return np.where(ss > 0, tau, np.nan), phi
 
 
-def _has_jammed(sweep: Sweep) -> bool:
+def _has_jammed(sweep: Sweep, *, most: float = 0.05) -> bool:
     """Whether so much of a sweep jammed that its land cannot be trusted either."""
     on_plate = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
     jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
-    return bool((jammed & on_plate).sum() > MOST_JAMMED * on_plate.sum())
+    return bool((jammed & on_plate).sum() > most * on_plate.sum())
 
 
 def _without_snags(
-    view: _View, lean: Lines, tau: Lines, phi_land: float, touches: tuple[Touch, Touch]
+    view: _View,
+    lean: Lines,
+    tau: Lines,
+    phi_land: float,
+    touches: tuple[Touch, Touch],
+    *,
+    least_give: float = 0.5,
 ) -> Lines:
-    """A pushed view without the walls on which it is near jamming: there it sticks and slips."""
+    """A pushed view without the walls on which it is near jamming: there it sticks and slips.
+
+    It is used where lifting the tip takes less than 1 / `least_give` of the force on level land.
+    """
     if view.friction_sign > 0.0:
         return lean
     t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))
@@ -179,7 +184,7 @@ def _without_snags(
         1.0 - touch.tip.compliance_mm_per_n[1, 0] / touch.tip.compliance_mm_per_n[1, 1] * t
         for touch in touches
     ]
-    return np.where(np.minimum(*give) > LEAST_GIVE, lean, np.nan)
+    return np.where(np.minimum(*give) > least_give, lean, np.nan)
 
 
 def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: bool) -> _View:

@@ -2,7 +2,7 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
-    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + roughness^2
+    sigma^2 = scatter of a sample^2 + (place_mm dm/du)^2 + roughness^2
 
 felt - predicted is what a level that walks on leaves of it (`misses`), and predicted a plane through a cloud of
 benches (`cloud`), which is laid again around each solution. The second sum is what the workshop knew before

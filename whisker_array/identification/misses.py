@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 from glyphs.compiled import CONTRACTED, kernel, read_only
 from whisker_array.identification.traces import Trace
 
-PLACE_MM = 0.005
-"""Error of a stage's place: usual screws have waves of this amplitude in every turn."""
 WALK = 0.03
 """Step of a level's walk between two samples, in parts of their scatter: measured on benches of known numbers."""
 BEGINS = 0.5
@@ -40,11 +38,14 @@ def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float
     return np.asarray((1.0 + (misses / few) ** 2) ** -2.0)
 
 
-def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:
-    """(samples,) uncertainty of each: its scatter, and what a place a little off makes of it; inf where not used."""
+def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float, *, place_mm: float = 0.005) -> NDArray[np.float64]:
+    """(samples,) uncertainty of each: its scatter, and what an error of place makes of it; inf where not used.
+
+    The error of a stage's place is the amplitude of the waves that usual screws have in every turn.
+    """
     step = np.abs(np.diff(np.nan_to_num(trace.felt_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
     steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm
-    sigma = np.hypot(scatter_n_mm, PLACE_MM * np.nan_to_num(steepest))
+    sigma = np.hypot(scatter_n_mm, place_mm * np.nan_to_num(steepest))
     return np.asarray(np.where(np.isnan(trace.felt_n_mm), np.inf, sigma))
 
 

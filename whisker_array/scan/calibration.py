@@ -25,8 +25,6 @@ from whisker_array.scan.sensor import Gauges, SensorError, check_signal
 
 MIN_LEAD_IN_SAMPLES = 16
 """Fewest samples of air, and of land, from which a calibration is taken."""
-MAX_GAIN_UNCERTAINTY = 0.01
-"""Largest standard error of an estimated gain, as a share of it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,7 +68,7 @@ def calibrate_lead_in(
     land: NDArray[np.floating],
     *,
     expected_land_moment_n_mm: float,
-    max_gain_uncertainty: float = MAX_GAIN_UNCERTAINTY,
+    max_gain_uncertainty: float = 0.01,
 ) -> Calibration:
     """Gain and offset of every whisker from its lead-in: first air, then land.
 

@@ -25,13 +25,6 @@ from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
 
-HELD_MODES = 3
-"""Against finite elements over a groove at 120 mm/s the moment is wrong by 0.4 % of the land's with two, 0.1 % with
-three."""
-DAMPING = 0.01
-"""Share of critical damping: clamped steel springs without dampers have 0.2 to 2 %; an assumption."""
-_PARTS = 24
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WhiskerModes(OneLine):
@@ -54,7 +47,7 @@ class WhiskerModes(OneLine):
     moment: NDArray[np.float64]
     rest_moment_mm: NDArray[np.float64]
     held_hz: NDArray[np.float64]
-    damping: float = DAMPING
+    damping: float = 0.01
 
     def __post_init__(self) -> None:
         if not self.omega_rad_s.size or not self.omega_rad_s.min() > 0.0:
@@ -62,15 +55,14 @@ class WhiskerModes(OneLine):
         require_range(WhiskerError, 0.0, math.nextafter(1.0, 0.0), self, "damping")
 
 
-def whisker_modes(
-    whisker: Whisker, *, held: int = HELD_MODES, damping: float = DAMPING, parts: int = _PARTS
-) -> WhiskerModes:
+def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, parts: int = 24) -> WhiskerModes:
     """The modes of a whisker in the plane of tracing.
 
     Args:
         whisker: clamped at its base, planar.
-        held: how many modes with the tip held; one more mode comes of the lift.
-        damping: share of critical damping.
+        held: how many modes with the tip held; one more mode comes of the lift. Against finite elements over a groove
+            at 120 mm/s the moment is wrong by 0.4 % of the land's with two, 0.1 % with three.
+        damping: share of critical damping: clamped steel springs without dampers have 0.2 to 2 %; an assumption.
         parts: pieces that a segment is lumped in.
 
     Raises:

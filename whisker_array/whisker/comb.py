@@ -34,14 +34,8 @@ from whisker_array.whisker.shapes import TipModel, Whisker
 
 GAP_MM = 0.15
 """Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
-STEEPEST_SIDE = math.sqrt(3.0)
-"""Tangent of the steepest wall, 60 degrees, that pushes a tip sideways."""
-BURR_HEIGHTS = 0.1
-"""Height of burrs above the land, preloads: a whisker is lifted by so much more."""
 DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 """`bent_the_most` of the default whisker for characters 1 mm high."""
-CLAMP_THICKNESSES = 4.0
-"""Half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as wide as the whisker."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,15 +132,15 @@ def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: flo
 
 
 def bent_the_most(
-    whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
+    whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION, burr: float = 0.1
 ) -> NDArray[np.float64]:
-    """(n, 2) the elastica on land, lifted by the preload and what may stand above the land, from the clamp, mm.
+    """(n, 2) the elastica on land, lifted by the preload and by burrs (`burr` preloads high), from the clamp, mm.
 
     Raises:
         WhiskerError: a lift that the whisker cannot have.
     """
     try:
-        bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + BURR_HEIGHTS), mu=mu).shape_mm
+        bent = large_deflection(whisker, lift_mm=preload_mm * (1.0 + burr), mu=mu).shape_mm
     except ElasticaError as error:
         raise WhiskerError(f"the bent whisker has no shape: {error.what}", hint=error.hint) from error
     return np.asarray(bent - bent[0])
@@ -165,15 +159,32 @@ def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION
     return _body(whisker, preload_mm, bent_the_most(whisker, preload_mm=preload_mm, mu=mu))
 
 
-def _body(whisker: Whisker, preload: float, bent: NDArray[np.float64]) -> Body:
+def _body(
+    whisker: Whisker,
+    preload: float,
+    bent: NDArray[np.float64],
+    *,
+    steepest: float = math.sqrt(3.0),
+    clamp_thicknesses: float = 4.0,
+) -> Body:
+    """A whisker as a body.
+
+    Args:
+        whisker: at rest.
+        preload: d0, mm.
+        bent: its line when bent the most.
+        steepest: tangent of the steepest wall that pushes the tip sideways, 60 degrees.
+        clamp_thicknesses: half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as
+            wide as the whisker.
+    """
     segments = whisker.segments()
     rest = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
     sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
     thick = 2.0 * max(s.c_vertical_mm for s in sections)
     tip: TipModel = whisker.tip_model()
-    aside = preload * STEEPEST_SIDE * float(tip.compliance_mm_per_n[2, 2] / tip.compliance_mm_per_n[1, 1])
+    aside = preload * steepest * float(tip.compliance_mm_per_n[2, 2] / tip.compliance_mm_per_n[1, 1])
     wide = 2.0 * max(s.c_lateral_mm for s in sections)
-    clamp = (2.0 * CLAMP_THICKNESSES * thick, CLAMP_THICKNESSES * thick)
+    clamp = (2.0 * clamp_thicknesses * thick, clamp_thicknesses * thick)
     steel = whisker.material.density_t_mm3
     tonnes = sum(s.material.density_t_mm3 * s.section_at(0.5).area_mm2 * s.length_mm for s in segments)
     tonnes += steel * wide * clamp[0] * 2.0 * clamp[1]

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whisker_array.estimation.averaging import BRIDGED, average_onto, averaging_weights
+from whisker_array.estimation.averaging import average_onto, averaging_weights
 
 Lines = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ def full(position: Lines, pixel: Lines, pitch: float) -> Lines:
         for j, p in enumerate(pixel):
             beside = above if p > x else below
             apart = abs(beside - x).min() if beside.size else step
-            reach = max(pitch, apart if apart <= BRIDGED * step else step) * (1.0 + 1e-6)
+            reach = max(pitch, apart if apart <= 2.1 * step else step) * (1.0 + 1e-6)
             weights[j, i] = max(0.0, 1.0 - abs(p - x) / reach)
     return weights
 
