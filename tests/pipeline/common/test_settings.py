@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from pydantic import ValidationError
 
@@ -65,6 +68,17 @@ def test_the_readers_are_told_who_has_a_say() -> None:
     with pytest.raises(MarksError, match="no photograph is read by templates; add the expert network"):
         _ = open_reader(ReadSettings(experts=("templates",))).vision
     assert open_reader(ReadSettings()).settings.experts == ()
+
+
+def test_settings_that_say_nothing_load_no_library_of_reading() -> None:
+    """The command line gives every setting, most of them empty, before it starts the worker that reads."""
+    program = (
+        "import sys; from pipeline.common.settings import ReadSettings;"
+        "ReadSettings(format=(), check=(), experts=(), depth_rule=(), line=(), region=None, exclude='');"
+        "print(*{name.partition('.')[0] for name in sys.modules} & {'recognition', 'numpy', 'scipy', 'numba'})"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "\n"
 
 
 def test_an_expert_that_there_is_not_is_refused() -> None:
