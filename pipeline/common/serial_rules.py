@@ -51,7 +51,7 @@ class Objection:
     of: str = ""
 
 
-class Counted(NamedTuple):
+class NumberedSerial(NamedTuple):
     """A serial with a number that counts: KX407251 is KX, 407251.
 
     Attributes:
@@ -83,11 +83,11 @@ class ProductionOrder:
 
     name: str
     serials: frozenset[str] = frozenset()
-    ranges: tuple[tuple[Counted, Counted], ...] = ()
+    ranges: tuple[tuple[NumberedSerial, NumberedSerial], ...] = ()
 
     def holds(self, text: str) -> bool:
         """Whether a serial is in it, blanks or not."""
-        place = counted(text)
+        place = split_serial(text)
         return without_blanks(text) in self.serials or any(
             place is not None and place.series == first.series and first.number <= place.number <= last.number
             for first, last in self.ranges
@@ -126,8 +126,8 @@ class SerialRules:
             text: of the part now.
             before: (how many parts before it, serial) of those that were read surely, the latest first.
         """
-        place = counted(text)
-        known = [(back, found) for back, one in before if (found := counted(one)) is not None][:WINDOW]
+        place = split_serial(text)
+        known = [(back, found) for back, one in before if (found := split_serial(one)) is not None][:WINDOW]
         if not self.jump or len(known) < _MOST:
             return None
         ((head, tail), n_alike), *_ = Counter((one.head, one.tail) for _, one in known).most_common()
@@ -146,11 +146,11 @@ class SerialRules:
         return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is {where} the parts before it")
 
 
-def counted(text: str) -> Counted | None:
+def split_serial(text: str) -> NumberedSerial | None:
     """Split a serial with a number into its parts; None for a serial without one."""
     plain = without_blanks(text)
     runs = list(_DIGITS.finditer(plain))
     if not runs:
         return None
     last = runs[-1]
-    return Counted(plain[: last.start()], int(last[0]), len(last[0]), plain[last.end() :])
+    return NumberedSerial(plain[: last.start()], int(last[0]), len(last[0]), plain[last.end() :])

@@ -28,9 +28,9 @@ from pipeline.formats.part_files import (
     has_magic,
     key_and_kind,
     local_name,
-    named_apart,
     set_of,
     split_name,
+    with_unique_names,
 )
 from pipeline.formats.text_maps import is_number_table
 
@@ -136,7 +136,7 @@ def discover(
     parts = found.parts()
     if not parts:
         raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
-    return Listing(named_apart(parts), found.passed_over)
+    return Listing(with_unique_names(parts), found.passed_over)
 
 
 def _is_manifest(name: str) -> bool:

@@ -22,8 +22,15 @@ from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.errors import DataError, is_url, reading
-from pipeline.formats.part_files import PartFiles, beside, key_and_kind, local_name, named_apart, split_name
-from pipeline.formats.remote import copied
+from pipeline.formats.part_files import (
+    PartFiles,
+    beside,
+    key_and_kind,
+    local_name,
+    split_name,
+    with_unique_names,
+)
+from pipeline.formats.remote import local_copy
 from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
@@ -99,13 +106,15 @@ def read_manifest(source: str) -> Sequence[PartFiles]:
             parts.append(part)
         if not parts:
             raise DataError("holds no part", "give a line for each part")
-    return named_apart(parts)
+    return with_unique_names(parts)
 
 
 @contextlib.contextmanager
 def _opened(source: str, *, kind: str) -> Iterator[Path]:
     """The table on this machine; its errors name the source."""
-    copy = copied(source, most_bytes=_MAX_BYTES) if is_url(source) else contextlib.nullcontext(Path(source))
+    copy = (
+        local_copy(source, most_bytes=_MAX_BYTES) if is_url(source) else contextlib.nullcontext(Path(source))
+    )
     with copy as path, reading(path, most_bytes=_MAX_BYTES, kind=kind):
         yield path
 

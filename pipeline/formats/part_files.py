@@ -92,7 +92,7 @@ def absolute(name: str | Path) -> str:
     return str(name) if not name or is_url(name) else os.path.abspath(name)
 
 
-def spelled_on_disk(name: str) -> Path:
+def spelling_on_disk(name: str) -> Path:
     """The path of a file as the disk spells it; as it is given where there is no such file.
 
     Raises:
@@ -233,7 +233,7 @@ def set_of(file: str) -> str:
     return several["stem"] if several else ""
 
 
-def named_apart(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
+def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     """The parts with names that are unique: as much of its folder before a name as that takes.
 
     Parts of one name and one folder, which only manifests can tell of, are numbered.

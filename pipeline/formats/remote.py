@@ -31,7 +31,7 @@ from pipeline.formats.part_files import (
     has_magic,
     local_name,
     scheme_of,
-    spelled_on_disk,
+    spelling_on_disk,
     split_name,
 )
 
@@ -73,7 +73,7 @@ def list_remote(url: str) -> list[str]:
 
 
 @contextlib.contextmanager
-def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
+def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
     Whatever is said of a copy meanwhile is said of its URL. A photograph that cannot be copied is a problem of the
@@ -94,10 +94,10 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
         def here(file: str | Path, kind: str) -> str:
             name = local_name(str(file))
             if not is_url(name):
-                return str(spelled_on_disk(name)) if name else ""
+                return str(spelling_on_disk(name)) if name else ""
             if part.problem is not None or (kind == "photo" and part.photo_problem is not None):
                 return name  # never opened
-            return str(copies.enter_context(copied(name, most_bytes=MOST_BYTES[kind])))
+            return str(copies.enter_context(local_copy(name, most_bytes=MOST_BYTES[kind])))
 
         part = replace(part, height_map=here(part.height_map, "height_map"), scan=here(part.scan, "scan"))
         try:
@@ -111,13 +111,13 @@ def fetched(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
 
 
 @contextlib.contextmanager
-def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
+def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
     """A copy of one file in a folder of its own, under its own name as far as that is harmless.
 
     Errors of the block name the URL.
 
     Raises:
-        FileError: as `fetched`.
+        FileError: as `local_copies`.
         MissingExtraError: likewise.
     """
     files = _file_system(url)

@@ -17,7 +17,7 @@ from pathlib import Path, PurePath, PureWindowsPath
 from rapidfuzz.distance import Levenshtein
 
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.serial_rules import Counted, ProductionOrder, counted
+from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
 from pipeline.common.texts import without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import is_height_map, is_photo, is_scan
@@ -230,8 +230,8 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
     return filled[0], lines
 
 
-def _range(line: TableLine, first: str, last: str) -> tuple[Counted, Counted]:
-    low, high = counted(first), counted(last)
+def _range(line: TableLine, first: str, last: str) -> tuple[NumberedSerial, NumberedSerial]:
+    low, high = split_serial(first), split_serial(last)
     if low is None or high is None or low.series != high.series:
         what = f"line {line.number}: {first}..{last} is not a range of serials"
         raise DataError(what, "write it as KX400000..KX409999")

@@ -102,7 +102,7 @@ def _file_of(listed: PartFiles) -> str:
 
 
 def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
-    from pipeline.formats.remote import fetched
+    from pipeline.formats.remote import local_copies
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import PartReader
@@ -111,7 +111,7 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
     settings, digest = order.settings, ""
     reader = _reader_for(order, listed)
     try:
-        with fetched(listed, photos=settings.mode not in (None, "tactile")) as part:
+        with local_copies(listed, photos=settings.mode not in (None, "tactile")) as part:
             parts = PartReader(reader, mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s)
             reading = parts.read(part, expected=listed.expected)
             if order.digests:

@@ -159,10 +159,10 @@ def _measured(plan: StudyPlan, part: StudiedPart, array: int, blank: Trial) -> T
 
 
 def _read(settings: ReadSettings, listed: PartFiles, again: Retake | None) -> Reading:
-    from pipeline.formats.remote import fetched
+    from pipeline.formats.remote import local_copies
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
     reader = reader_of(settings_of(settings, listed))
-    with fetched(listed, photos=settings.mode not in (None, "tactile")) as files:
+    with local_copies(listed, photos=settings.mode not in (None, "tactile")) as files:
         return PartReader(reader, mode=settings.mode, maps=settings).unverified(files, again=again)

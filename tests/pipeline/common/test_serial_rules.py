@@ -10,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from pipeline.common.serial_rules import WINDOW, Counted, ProductionOrder, SerialAlarm, SerialRules, counted
+from pipeline.common.serial_rules import (
+    WINDOW,
+    NumberedSerial,
+    ProductionOrder,
+    SerialAlarm,
+    SerialRules,
+    split_serial,
+)
 from pipeline.formats.truth import read_order
 
 
@@ -30,14 +37,14 @@ def row(n: int, start: int = 407_200) -> list[str | None]:
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        ("KX407251", Counted("KX", 407251, 6, "")),
-        ("A1-0099B", Counted("A1-", 99, 4, "B")),
-        ("KX 407 251", Counted("KX", 407251, 6, "")),
+        ("KX407251", NumberedSerial("KX", 407251, 6, "")),
+        ("A1-0099B", NumberedSerial("A1-", 99, 4, "B")),
+        ("KX 407 251", NumberedSerial("KX", 407251, 6, "")),
         ("KX", None),
     ],
 )
-def test_the_last_run_of_digits_counts(text: str, place: Counted | None) -> None:
-    assert counted(text) == place
+def test_the_last_run_of_digits_counts(text: str, place: NumberedSerial | None) -> None:
+    assert split_serial(text) == place
 
 
 def test_one_misread_is_flagged_alone() -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from pipeline.errors import is_url, without_secrets
 from pipeline.formats.find_parts import NothingFoundError, discover
-from pipeline.formats.part_files import PartFiles, named_apart, split_name
+from pipeline.formats.part_files import PartFiles, split_name, with_unique_names
 from pipeline.formats.touch_file import read_height_map
 
 FILES = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
@@ -141,7 +141,7 @@ def test_names_made_apart_are_unique_and_end_as_they_were(found: list[tuple[str,
         PartFiles(stem, f"{folder}/{number}.npz" if folder else f"{number}.npz")
         for number, (folder, stem) in enumerate(found)
     ]
-    apart = named_apart(parts)
+    apart = with_unique_names(parts)
     assert len({p.name for p in apart}) == len(parts)
     for part, before in zip(apart, parts, strict=True):
         assert part.files == before.files
@@ -152,7 +152,7 @@ def test_names_made_apart_are_unique_and_end_as_they_were(found: list[tuple[str,
             and "(" not in before.name
         ):
             assert part.name == before.name
-    assert named_apart(apart) == apart
+    assert with_unique_names(apart) == apart
 
 
 def test_what_a_name_says() -> None:

@@ -25,7 +25,7 @@ from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.remote import copied, fetched, list_remote
+from pipeline.formats.remote import list_remote, local_copies, local_copy
 from pipeline.formats.touch_file import read_height_map
 from pipeline.reading.part_reader import load_photo, senses_of
 
@@ -48,7 +48,7 @@ def copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def read(url: str, **more: Any) -> bytes:
-    with fetched(PartFiles("part", height_map=url), **more) as part:
+    with local_copies(PartFiles("part", height_map=url), **more) as part:
         return Path(part.height_map).read_bytes()
 
 
@@ -83,9 +83,9 @@ def memory() -> Callable[[str, bytes], str]:
 def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
     (tmp_path / "a b%20.npz").write_bytes(b"x")
     for name in (f"{tmp_path}/a b%20.npz", f"file://{tmp_path}/a b%20.npz"):
-        with fetched(PartFiles("part", height_map=name, photo="b.png")) as part:
+        with local_copies(PartFiles("part", height_map=name, photo="b.png")) as part:
             assert part == PartFiles("part", height_map=f"{tmp_path}/a b%20.npz", photo="b.png")
-    with pytest.raises(FileError, match="is not there"), fetched(PartFiles("p", "none.npz")) as part:
+    with pytest.raises(FileError, match="is not there"), local_copies(PartFiles("p", "none.npz")) as part:
         read_height_map(part.height_map)
 
 
@@ -93,7 +93,7 @@ def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, byte
     heights = np.random.default_rng(6).normal(0.0, 0.05, size=(30, 40)).astype(np.float32)
     write_npz(tmp_path / "a.npz", HeightMap(heights, 0.05))
     url = memory("lot/a.npz", (tmp_path / "a.npz").read_bytes())
-    with fetched(PartFiles("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
+    with local_copies(PartFiles("part", height_map=url, scan=memory("lot/a.h5", b"scan"))) as part:
         np.testing.assert_array_equal(read_height_map(part.height_map).z_mm, heights)
         assert (part.name, Path(part.height_map).name, Path(part.scan).name) == ("part", "a.npz", "a.h5")
         kept = Path(part.height_map)
@@ -102,40 +102,40 @@ def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, byte
 
 def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], str]) -> None:
     listed = PartFiles("part", height_map=memory("lot/bad.npz", b"no map"))
-    with pytest.raises(FileError, match=r"^memory://lot/bad.npz: ") as caught, fetched(listed) as part:
+    with pytest.raises(FileError, match=r"^memory://lot/bad.npz: ") as caught, local_copies(listed) as part:
         read_height_map(part.height_map)
     assert tempfile.gettempdir() not in str(caught.value)
-    with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, fetched(listed):
+    with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, local_copies(listed):
         raise FileError("other.npz", "is odd", "correct it")
     assert caught_too.value.__cause__ is None
-    with pytest.raises(KeyError), fetched(listed):
+    with pytest.raises(KeyError), local_copies(listed):
         raise KeyError("a fault of the program stays one")
 
 
 def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], str]) -> None:
     problem = FileError("a.npz", "stands beside another", "rename one")
     url = memory("lot/a.npz", b"x")
-    with fetched(PartFiles("part", url, problem=problem)) as part:
+    with local_copies(PartFiles("part", url, problem=problem)) as part:
         assert part.problem is problem
-    with fetched(PartFiles("part", url, photo=url, photo_problem=problem)) as part:
+    with local_copies(PartFiles("part", url, photo=url, photo_problem=problem)) as part:
         assert part.photo_problem is problem
         assert Path(part.height_map).read_bytes() == b"x"
 
 
 def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
     listed = PartFiles("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
-    with fetched(listed) as part:
+    with local_copies(listed) as part:
         assert part.photo_problem is not None
         assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
         assert senses_of(part, "auto") == (True, True)
         with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
             load_photo(part)
-    with fetched(listed, photos=False) as part:
+    with local_copies(listed, photos=False) as part:
         assert (part.photo, part.photo_problem) == ("", None)
     alone = PartFiles("part", photo="memory://lot/none.png")
     with (
         pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"),
-        fetched(alone, photos=False),
+        local_copies(alone, photos=False),
     ):
         pass
 
@@ -146,7 +146,7 @@ def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[
 def test_no_object_name_leads_out_of_the_folder(
     name: str, copies: Path, memory: Callable[[str, bytes], str]
 ) -> None:
-    with contextlib.suppress(FileError), copied(memory(name, b"x"), most_bytes=10) as path:
+    with contextlib.suppress(FileError), local_copy(memory(name, b"x"), most_bytes=10) as path:
         assert path.resolve().parent.parent == copies.resolve()
         assert path.read_bytes() == b"x"
 
@@ -296,7 +296,7 @@ def test_every_object_listed_is_fetched(bucket: str) -> None:
     parts = discover([f"{bucket}/lot"], photos=True)
     assert [p.name for p in parts] == ["a", "b", "we::ird [1] #?ü"]
     for part in parts:
-        with fetched(part) as local:
+        with local_copies(part) as local:
             for name, copy in zip(part.files, local.files, strict=True):
                 assert Path(copy).read_bytes() == OBJECTS[name.removeprefix("s3://lots/")]
 
@@ -446,7 +446,7 @@ def test_a_web_server(tmp_path: Path) -> None:
 def test_a_signed_address_is_fetched_and_not_told() -> None:
     with serving(_Signed) as url:
         listed = PartFiles("a", f"{url}/lot/a.npz?X-Signature=secret")
-        with fetched(listed) as part:
+        with local_copies(listed) as part:
             assert Path(part.height_map).name == "a.npz"
             assert Path(part.height_map).read_bytes() == b"map a"
         with pytest.raises(FileError) as caught:
