@@ -304,7 +304,7 @@ def score(
             f"score: {len(readings)} tables, and the names {', '.join(names)}",
             "give each its own name with --name",
         )
-    from pipeline.benchmark.exam.condition import Given
+    from pipeline.benchmark.exam.condition import parse_given
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
@@ -321,7 +321,7 @@ def score(
     else:
         source = DesignedParts(design_named(design or ""), parts)
         items = designed_items(source)
-    given = Given.parse(give)
+    given = parse_given(give)
     read = {
         reader: load_answers(path, items, reader=reader, given=given)
         for reader, path in zip(names, readings, strict=True)

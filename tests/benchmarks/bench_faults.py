@@ -1,4 +1,4 @@
-"""How often faults of whiskers and bench are named, false alarms, and what is read with a dead whisker.
+"""Share of faults of whiskers and bench that are named, false alarms, and what is read with a dead whisker.
 
     python -m tests.benchmarks.bench_faults --parts 120 --faulty 40 --read 20 --start 20
 
@@ -71,11 +71,11 @@ def main() -> None:
                         whisker,
                     )
                 scan = recorded(ideal, rng=np.random.default_rng(i), fault=fault, whisker=whisker, size=size)
-                told = find_faults(scan)
-                hit = [f for f in told if f.kind is kind and f.whisker in (None, whisker)]
+                found = find_faults(scan)
+                hit = [f for f in found if f.kind is kind and f.whisker in (None, whisker)]
                 named[size, kind] += bool(hit)
                 besides.setdefault((size, kind), Counter()).update(
-                    {f.kind.value for f in told if f not in hit}
+                    {f.kind.value for f in found if f not in hit}
                 )
         if n_read < asked.read and item.condition.severity <= 0.3:
             n_read += 1

@@ -1,8 +1,8 @@
-"""How honest the recogniser is about single characters, covered and not, of fonts and soils that it never saw::
+"""Calibration of the recogniser on single characters, covered and not, of fonts and soils that it never saw::
 
     python tests/benchmarks/cover_reliability.py FONTS ... --parts 150 --seed 500 --out covers.svg
 
-FONTS are folders; of them the held-out families alone. Parts bear the soils that nothing learns from, and half of the
+FONTS are folders; of them the held-out families alone. Parts have the soils that nothing learns from, and half of the
 strips get a cover over the stroke that tells each of their characters from another (`covers`). Of every place the
 posterior of the likeliest character is held against how often it is right. Prints a table in Markdown, and draws it.
 """
@@ -31,7 +31,7 @@ from recognition.learning.training_strips import TrainingStrip, strips_of
 SOILS = design_named("marks-exam-1").kept_out_soils
 """That nothing in this tree learns from."""
 _EDGES = np.array([0.0, 0.5, 0.8, 0.9, 0.97, 1.0001])
-"""Of the bins of posteriors."""
+"""Edges of the bins of posteriors."""
 _CHARS = CHARACTERS[:36]
 
 
@@ -46,7 +46,7 @@ class Place:
 
 
 def read_places(strips: Sequence[TrainingStrip], *, covered: bool) -> Iterator[Place]:
-    """What the recogniser says of the capitals and figures of strips, the number of places known."""
+    """Posteriors of the capitals and figures of strips, the number of places known."""
     for strip in strips:
         chars = [c for c in strip.text.upper() if c != " "]
         if not all(c in _CHARS for c in chars):

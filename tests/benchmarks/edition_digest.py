@@ -30,7 +30,7 @@ from pipeline.workers.executors import ordered_map
 from pipeline.workers.pool import WorkPool
 
 DIGITS: Final = 12
-"""Of the hash, in the file: a part that differs by chance is missed once in 2^48."""
+"""Digits of the hash in the file: a part that differs by chance is missed once in 2^48."""
 STEPS: Final = {"z_mm": 1e-4, "soft_mm": 1e-4, "friction": 1e-3, "hardness_mpa": 1e-2}
 """Steps to which heights (a tenth of a micrometre) and soil are rounded."""
 Arrays = dict[str, NDArray[Any]]
@@ -81,7 +81,7 @@ def digests_file(edition: str) -> Path:
 
 
 def arithmetic() -> str:
-    """What a digest depends on besides the program: numpy, and the instructions that it found here."""
+    """Parts of the machine that a digest depends on: numpy, and the instructions that it found here."""
     found: list[str] = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
     return " ".join(["numpy", np.__version__, *found])
 

@@ -1,4 +1,4 @@
-"""What steps of touch bring, fitted on parts of a design that are felt by steps drawn at random::
+"""Gain of a step of touch, fitted on parts of a design that are felt by steps drawn at random::
 
     python tests/benchmarks/fit_gain.py --design marks-exam-1-240 --seed 7 --budget-s 60 --write
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from recognition.active.active_reading import ActiveReading
 
 STIFFNESS = 0.3
-"""Of the fit: the inverse weight of its penalty, so that ways that were seldom taken stay near the usual one."""
+"""Inverse weight of the penalty of the fit, so that ways that were seldom taken stay near the usual one."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Tried:
 
 
 def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None = None) -> Iterator[Tried]:
-    """What came of every step on the parts of a design.
+    """Results of every step on the parts of a design.
 
     Raises:
         MarksError: no such design.
@@ -99,7 +99,7 @@ def steps_of(found: ActiveReading, part: str) -> Iterator[Tried]:
     for k, (way, upto, confidence) in enumerate(found.steps):
         if k:
             sure = found.sure_at_look and looks - k <= LOOKS_AHEAD
-            # near the end of a budget nobody knows what the next looks would have said
+            # near the end of a budget the next looks are not known
             if sure or looks - k >= LOOKS_AHEAD:
                 yield Tried(way, dict(lines), tuple(confidences), sure, part)
         lines[way] = upto

@@ -48,7 +48,7 @@ BETTER = {
 }
 """Quantities that may count, and whether more of each is better."""
 HOLD = 0.3
-"""What pulls each weight to where it starts: 1 for the log odds of the text, 0 for the others."""
+"""Weight of the penalty that pulls each weight to where it starts: 1 for the log odds of the text, 0 for the others."""
 LEAST_WEIGHT = 0.02
 """Log odds over a quantity's whole range below which it is left out."""
 KNEED, KNEE_ODDS = (Measure.ODDS, Measure.CAMERA), 0.0

@@ -32,7 +32,7 @@ TRUE, FOUND = "true", "as identified"
 
 
 def of_height(bench: Bench, height_mm: float) -> Touch:
-    """What a bench for 5 mm is for characters of another height: lengths, radius and preload go with it."""
+    """A bench for 5 mm scaled to characters of another height: lengths, radius and preload go with it."""
     drawn, like = (default_whisker(height) for height in (height_mm, HEIGHT_MM))
     here, there = (
         nominal_bench(whisker, default_touch(height), n_whiskers=1).values

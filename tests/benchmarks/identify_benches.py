@@ -1,4 +1,4 @@
-"""Whether benches that nobody knows are found, and whether their intervals hold.
+"""Whether unknown benches are identified, and whether their intervals hold.
 
     python -m tests.benchmarks.identify_benches --benches 200 --jobs 2 --out benches.jsonl
 
@@ -71,7 +71,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     lines = [
         f"{len(done)} benches, {len(rows) - len(done)} refused; settled {sum(r['settled'] for r in done)}; recording "
         f"{np.median([r['stage_s'] for r in done]):.0f} s, fit {np.median([r['fit_s'] for r in done]):.0f} s (median)",
-        f"{'':16}{'covered':>9}{'bias':>10}{'rms off':>10}{'worst':>10}{'sd told':>10}   within what is asked",
+        f"{'':16}{'covered':>9}{'bias':>10}{'rms off':>10}{'worst':>10}{'sd said':>10}   within what is asked",
     ]
     for name in (*Unknown, *(f"{name} 0" for name in OF_GAUGE), "tip"):
         true, value, sd = np.array([row[name] for row in done]).T

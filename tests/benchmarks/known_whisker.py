@@ -1,4 +1,4 @@
-"""How well a whisker must be known: characters read where one of its numbers is taken for another, as a picture::
+"""Knowledge of a whisker that reading needs: characters read where one number is taken for another, as a picture::
 
     python -m tests.benchmarks.known_whisker --parts 60 --seed 2100 --out known.svg
 
@@ -37,7 +37,7 @@ LEVELS: dict[str, tuple[float, ...]] = {
     Unknown.FRICTION: (0.05, 0.1, 0.2),
     Unknown.RADIUS: (0.25, 0.5, 1.0),
 }
-"""What is tried of each: shares of gain and radius, degrees, friction."""
+"""Errors that are tried: shares of gain and radius, degrees, friction."""
 UNITS = {
     GAIN: "gain, %",
     Unknown.BETA: "beta, degrees",
@@ -116,7 +116,7 @@ def _taken(scan: Scan, height_mm: float, off: dict[str, float], *, gains: np.nda
 
 
 def draw(trials: Sequence[Trial], path: Path) -> None:
-    """What is lost against how wrong each number is taken, and its interval."""
+    """Characters lost against how wrong each number is taken, and its interval."""
     from matplotlib.figure import Figure
 
     from glyphs.atomic import replacing
@@ -126,9 +126,9 @@ def draw(trials: Sequence[Trial], path: Path) -> None:
     severity = trials[0].severity
     for axis, (name, levels) in zip(axes, LEVELS.items(), strict=True):
         scale = 100.0 if "%" in UNITS[name] else 1.0
-        told = [lost(trials, f"{name} {off:g}", against=KNOWN) for off in levels]
+        losses = [lost(trials, f"{name} {off:g}", against=KNOWN) for off in levels]
         axis.errorbar(
-            [scale * off for off in levels], [mean for mean, _ in told], [half for _, half in told],
+            [scale * off for off in levels], [mean for mean, _ in losses], [half for _, half in losses],
             marker="o", markersize=3, capsize=2,
         )  # fmt: skip
         axis.axhline(0.0, color="0.7", linewidth=0.8)

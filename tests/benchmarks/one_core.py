@@ -58,12 +58,12 @@ def a_scan(text: str, seed: int) -> Scan:
 
 
 def task(name: str) -> Callable[[], str]:
-    """What is to be done; everything before it is warm."""
+    """The task by its name; everything before it is warm."""
     if name == "read_height_map":
         reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=HEIGHT_MM))
         reader.read(a_part("BZ135690", np.random.default_rng(2)).height_map)
         surface = a_part(TEXT, np.random.default_rng(1)).height_map
-        return lambda: told(reader.read(surface))
+        return lambda: result_line(reader.read(surface))
     if name.startswith("exam_"):
         return partial(exam_part, name.removeprefix("exam_"), count(1))
     if name == "read_coins":
@@ -119,8 +119,8 @@ def exam_part(soil: str, numbers: Iterator[int]) -> str:
     return " ".join(f"{step}={b - a:.4f}" for step, (a, b) in steps)
 
 
-def told(reading: Reading) -> str:
-    """What was read, and the seconds of every step."""
+def result_line(reading: Reading) -> str:
+    """The text and the seconds of every step."""
     steps = " ".join(f"{step}={seconds:.4f}" for step, seconds in reading.seconds.items())
     return f"{reading.text} {steps}"
 

@@ -1,4 +1,4 @@
-"""The same parts read in several ways, and what each way loses to the first in characters."""
+"""The same parts read in several ways, and the characters that each way loses to the first."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def tried(parts: int, seed: int, severity: float, ways: Ways) -> Iterator[Trial]
 
 
 def trial_of(reading: Reading | None, *, part: str, severity: float, way: str, truth: str) -> Trial:
-    """How a reading, or none, stands to the truth; blanks do not count."""
+    """Compare a reading, or none, with the truth; blanks do not count."""
     from rapidfuzz.distance import Levenshtein
 
     text = "" if reading is None else "".join(reading.text.split())

@@ -1,4 +1,4 @@
-"""How well a part is read by a coarser plan: measured on simulated parts, for `design --array`::
+"""Accuracy of reading by a coarser plan: measured on simulated parts, for `design --array`::
 
     python tests/benchmarks/plan_accuracy.py --parts 60 --seed 1700 --write
 
@@ -51,7 +51,7 @@ def trial_parts(parts: int, seed: int, *, severities: tuple[float, ...] = SEVERI
 
 
 def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
-    """What one part gave by one plan, part after part."""
+    """Results of one plan, part after part."""
     import numpy as np
     from rapidfuzz.distance import Levenshtein
 

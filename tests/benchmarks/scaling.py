@@ -1,8 +1,8 @@
-"""How the time of reading grows: with the characters of a line, the parts of a run, and the fonts that compete.
+"""Growth of the time of reading: with the characters of a line, the parts of a run, and the fonts that compete.
 
     python tests/benchmarks/scaling.py [--axes characters parts fonts] [--figure scaling.svg] [--rounds 3]
 
-One core, character height and format told, clean parts in gothic, scans by sensors as from the bench; their simulation
+One core, character height and format given, clean parts in gothic, scans by sensors as from the bench; their simulation
 is not counted. Of every part the fastest round, since other work on a machine only adds; then the mean over the parts.
 The run of parts is the command itself, `read --jobs 1` on recordings, from its start to its end.
 
@@ -60,7 +60,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Axis:
-    """What is varied, the points of it, and what the seconds are of."""
+    """Quantity that is varied, its points, and the unit of the seconds."""
 
     name: str
     of: str
@@ -84,7 +84,7 @@ def format_of(count: int) -> str:
 
 
 def a_scan(format: str, number: int) -> tuple[str, Scan]:
-    """What was stamped, and the recording of it."""
+    """The text stamped, and the recording of it."""
     part = make_part(SynthSpec(format=format, seed=400), number)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=HEIGHT_MM)
     scan = feel(part.height_map, plan=plan, height_mm=HEIGHT_MM, sensor_seed=number)
@@ -147,7 +147,7 @@ def over_parts(counts: Sequence[int], *, rounds: int) -> Axis:
             save_scan(scan, Path(folder) / f"part-{number:03d}.h5")
         for count in counts:
             files = [f"{name}.h5" for name in list(texts)[:count]]
-            told = (
+            known = (
                 "--font",
                 "gothic",
                 "--format",
@@ -157,7 +157,7 @@ def over_parts(counts: Sequence[int], *, rounds: int) -> Axis:
                 "--jobs",
                 "1",
             )
-            command = [sys.executable, "-m", "pipeline", "read", *files, *told, "--out", f"{count}.jsonl"]
+            command = [sys.executable, "-m", "pipeline", "read", *files, *known, "--out", f"{count}.jsonl"]
             took = []
             for _ in range(rounds + (not points)):  # the very first may have to compile
                 start = time.perf_counter()
@@ -170,7 +170,7 @@ def over_parts(counts: Sequence[int], *, rounds: int) -> Axis:
 
 
 def right_in(table: Path, texts: dict[str, str]) -> int:
-    """How many rows tell what was stamped."""
+    """Number of rows with the text that was stamped."""
     rows = map(json.loads, table.read_text(encoding="utf-8").splitlines())
     return sum("".join(row["text"].split()) == texts[row["part"]] for row in rows)
 

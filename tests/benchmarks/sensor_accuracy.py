@@ -1,4 +1,4 @@
-"""What creep, hysteresis, play and errors of the stage cost in characters: measured on simulated parts::
+"""Characters lost to creep, hysteresis, play and errors of the stage: measured on simulated parts::
 
     python -m tests.benchmarks.sensor_accuracy --parts 60 --seed 1700
 

@@ -1,4 +1,4 @@
-"""How long answers of the service take when parts arrive at a fixed rate, and whether they are right.
+"""Latency and correctness of the service's answers when parts arrive at a fixed rate.
 
     python tests/benchmarks/service_load.py --kinds photo --rates 0.5 1 2 --seconds 60
     python tests/benchmarks/service_load.py --kinds part --rates 0.5 --seconds 600 --sample 60      # soak
@@ -12,7 +12,7 @@ line. An answer's time counts from when the part was to be sent, so that a servi
 which it kept from being sent. Every tenth part is sent twice at once with one Idempotency-Key.
 
 Loads only a service of its own, on 127.0.0.1. Of the answers: accepted with the right text, accepted with a wrong one,
-503 (told to come again), failed; seconds of those that were read; memory of the service and of its workers together,
+503 (retry later), failed; seconds of those that were read; memory of the service and of its workers together,
 open files of the service. Ends with status 1 where a text was accepted that is wrong, an answer failed, or the store
 does not hold exactly the parts that were answered.
 """

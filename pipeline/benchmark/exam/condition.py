@@ -6,10 +6,8 @@ given     font_given  height_given  format_given                          what t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-from glyphs.surface.display import one_line
 from pipeline.common.settings import SettingsError
 
 Level = str | float | bool | None
@@ -19,44 +17,23 @@ PERTURBED = "perturbed"
 """The factor that tells how a part was perturbed for a trial; one that was read as it is does not have it."""
 
 
-@dataclass(frozen=True)
-class Given:
-    """Knowledge that a reader is given with the part.
+def parse_given(text: str) -> str:
+    """Things that a reader is given with the part: `font,height,format`, some of these in that order, or `nothing`.
 
-    Attributes:
-        font: the font of the mark; else it may be any built-in one.
-        height: the character height.
-        format: the form of the serials.
+    Raises:
+        SettingsError: another word.
     """
+    words = [word.strip() for word in text.split(",") if word.strip() and word.strip() != "nothing"]
+    for word in words:
+        if word not in GIVEN:
+            hint = f"name some of {', '.join(GIVEN)}, or nothing"
+            raise SettingsError(f"a reader cannot be given {word!r}", hint=hint)
+    return ",".join(name for name in GIVEN if name in words) or "nothing"
 
-    font: bool = False
-    height: bool = False
-    format: bool = True
 
-    __repr__ = one_line
-
-    @classmethod
-    def parse(cls, text: str) -> Given:
-        """From `font,height,format`, or some of these, or `nothing`.
-
-        Raises:
-            SettingsError: another word.
-        """
-        words = [word.strip() for word in text.split(",") if word.strip() and word.strip() != "nothing"]
-        for word in words:
-            if word not in GIVEN:
-                raise SettingsError(
-                    f"a reader cannot be given {word!r}", hint=f"name some of {', '.join(GIVEN)}, or nothing"
-                )
-        return cls(**{name: name in words for name in GIVEN})
-
-    @property
-    def levels(self) -> dict[str, Level]:
-        """As factors of a trial."""
-        return {f"{name}_given": getattr(self, name) for name in GIVEN}
-
-    def __str__(self) -> str:
-        return ",".join(name for name in GIVEN if getattr(self, name)) or "nothing"
+def given_levels(given: str) -> dict[str, Level]:
+    """Things given as factors of a trial."""
+    return {f"{name}_given": name in given.split(",") for name in GIVEN}
 
 
 class Condition(dict[str, Level]):

@@ -44,7 +44,7 @@ from pydantic import (
 
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import WORKSHOP
-from pipeline.benchmark.exam.condition import Condition, Given, Level
+from pipeline.benchmark.exam.condition import Condition, Level, parse_given
 from pipeline.common.parsed import toml_of
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS
@@ -131,7 +131,7 @@ class Design(BaseModel):
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not value:
             raise ValueError("name at least one, such as format")
-        return tuple(str(Given.parse(text)) for text in value)
+        return tuple(map(parse_given, value))
 
     @model_validator(mode="after")
     def _agrees(self) -> Design:
@@ -186,7 +186,7 @@ class Design(BaseModel):
         Raises:
             SettingsError: what no reader can be given.
         """
-        checked = tuple(str(Given.parse(text)) for text in given)
+        checked = tuple(map(parse_given, given))
         return self.model_copy(update={"given": checked}) if checked else self
 
     def all_sections(self) -> tuple[Section, ...]:

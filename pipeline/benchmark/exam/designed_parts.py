@@ -6,12 +6,11 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Any, Final
 
 from glyphs.sketch import sketch_part
 from glyphs.soiling.soiled import WORKSHOP, Soiling
-from pipeline.benchmark.exam.condition import Condition, Given, Level, level_name
+from pipeline.benchmark.exam.condition import Condition, Level, level_name
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
@@ -70,11 +69,6 @@ class DesignedParts:
                 for value in values:
                     self.spec(Condition(**{**first, name: value}))
 
-    @cached_property
-    def given(self) -> tuple[Given, ...]:
-        """Knowledge that readers are given."""
-        return tuple(Given.parse(text) for text in self.design.given)
-
     def items(self) -> list[Item]:
         """All of them, in the design's order; the first so many have each section's share and all severities."""
         found: list[Item] = []
@@ -85,7 +79,7 @@ class DesignedParts:
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
             own = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
-            item = Item(f"{name}-{replicate:04d}", own, condition, self.given)
+            item = Item(f"{name}-{replicate:04d}", own, condition, self.design.given)
             found.append(item)
             sections[-1].append(item)
         if self.first is None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.condition import Condition
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -38,7 +38,7 @@ class Item:
     part: str
     number: int
     condition: Condition
-    given: tuple[Given, ...] = (Given(),)
+    given: tuple[str, ...] = ("format",)
     files: PartFiles | None = None
     truth: str = ""
 

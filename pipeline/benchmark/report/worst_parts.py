@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.exam.condition import Given
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.report.charts import inlined
@@ -94,9 +93,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
         specimen = benchmark.parts.make(item)
         if specimen.truth != worst.trials[0].truth:
             return replace(worst, problem=f"made again it is another part: {specimen.truth} is stamped")
-        senses = PartReadings(
-            specimen, reader_for(benchmark.settings_for(item.condition, Given.parse(worst.given)))
-        )
+        senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition, worst.given)))
         picture = inlined(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:

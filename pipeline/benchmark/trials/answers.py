@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from glyphs.errors import FileError
-from pipeline.benchmark.exam.condition import Given
+from pipeline.benchmark.exam.condition import given_levels
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
@@ -45,7 +45,7 @@ class Answers:
     unknown: tuple[str, ...]
 
 
-def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: Given) -> Answers:
+def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: str) -> Answers:
     """A table of answers, see the module.
 
     Args:
@@ -74,7 +74,7 @@ def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: Given
     trials = []
     for item in items:
         said = _fields_of(path, answered[item.part]) if item.part in answered else _fields("", 0.0, None)
-        levels = {**item.condition.levels, **given.levels}
+        levels = {**item.condition.levels, **given_levels(given)}
         trials.append(replace(Trial(item.part, item.number, levels, reader, item.truth), **said))
     missing = tuple(item.part for item in items if item.part not in answered)
     return Answers(tuple(trials), missing, tuple(unknown))

@@ -17,7 +17,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.exam.condition import PERTURBED, Condition, Given
+from pipeline.benchmark.exam.condition import PERTURBED, Condition, given_levels
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.modes import MODES, open_mode
@@ -85,14 +85,14 @@ class Benchmark:
         """Factors of the cells; the severity where the parts do not name any."""
         return tuple(self.parts.description().get("cross", ("severity",)))
 
-    def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
+    def settings_for(self, condition: Condition, given: str) -> ReaderSettings:
         """Settings for a part of that kind and a reader with that knowledge."""
-        font = self.parts.font_of(condition) if given.font else ""
+        font = self.parts.font_of(condition) if "font" in given else ""
         return replace(
             self.reading,
             fonts=(font,) if font else self.reading.fonts,
-            format=(condition.format or self.reading.format) if given.format else None,
-            height_mm=condition.height_mm if given.height else self.reading.height_mm,
+            format=(condition.format or self.reading.format) if "format" in given else None,
+            height_mm=condition.height_mm if "height" in given else self.reading.height_mm,
         )
 
 
@@ -166,7 +166,7 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
 
 def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
     return [
-        Trial(item.part, item.number, {**item.condition.levels, **given.levels}, mode, item.truth)
+        Trial(item.part, item.number, {**item.condition.levels, **given_levels(given)}, mode, item.truth)
         for given in item.given
         for mode in benchmark.modes
     ]

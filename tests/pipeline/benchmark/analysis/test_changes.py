@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark.analysis.changes import Flip, NotComparableError, changes, flip_of
+from pipeline.benchmark.exam.condition import given_levels
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import change_report
 from pipeline.benchmark.report.worst_parts import WorstPart
@@ -25,7 +26,7 @@ BENCHMARK = Benchmark(PARTS, ("tactile",), ReaderSettings())
 def trials(texts: str, *, decision: str = "review") -> list[Trial]:
     """Of every part and given; the n-th reads the n-th letter, which should be A."""
     blanks = [
-        Trial(item.part, item.number, {**item.condition.levels, **given.levels}, "tactile", "A")
+        Trial(item.part, item.number, {**item.condition.levels, **given_levels(given)}, "tactile", "A")
         for item in PARTS.items()
         for given in item.given
     ]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from glyphs.errors import FileError
 from glyphs.fonts.glyph import FontError
 from glyphs.stamping.errors import StampError
-from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.condition import Condition, given_levels, parse_given
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.editions import design_named
@@ -74,7 +74,7 @@ def test_a_file_gives_the_parts_it_declares(tmp_path: Path) -> None:
     assert (made.name, made.n_parts, len(made.cells(made.all_sections()[0]))) == ("two-soils", 12, 6)
     items = DesignedParts(made).items()
     assert items[4].part == "glyphs.soiling.workshop.mixture_workshop-0.5-0000"
-    assert items[0].given == (Given(), Given(font=True))
+    assert items[0].given == ("format", "font,format")
     assert len({item.part for item in items}) == 12
     assert Counter(item.condition["font"] for item in items) == {"gothic": 6, "futuram": 6}
     specimens = [DesignedParts(made).make(item).truth for item in items]
@@ -159,9 +159,9 @@ def test_a_file_that_is_no_design_is_named_with_its_setting(tmp_path: Path) -> N
     ],
 )
 def test_what_a_reader_is_given(text: str, levels: tuple[bool, ...]) -> None:
-    found = Given.parse(text)
-    assert tuple(found.levels.values()) == levels
-    assert Given.parse(str(found)) == found
+    found = parse_given(text)
+    assert tuple(given_levels(found).values()) == levels
+    assert parse_given(found) == found
 
 
 def test_a_designs_parts_may_be_read_by_others() -> None:

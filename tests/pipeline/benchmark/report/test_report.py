@@ -12,6 +12,7 @@ import pytest
 from pipeline.benchmark.analysis.checks import Outcome, at_most, verdicts
 from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.analysis.statistics import statistics_of
+from pipeline.benchmark.exam.condition import given_levels
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.report.page import mark_characters
@@ -212,8 +213,8 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     parts = designed_parts(parts=4, soil=("workshop", "rust"), given=("format", "font,format"))
     trials = [
         Trial(
-            item.part, item.number, {**item.condition.levels, **given.levels}, mode, "A1",
-            "A1" if item.condition["soil"] == "workshop" or (given.font and item.number % 2) else "A7",
+            item.part, item.number, {**item.condition.levels, **given_levels(given)}, mode, "A1",
+            "A1" if item.condition["soil"] == "workshop" or ("font" in given and item.number % 2) else "A7",
             "review", 0.5,
         )
         for item in parts.items() for given in item.given for mode in ("tactile", "rapidocr relief")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.listed_parts import ListedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.answers import designed_items, load_answers
@@ -34,7 +34,7 @@ def test_answers_become_trials(tmp_path: Path) -> None:
         tmp_path, "file,serial,confidence,Decision", "lines/rust-0-photo.png,AB 12,0.95,", "rust-2,EF5,0.99,reject",
         "photos/other.png,X1,,",
     )  # fmt: skip
-    answers = load_answers(table, ITEMS, reader="mine", given=Given.parse("format"))
+    answers = load_answers(table, ITEMS, reader="mine", given="format")
     first, second, third = answers.trials
     assert (first.text, first.right, first.decision, first.confidence) == ("AB12", True, "accept", 0.95)
     assert [c.char for c in first.characters] == list("AB12")
@@ -60,7 +60,7 @@ def test_answers_become_trials(tmp_path: Path) -> None:
 )
 def test_who_decides(tmp_path: Path, heading: str, cell: str, decision: str) -> None:
     table = _table(tmp_path, f"part,text,{heading}", f"rust-0,AB12,{cell}")
-    assert load_answers(table, ITEMS, reader="r", given=Given()).trials[0].decision == decision
+    assert load_answers(table, ITEMS, reader="r", given="format").trials[0].decision == decision
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_who_decides(tmp_path: Path, heading: str, cell: str, decision: str) -> 
 )
 def test_what_cannot_be_is_named_with_its_line(tmp_path: Path, lines: tuple[str, ...], says: str) -> None:
     with pytest.raises(FileError) as caught:
-        load_answers(_table(tmp_path, *lines), ITEMS, reader="r", given=Given())
+        load_answers(_table(tmp_path, *lines), ITEMS, reader="r", given="format")
     assert says in str(caught.value)
     assert "mine.csv" in str(caught.value)
 
