@@ -202,7 +202,7 @@ class _Part:
         # lines that a dead whisker leaves out are missing after any number of steps
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
         wanted = [way for way in ways if any(way in one.ways for one in self.missing)]
-        steps = [step for way in wanted if (step := self.progress.step(way, self.region)) is not None]
+        steps = self.progress.candidates(self.region, wanted)
         if not steps:
             return self.active.settings.policy.choose(self.progress, self.region, left_s=left_s)
         cheapest = min(steps, key=lambda step: step.stage_s)
@@ -277,16 +277,8 @@ class _Part:
 
     def _note(self, before: int, look: Look | None, thought_s: float) -> None:
         """Write down what is believed after a step, with its last pass."""
-        last = replace(self.passes[-1], thought_s=thought_s)
-        if look is not None:
-            last = replace(
-                last,
-                text=look.text,
-                confidence=look.confidence,
-                doubt_nats=look.doubt_nats,
-                places=look.places(),
-            )
-        self.passes[-1] = last
+        text, confidence = ("", 0.0) if look is None else (look.text, look.confidence)
+        self.passes[-1] = replace(self.passes[-1], thought_s=thought_s, text=text, confidence=confidence)
 
 
 def around(line: TextLine, field_mm: Region) -> Region:

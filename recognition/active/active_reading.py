@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -29,34 +28,14 @@ class StopReason(StrEnum):
 
     def describe(self) -> str:
         """One line for people."""
-        return _REASONS[self]
-
-
-_REASONS = {
-    StopReason.SURE: "the serial is sure",
-    StopReason.NO_GAIN: "more touch would not settle what is in doubt",
-    StopReason.BUDGET: "the stage time given is spent",
-    StopReason.ALL_FELT: "every pass of the plan was felt",
-    StopReason.NOTHING_FOUND: "no characters were felt",
-    StopReason.STAGE_FAILED: "the stage failed; what was felt before is kept",
-}
-
-
-@dataclass(frozen=True)
-class PlaceBelief:
-    """Candidates of one place after a pass.
-
-    Attributes:
-        char: the likeliest.
-        probability: of it.
-        rival: the second; empty without one.
-        middle_mm: (x, y) of the place, plate frame.
-    """
-
-    char: str
-    probability: float
-    rival: str = ""
-    middle_mm: tuple[float, float] = (math.nan, math.nan)
+        return {
+            StopReason.SURE: "the serial is sure",
+            StopReason.NO_GAIN: "more touch would not settle what is in doubt",
+            StopReason.BUDGET: "the stage time given is spent",
+            StopReason.ALL_FELT: "every pass of the plan was felt",
+            StopReason.NOTHING_FOUND: "no characters were felt",
+            StopReason.STAGE_FAILED: "the stage failed; what was felt before is kept",
+        }[self]
 
 
 @dataclass(frozen=True)
@@ -70,8 +49,6 @@ class PassFelt:
         why: what it was chosen for, in words.
         text: what is believed to stand there.
         confidence: that all of it is right; 0 where nothing is believed yet.
-        doubt_nats: entropy of all places between the rivals that the format leaves; NaN where nothing is believed yet.
-        places: beliefs place by place.
     """
 
     order: Pass
@@ -80,8 +57,6 @@ class PassFelt:
     why: str = ""
     text: str = ""
     confidence: float = 0.0
-    doubt_nats: float = math.nan
-    places: tuple[PlaceBelief, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol
@@ -29,7 +29,6 @@ class Progress:
         fitting: of the stage.
         lines: of each way that was felt, to half a character's height.
         stage_s: spent.
-        doubts_nats: entropy after each look; NaN where there was no line.
         text: of the last look.
         confidence: of the last look; 0 without one.
         confidences: of all looks.
@@ -40,7 +39,6 @@ class Progress:
     fitting: Fitting
     lines: Mapping[Way, int] = field(default_factory=lambda: MappingProxyType({}))
     stage_s: float = 0.0
-    doubts_nats: tuple[float, ...] = ()
     text: str = ""
     confidence: float = 0.0
     steady: int = 0
@@ -56,7 +54,6 @@ class Progress:
             self,
             lines=MappingProxyType({**self.lines, step.way: step.lines}),
             stage_s=self.stage_s + step.stage_s,
-            doubts_nats=(*self.doubts_nats, float("nan") if look is None else look.doubt_nats),
             text=text,
             confidence=0.0 if look is None else look.confidence,
             steady=self.steady + 1 if text and text == self.text and self.confidence > EVEN else 0,
@@ -76,14 +73,16 @@ class Progress:
             (way, lines, sure) for (way, lines), sure in zip(self.steps, self.confidences, strict=True)
         )
 
-    def step(self, way: Way, region_mm: Region) -> Step | None:
-        """The next step of a way."""
-        return next_step(self.fitting, region_mm, way, self.lines.get(way, 0), joins=bool(self.lines))
+    def candidates(self, region_mm: Region, ways: Iterable[Way] = Way) -> list[Step]:
+        """The next step of each way that lays more lines."""
+        joins = bool(self.lines)
+        steps = [next_step(self.fitting, region_mm, w, self.lines.get(w, 0), joins=joins) for w in ways]
+        return [step for step in steps if step is not None]
 
 
 def first_step(progress: Progress, region_mm: Region) -> Step | StopReason:
     """The first step: along or across, whichever is cheaper for the comb."""
-    steps = [step for way in (Way.ALONG, Way.CROSS) if (step := progress.step(way, region_mm)) is not None]
+    steps = progress.candidates(region_mm, (Way.ALONG, Way.CROSS))
     return min(steps, key=lambda step: step.stage_s, default=StopReason.ALL_FELT)
 
 
@@ -112,11 +111,9 @@ class Ladder:
 
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """See `Policy`."""
-        for way, upto in self.rungs:
-            if progress.lines.get(way, 0) < upto:
-                step = progress.step(way, region_mm)
-                if step is not None:
-                    return step if step.stage_s <= left_s or not progress.steps else StopReason.BUDGET
+        ways = [way for way, upto in self.rungs if progress.lines.get(way, 0) < upto]
+        for step in progress.candidates(region_mm, ways):
+            return step if step.stage_s <= left_s or not progress.steps else StopReason.BUDGET
         return StopReason.ALL_FELT
 
 
@@ -136,8 +133,7 @@ class Drawn:
         if n == 0:
             return first_step(progress, region_mm)
         rng = np.random.default_rng((self.seed, n))
-        ways = [list(Way)[k] for k in rng.permutation(len(Way))]
-        steps = [step for way in ways if (step := progress.step(way, region_mm)) is not None]
+        steps = progress.candidates(region_mm, [list(Way)[k] for k in rng.permutation(len(Way))])
         if not steps:
             return StopReason.ALL_FELT
         return steps[0] if steps[0].stage_s <= left_s else StopReason.BUDGET
@@ -168,7 +164,7 @@ class Greedy:
         """See `Policy`."""
         if not progress.steps:
             return first_step(progress, region_mm)
-        steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
+        steps = progress.candidates(region_mm)
         if not steps:
             return StopReason.ALL_FELT
         usual_s = min(step.stage_s for step in steps)

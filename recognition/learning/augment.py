@@ -16,8 +16,6 @@ from recognition.learning.network import COLUMNS
 from recognition.views.text_line import HEIGHT_ROWS, ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
-_UP = 0.2  # preload of the default touch, character heights: lift by it doubles the moment
-
 
 def augment(tall: Tensor, columns: Tensor, *, rng: torch.Generator) -> Tensor:
     """Strips of ROWS out of taller ones.
@@ -119,10 +117,20 @@ def _piled_up(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
     pile = happens * sign * size * (lumps - least).clamp(min=0.0) * strips[:, KNOWN:]
     there = (strips[:, HEIGHTS : HEIGHTS + 1].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
     strips[:, HEIGHTS : HEIGHTS + 1] += pile * there
+    have = (strips[:, EDGES:KNOWN].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
+    strips[:, EDGES:KNOWN] += edges_of(pile) * have * strips[:, KNOWN:] * felt.reshape(n, 1, 1, 1)
+    return strips
+
+
+def edges_of(pile: Tensor, *, preload: float = 0.2) -> Tensor:
+    """(n, 4, rows, columns) edges that a tip would feel of (n, 1, rows, columns) heights, character heights.
+
+    Args:
+        pile: heights.
+        preload: of the default touch: lift by it doubles the moment.
+    """
     dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
     dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2
-    lift = pile / _UP
+    lift = pile / preload
     edges = torch.cat([lift + 0.7 * dx, lift + 0.7 * dy, lift - 0.7 * dx, lift - 0.7 * dy], dim=1)
-    have = (strips[:, EDGES:KNOWN].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
-    strips[:, EDGES:KNOWN] += edges.clamp(-3, 3) * have * strips[:, KNOWN:] * felt.reshape(n, 1, 1, 1)
-    return strips
+    return edges.clamp(-3, 3)

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as f
 
+from recognition.learning.augment import edges_of
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
@@ -80,8 +81,7 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
     soft = 0.5 + 1.5 * _draw(rng)
     x = torch.arange(left, right) + 0.5
     y = (torch.arange(up, down) + 0.5)[:, None]
-    ragged = torch.randn(1, 1, max(2, (down - up) // 5), max(2, (right - left) // 5), generator=rng)
-    ragged = 2.0 * f.interpolate(ragged, size=(down - up, right - left), mode="bilinear")[0, 0]
+    ragged = 2.0 * _smooth((down - up, right - left), 5, "bilinear", rng)
     inside = torch.minimum(torch.minimum(x - x0, x1 - x), torch.minimum(y - y0, y1 - y)) + ragged
     mask = torch.sigmoid(inside / soft)
     part = strip[:, up:down, left:right]
@@ -102,17 +102,17 @@ def _cover(strip: Tensor, spot: Spot, first: float, last: float, rng: torch.Gene
 
 def _lay(part: Tensor, mask: Tensor, rng: torch.Generator) -> None:
     """Material over the land, with the edges that it would have."""
-    rough = torch.randn(1, 1, max(2, mask.shape[0] // 4), max(2, mask.shape[1] // 4), generator=rng)
-    rough = f.interpolate(rough, size=mask.shape, mode="bicubic")[0, 0]
-    lump = (
-        mask * (1 + 0.4 * rough) * 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng))) * part[KNOWN]
-    )
+    rough = _smooth((mask.shape[0], mask.shape[1]), 4, "bicubic", rng)
+    height = 0.02 * math.exp(0.8 * float(torch.randn(1, generator=rng)))
+    lump = height * mask * (1 + 0.4 * rough) * part[KNOWN]
     if bool(part[HEIGHTS].any()):
         part[HEIGHTS] += lump
     if bool(part[EDGES:KNOWN].any()):
-        dx = f.pad(lump[None, :, 2:] - lump[None, :, :-2], (1, 1))[0] * HEIGHT_ROWS / 2
-        dy = f.pad(lump[None, 2:] - lump[None, :-2], (0, 0, 1, 1))[0] * HEIGHT_ROWS / 2
-        lift = lump / 0.2
         have = (part[EDGES:KNOWN].abs().amax(dim=(1, 2), keepdim=True) > 0).float()
-        edges = torch.stack([lift + 0.7 * dx, lift + 0.7 * dy, lift - 0.7 * dx, lift - 0.7 * dy])
-        part[EDGES:KNOWN] += edges.clamp(-3, 3) * have
+        part[EDGES:KNOWN] += edges_of(lump[None, None])[0] * have
+
+
+def _smooth(size: tuple[int, int], cell: int, mode: str, rng: torch.Generator) -> Tensor:
+    """Smooth noise, a value every so many rows and columns."""
+    coarse = torch.randn(1, 1, *(max(2, n // cell) for n in size), generator=rng)
+    return f.interpolate(coarse, size=size, mode=mode)[0, 0]

@@ -20,8 +20,13 @@ from glyphs.errors import MarksError
 from recognition.learning.sketches import sketch_many
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
-from recognition.learning.training_strips import TrainingStrip, strips_of, write_strips
-from recognition.learning.training_views import TrainingView, training_views, write_views
+from recognition.learning.training_samples import (
+    TrainingStrip,
+    TrainingView,
+    strips_of,
+    training_views,
+    write_samples,
+)
 
 PARTS_OF_A_FILE = 48
 FONTS_OF_A_FILE = 16
@@ -29,62 +34,50 @@ FONTS_OF_A_FILE = 16
 _log = logging.getLogger(__name__)
 
 
-def draw_file(fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int) -> int:
-    """Draw the parts of one file of strips and one of views; the number of parts that were drawn.
+def draw_parts(fonts: Sequence[Path], out: Path, kind: str, name: str, rng: np.random.Generator) -> None:
+    """Draw the parts of one file of strips and one of views.
 
     Args:
         fonts: to choose from.
         out: folder of the data.
         kind: "seen" or "held".
-        seed: of the whole set.
-        number: of the file.
+        name: of the file.
+        rng: the only source of randomness.
     """
-    name = f"{seed:03d}-{number:05d}.npz"
-    strips_at, views_at = (out / what / kind / name for what in ("strips", "views"))
-    if views_at.exists():
-        return 0
-    rng = np.random.default_rng((seed, number))
-    few = [fonts[i] for i in rng.integers(len(fonts), size=FONTS_OF_A_FILE)]
     strips: list[TrainingStrip] = []
     views: list[TrainingView] = []
-    drawn = 0
     for k in range(PARTS_OF_A_FILE):
         try:
-            made = draw_part(few, rng)
-            strips += strips_of(made)
-            seen = training_views(made)
+            made = draw_part(fonts, rng)
+            own, seen = strips_of(made), training_views(made)
         except (MarksError, ValueError) as error:  # drawn at random, some things cannot be
             _log.info("part %d of %s: %s", k, name, error)
             continue
+        strips += own
         views += [seen[0], seen[1], seen[-1]][k % 2 :: 2]
-        drawn += 1
-    for path in (strips_at, views_at):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    write_strips(strips_at.with_suffix(".tmp.npz"), strips)
-    write_views(views_at.with_suffix(".tmp.npz"), views)
-    strips_at.with_suffix(".tmp.npz").rename(strips_at)
-    views_at.with_suffix(".tmp.npz").rename(views_at)
-    return drawn
+    write_samples(out / "strips" / kind / name, strips)
+    write_samples(out / "views" / kind / name, views)
 
 
-def draw_sketches(fonts: Sequence[Path], out: Path, seed: int, number: int) -> int:
-    """Draw the lines of one file of sketched strips; the number of lines that were drawn.
+def draw_file(fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int) -> None:
+    """Draw a file of strips, and for parts one of views, unless the last of them is there.
 
     Args:
         fonts: to choose from.
         out: folder of the data.
+        kind: "seen" or "held" of parts, "sketched" of lines without physics.
         seed: of the whole set.
         number: of the file.
     """
-    path = out / "strips" / "sketched" / f"{seed:03d}-{number:05d}.npz"
-    if path.exists():
-        return 0
-    rng = np.random.default_rng((seed, number, 1))
+    name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
+    if (out / ("strips" if sketched else "views") / kind / name).exists():
+        return
+    rng = np.random.default_rng((seed, number, 1) if sketched else (seed, number))
     few = [fonts[i] for i in rng.integers(len(fonts), size=FONTS_OF_A_FILE)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_strips(path.with_suffix(".tmp.npz"), sketch_many(few, PARTS_OF_A_FILE, rng))
-    path.with_suffix(".tmp.npz").rename(path)
-    return PARTS_OF_A_FILE
+    if sketched:
+        write_samples(out / "strips" / kind / name, sketch_many(few, PARTS_OF_A_FILE, rng))
+    else:
+        draw_parts(few, out, kind, name, rng)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -101,18 +94,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--jobs", type=int, default=1, help="processes")
     given = asked.parse_args(arguments)
     fonts = find_fonts(given.fonts)
-    tasks = [
-        (files, given.out, kind, given.seed, number)
-        for kind, files, parts in (
-            ("held", fonts.held_out, given.held_out),
-            ("seen", fonts.seen, given.parts),
-        )
-        for number in range(-(-parts // PARTS_OF_A_FILE))
-    ]
-    sketches = range(-(-given.sketches // PARTS_OF_A_FILE))
+    kinds = (
+        ("held", fonts.held_out, given.held_out),
+        ("seen", fonts.seen, given.parts),
+        ("sketched", fonts.seen, given.sketches),
+    )
     Parallel(n_jobs=given.jobs, verbose=5)(
-        [delayed(draw_file)(*task) for task in tasks]
-        + [delayed(draw_sketches)(fonts.seen, given.out, given.seed, number) for number in sketches]
+        delayed(draw_file)(files, given.out, kind, given.seed, number)
+        for kind, files, parts in kinds
+        for number in range(-(-parts // PARTS_OF_A_FILE))
     )
 
 

@@ -19,7 +19,7 @@ from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.opencv import cv2
 from glyphs.sketch import ROWS, Field, Sketch, blur, noise, rough_noise, sketch
 from recognition.learning.training_parts import draw_text
-from recognition.learning.training_strips import TALL_ROWS, TrainingStrip
+from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.language.orientation import Way, images_of
-from recognition.learning.training_strips import TALL_ROWS, TrainingStrip
+from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 

@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.covers import cover_rivals
 from recognition.learning.surroundings import set_about
-from recognition.learning.training_strips import TALL_ROWS, TrainingStrip, read_strips
+from recognition.learning.training_samples import TALL_ROWS, TrainingStrip, read_samples
 from recognition.views.view import LAYERS
 
 _FILES = 12
@@ -34,12 +34,14 @@ def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[T
     waiting: list[Path] = []
     while True:
         if not waiting:
-            files = sorted(p for folder in folders for p in folder.glob("*.npz") if ".tmp" not in p.name)
+            files = sorted(
+                p for folder in folders for p in folder.glob("*.npz") if not p.name.startswith(".")
+            )
             if not files:
                 raise ValueError(f"there are no strips in {', '.join(map(str, folders))}: draw some first")
             waiting = [files[k] for k in rng.permutation(len(files))]
         now, waiting = waiting[:_FILES], waiting[_FILES:]
-        yield [strip for strip in read_strips(now) if rng.random() < _share(strip)]
+        yield [strip for strip in read_samples(TrainingStrip, now) if rng.random() < _share(strip)]
 
 
 def _share(strip: TrainingStrip) -> float:
@@ -91,7 +93,7 @@ class Batch:
     lengths: Tensor
 
 
-class _Endless(IterableDataset[Batch]):
+class Batches(IterableDataset[Batch]):
     """Batches for ever; each worker process draws its own."""
 
     def __init__(self, folders: Sequence[Path], *, size: int, covers: bool, seed: int) -> None:
@@ -116,7 +118,7 @@ class _Endless(IterableDataset[Batch]):
 
 def ready_batches(
     folders: Sequence[Path], *, size: int, covers: bool, seed: int, workers: int = 0
-) -> Iterator[Batch]:
+) -> DataLoader[Batch]:
     """Batches for ever.
 
     Args:
@@ -129,7 +131,5 @@ def ready_batches(
     Raises:
         ValueError: no strips, or fewer than a batch has.
     """
-    made = _Endless(folders, size=size, covers=covers, seed=seed)
-    return iter(
-        DataLoader(made, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None)
-    )
+    made = Batches(folders, size=size, covers=covers, seed=seed)
+    return DataLoader(made, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None)

@@ -1,23 +1,21 @@
-"""Train the finder of lines, and write it as ONNX."""
+"""The finder's training: windows of views, at scales and turns drawn at random, with their lines."""
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as f
 
 from recognition.learning.augment import noisy
 from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
-from recognition.learning.training_views import VIEW_ROWS, TrainingView, read_views
+from recognition.learning.training_loop import Task, Training, export
+from recognition.learning.training_samples import VIEW_ROWS, TrainingView, read_samples
 from recognition.views.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
@@ -30,9 +28,8 @@ _MIDDLE, _BESIDE = 0.25, 0.42
 """Shares of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
 _FITS, _LEAST = 0.45, 0.75
 """Octaves: lines whose height is so near to the scale's are to be found, those beyond are not; between, either."""
-_MOST_RATE = 2e-3
-_HELD, _REPORT_S = 240, 90.0
-"""Views that a report is measured on, and seconds from one to the next."""
+_HELD = 240
+"""Views that are measured on."""
 
 
 def draw_window(
@@ -61,7 +58,7 @@ def draw_window(
     h, w = view.layers.shape[1:]
     middle = np.array([w / 2, h / 2])
     if window != WINDOW and view.lines:
-        points = _dense(view.lines[rng.integers(len(view.lines))].astype(np.float64))
+        points = _dense(np.array(view.lines[rng.integers(len(view.lines))]))
         middle = points[rng.integers(len(points))] + rng.normal(0.0, 0.15, 2) * VIEW_ROWS
     elif not plain:
         middle += rng.uniform(-0.5, 0.5, 2) * np.maximum(
@@ -87,7 +84,7 @@ def _truth(
     found[0] = 1.0
     nearest = np.full(cells.shape[1:], np.inf)
     for line in view.lines:
-        points = _dense(line.astype(np.float64))
+        points = _dense(np.array(line))
         along = np.gradient(points, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
         away = cells[:, None] - points.T[:, :, None, None]
@@ -123,7 +120,7 @@ def _dense(line: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _batch(
-    views: list[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
+    views: Sequence[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
 ) -> tuple[Tensor, Tensor]:
     strips, truths = [], []
     tight = not plain and rng.random() < _TIGHT_SHARE
@@ -160,122 +157,70 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def measure_finder(network: Finder, views: list[TrainingView]) -> dict[str, float]:
-    """On plain views: shares of cells judged rightly, and mean errors on the lines."""
+def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[float, dict[str, Any]]:
+    """Loss on plain views; and shares of cells judged rightly, and mean errors on the lines."""
     network.eval()
     rng, draw = np.random.default_rng(0), torch.Generator()
-    hit = missed = false = 0.0
-    off = torch.zeros(3)
-    count = 0.0
-    for first in range(0, len(views), BATCH):
-        x, truth = _batch(views[first : first + BATCH], rng, draw, plain=True)
-        found = network(x)
-        middle, judged = found[:, 0] > 0, truth[:, 0] > 0
-        true = truth[:, 2] > 0
-        hit += float((middle & true & judged).sum())
-        missed += float((~middle & true & judged).sum())
-        false += float((middle & ~true & judged).sum())
-        on = truth[:, 1:2]
-        off += ((found[:, 1:] - truth[:, 3:]).abs() * on).sum(dim=(0, 2, 3))
-        count += float(on.sum())
+    found, truth = zip(
+        *((network(x), truth) for x, truth in (_batch([one], rng, draw, plain=True) for one in views)),
+        strict=True,
+    )
+    said, true = torch.cat(found), torch.cat(truth)
     network.train()
-    return {
-        "found": hit / (hit + missed),
-        "right": hit / max(hit + false, 1),
-        **dict(zip(("octaves", "radians", "down"), (off / count).tolist(), strict=True)),
+    judged, line, middle = true[:, 0] > 0, true[:, 2] > 0, said[:, 0] > 0
+    hits = (middle & line & judged).sum()
+    off = ((said[:, 1:] - true[:, 3:]).abs() * true[:, 1:2]).sum(dim=(0, 2, 3)) / true[:, 1].sum()
+    words = {
+        "found": float(hits / (line & judged).sum()),
+        "right": float(hits / (middle & judged).sum().clamp(min=1)),
+        **dict(zip(("octaves", "radians", "down"), off.tolist(), strict=True)),
     }
+    return float(loss_of(said, true)), words
 
 
-def train(
-    folder: Path,
-    held_out: Path,
-    *,
-    minutes: float,
-    seed: int,
-    out: Path,
-    log: Path,
-    start: Path | None = None,
-) -> None:
-    """Train on the views of a folder.
+def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
+    """The finder and what it learns; unless given, 24 windows to a step and a rate of 2e-3.
 
     Args:
-        folder: of views to learn from.
-        held_out: of views of fonts held out, to measure on.
-        minutes: by the clock.
-        seed: of weights, windows and what happens to them.
-        out: ONNX file; the weights as torch has them lie beside it.
-        log: a line of JSON a report is added to it.
-        start: weights to go on from.
+        folders: of views to learn from.
+        held_out: folder of views to measure on.
+        how: as asked.
     """
-    torch.manual_seed(seed)
-    torch.set_flush_denormal(True)
-    rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
     network = Finder().to(memory_format=torch.channels_last)
-    if start is not None:
-        network.load_state_dict(torch.load(start, weights_only=True))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=_MOST_RATE, weight_decay=0.01)
-    views, held = read_views(sorted(folder.glob("*.npz"))), read_views(sorted(held_out.glob("*.npz")))[:_HELD]
-    begun = last = time.monotonic()
-    losses: list[float] = []
-    while (share := (time.monotonic() - begun) / (60 * minutes)) < 1.0:
-        for group in optimiser.param_groups:
-            group["lr"] = _MOST_RATE * min(share / 0.03, 0.5 * (1 + np.cos(np.pi * share)))
-        chosen = [views[i] for i in rng.integers(len(views), size=BATCH)]
-        losses.append(_step(network, optimiser, *_batch(chosen, rng, draw)))
-        if time.monotonic() - last > _REPORT_S:
-            last = time.monotonic()
-            line = {"minutes": round((last - begun) / 60, 1), "views": BATCH * len(losses), "of": len(views)}
-            loss = {"loss": float(np.mean(losses[-100:]))}
-            _report(log, {**line, **loss, **measure_finder(network, held)})
-    _report(log, {"last": measure_finder(network, held), "views": BATCH * len(losses)})
-    torch.save(network.state_dict(), out.with_suffix(".pt"))
-    export(network, out)
+    if how.start is not None:
+        network.load_state_dict(torch.load(how.start, weights_only=True))
+    views, held = (
+        read_samples(TrainingView, sorted(p for folder in each for p in folder.glob("*.npz")))
+        for each in (folders, [held_out])
+    )
+    if not views:
+        raise ValueError(f"there are no views in {', '.join(map(str, folders))}: draw some first")
+
+    def batches() -> Iterator[tuple[Tensor, Tensor]]:
+        rng, draw = np.random.default_rng(how.seed), torch.Generator().manual_seed(how.seed)
+        while True:
+            yield _batch([views[i] for i in rng.integers(len(views), size=how.batch or BATCH)], rng, draw)
+
+    rate = 2e-3 if how.rate is None else how.rate
+    optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=0.01)
+    return Task(
+        network,
+        optimiser,
+        batches(),
+        lambda batch, _: _loss(network, *batch),
+        lambda one: measure_finder(one, held[:_HELD]),
+    )
 
 
-def _step(network: Finder, optimiser: torch.optim.Optimizer, views: Tensor, truth: Tensor) -> float:
-    """Learn from a batch; its loss."""
+def write(network: nn.Module, out: Path) -> None:
+    """Write ONNX for any number of views of any size."""
+    axes = {0: "n", 2: "rows", 3: "columns"}
+    export(network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes))
+
+
+def _loss(network: Finder, views: Tensor, truth: Tensor) -> Tensor:
     with torch.no_grad():
         drawn = network.drawn(views).to(memory_format=torch.channels_last)
     with torch.autocast("cpu", torch.bfloat16):
         found = network.read(drawn)
-    loss = loss_of(found, truth)
-    optimiser.zero_grad()
-    loss.backward()
-    optimiser.step()
-    return float(loss.item())
-
-
-def _report(log: Path, line: dict[str, Any]) -> None:
-    with log.open("a") as stream:
-        stream.write(json.dumps(line) + "\n")
-
-
-def export(network: Finder, out: Path) -> None:
-    """Write ONNX for any number of views of any size."""
-    network.eval().to(memory_format=torch.contiguous_format)
-    axes = {0: "n", 2: "rows", 3: "columns"}
-    torch.onnx.export(
-        network, (torch.zeros(1, LAYERS, 64, 160),), str(out), input_names=["view"], output_names=["found"],
-        dynamic_axes={"view": axes, "found": axes}, dynamo=False,
-    )  # fmt: skip
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Train as the command line says."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    for name in ("--views", "--held-out", "--out", "--log"):
-        asked.add_argument(name, type=Path, required=True)
-    asked.add_argument("--minutes", type=float, default=25.0)
-    asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--threads", type=int, default=2)
-    asked.add_argument("--start", type=Path, help="weights (.pt) to go on from")
-    given = asked.parse_args(arguments)
-    torch.set_num_threads(given.threads)
-    train(
-        given.views, given.held_out, minutes=given.minutes, seed=given.seed, out=given.out, log=given.log,
-        start=given.start,
-    )  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()
+    return loss_of(found, truth)

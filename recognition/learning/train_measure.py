@@ -12,7 +12,7 @@ from rapidfuzz.distance import Levenshtein
 
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.network import COLUMNS, Recogniser
-from recognition.learning.training_strips import TALL_ROWS, WIDE_MARGIN, TrainingStrip
+from recognition.learning.training_samples import TALL_ROWS, WIDE_MARGIN, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 
 Measured = dict[str, tuple[int, int, int]]

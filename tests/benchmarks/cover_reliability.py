@@ -26,7 +26,7 @@ from recognition.learning.train_batches import gather
 from recognition.learning.train_measure import plain
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
-from recognition.learning.training_strips import TrainingStrip, strips_of
+from recognition.learning.training_samples import TrainingStrip, strips_of
 
 SOILS = design_named("marks-exam-1").kept_out_soils
 """That nothing in this tree learns from."""

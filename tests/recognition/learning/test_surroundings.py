@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.learning.surroundings import set_about
-from recognition.learning.training_strips import TALL_ROWS, TrainingStrip
+from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.view import EDGES, KNOWN, LAYERS
 
 FIRST, LAST = 30, 110

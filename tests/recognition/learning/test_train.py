@@ -15,22 +15,23 @@ import torch
 
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
-from recognition.experts.recogniser import CHARACTERS, FEATURE_COLUMNS
+from recognition.experts.recogniser import CHARACTERS, FEATURE_COLUMNS, WIDER
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.sketches import sketch_many
-from recognition.learning.train import Average, Training, main, train
+from recognition.learning.train import main, train
 from recognition.learning.train_batches import batches, gather, rounds, targets
 from recognition.learning.train_measure import decode, measure, plain
+from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
-from recognition.learning.training_strips import (
+from recognition.learning.training_samples import (
     TALL_ROWS,
     WIDE_MARGIN,
     TrainingStrip,
     lines_of,
-    read_strips,
-    write_strips,
+    read_samples,
+    write_samples,
 )
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from recognition.views.view import LAYERS, View, heights_view
@@ -50,7 +51,7 @@ def line_of(text: str) -> tuple[View, TextLine, str]:
 
 
 def kept_in(folder: Path) -> list[TrainingStrip]:
-    return read_strips(sorted(folder.glob("*.npz")))
+    return read_samples(TrainingStrip, sorted(folder.glob("*.npz")))
 
 
 def strip_of(text: str) -> TrainingStrip:
@@ -63,7 +64,7 @@ def strip_of(text: str) -> TrainingStrip:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("strips")
-    write_strips(made / "0.npz", [strip_of(text) for text in TEXTS])
+    write_samples(made / "0.npz", [strip_of(text) for text in TEXTS])
     return made
 
 
@@ -71,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out") / "toy.onnx"
     torch.set_num_threads(1)
-    train([folder], folder, TOY, out=out, log=out.with_suffix(".log"))
+    train("recogniser", [folder], folder, TOY, out=out, log=out.with_suffix(".log"))
     return out
 
 
@@ -110,7 +111,7 @@ def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) 
         assert np.abs(np.exp(short) - np.exp(said)).mean() < 0.02
         # templates are compared in its middle layers
         assert features.ndim == 4
-        assert features.shape[3] == round(fed.shape[3] / FEATURE_COLUMNS)
+        assert features.shape[3] == round(fed.shape[3] / (FEATURE_COLUMNS * WIDER))
         assert features.std(axis=(2, 3)).max() > 0.0
 
 
@@ -118,9 +119,10 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
     out, log = tmp_path / "made" / "net.onnx", tmp_path / "net.log"
     many = tmp_path / "strips"
     many.mkdir()
-    write_strips(many / "0.npz", [strip_of(text) for text in TEXTS] * 4)
+    write_samples(many / "0.npz", [strip_of(text) for text in TEXTS] * 4)
     given = [
-        "--strips",
+        "recogniser",
+        "--learn-from",
         many,
         "--held-out",
         folder,
@@ -142,7 +144,7 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
 def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> None:
     how = Training(minutes=0.1, batch=99)
     with pytest.raises(ValueError, match="8 strips are fewer than a batch of 99"):
-        train([folder], folder, how, out=tmp_path / "net.onnx", log=tmp_path / "log")
+        train("recogniser", [folder], folder, how, out=tmp_path / "net.onnx", log=tmp_path / "log")
 
 
 # --------------------------------------------------------------------------------------------------------- parts
@@ -187,11 +189,10 @@ def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
 
 
 def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:
-    write_strips(tmp_path / "a.npz", [strip_of("K7")] * 8)
-    write_strips(tmp_path / "b.tmp.npz", [strip_of("B2")] * 8)
+    write_samples(tmp_path / "a.npz", [strip_of("K7")] * 8)
     drawn = rounds([tmp_path], np.random.default_rng(0))
     assert {s.text for s in next(drawn)} == {"K7"}
-    (tmp_path / "b.tmp.npz").rename(tmp_path / "b.npz")
+    write_samples(tmp_path / "b.npz", [strip_of("B2")] * 8)
     assert {s.text for s in next(drawn)} == {"K7", "B2"}
     with pytest.raises(ValueError, match="no strips"):
         next(rounds([tmp_path / "none"], np.random.default_rng(0)))
@@ -203,7 +204,7 @@ def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
             np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, "gothic", "rust", severity
         )
 
-    write_strips(
+    write_samples(
         tmp_path / "a.npz",
         [strip("photo", 0.9)] * 200 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 200,
     )
@@ -239,18 +240,6 @@ def test_sketches_are_the_same_of_the_same_seed_and_hold_what_they_say() -> None
         assert one.layers.shape[:2] == (LAYERS, TALL_ROWS)
         assert len(one.places) == len(one.text)
     assert {s.source for s in strips} >= {"photo", "felt"}
-
-
-def test_a_running_mean_follows_the_weights() -> None:
-    network = Recogniser(load_start(), "ABCD")
-    average = Average(network)
-    first = {name: value.clone() for name, value in average.weights.items()}
-    with torch.no_grad():
-        for weight in network.parameters():
-            weight += 1.0
-    average.add(network)
-    for name, _ in network.named_parameters():
-        torch.testing.assert_close(average.weights[name], first[name] + 0.01)
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -1,25 +1,40 @@
-"""Strips to learn from, in files: what was felt and seen of a part's line, and what stands on it.
+"""Samples to learn from, in files: strips of a part's lines with their texts, and whole views with their lines.
 
-    part --lines_of--> TextLine --View.strip--> strips --write_strips--> NUMBER.npz
+    part --lines_of--> TextLine --View.strip--> strips --write_samples--> NUMBER.npz
+         --views_of--> views at one scale ------------/
 
-A file holds strips side by side, taller than the recogniser's, so that training may cut them otherwise.
+Strips are taller than the recogniser's, so that training may cut them otherwise. Views are kept `VIEW_ROWS` pixels to a
+character, heights in character heights.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.atomic import replacing
 from glyphs.stamping.die import Box
 from recognition.learning.training_parts import TrainingPart
 from recognition.views.curves import arc_through, straight_through
+from recognition.views.resample import resample
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
-from recognition.views.view import LAYERS, View, ViewKind, felt_view, heights_view, photo_view, relief_of
+from recognition.views.view import (
+    HEIGHTS,
+    LAYERS,
+    View,
+    ViewKind,
+    felt_view,
+    heights_view,
+    photo_view,
+    relief_of,
+)
 from whisker_array.estimation.edges import edge_map
 
 Places = tuple[tuple[float, float], ...]
@@ -27,6 +42,8 @@ Places = tuple[tuple[float, float], ...]
 TALL_ROWS = 64
 WIDE_MARGIN = 0.8
 """Land before and after the line in a file, character heights."""
+VIEW_ROWS = 16
+"""Pixels of a view to a character's height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +69,22 @@ class TrainingStrip:
     severity: float
     directions: int = 0
     places: Places = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingView:
+    """A view and its lines.
+
+    Attributes:
+        layers: (LAYERS, rows, columns) float16, heights in character heights.
+        lines: of each, x and y in pixels of points along its middle.
+    """
+
+    layers: NDArray[np.float16]
+    lines: tuple[Places, ...]
+
+
+Sample = TypeVar("Sample", TrainingStrip, TrainingView)
 
 
 def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
@@ -139,31 +172,58 @@ def strips_of(made: TrainingPart) -> list[TrainingStrip]:
     ]
 
 
-def write_strips(path: Path, strips: Sequence[TrainingStrip]) -> None:
-    """Write strips into one .npz, of each the layers that hold anything."""
+def training_views(made: TrainingPart) -> list[TrainingView]:
+    """Views of a part: felt, photographed and measured.
+
+    Raises:
+        MapError: nothing was felt.
+    """
+    lines = [line.centre_mm for line, _, _ in lines_of(made)]
+    return [_training_view(view, lines, made.height_mm) for view in views_of(made)]
+
+
+def _training_view(view: View, lines: Sequence[NDArray[np.float64]], height_mm: float) -> TrainingView:
+    layers = resample(view, height_mm / VIEW_ROWS)
+    layers[HEIGHTS] /= height_mm
+    pixels = [np.round((line - view.origin_mm) * (VIEW_ROWS / height_mm), 3).tolist() for line in lines]
+    return TrainingView(layers.astype(np.float16), _as_tuples(pixels))
+
+
+def write_samples(path: Path, samples: Sequence[Sample]) -> None:
+    """Write samples of one kind into one .npz, of each the layers that hold anything."""
+    held = [np.flatnonzero(sample.layers.any(axis=(1, 2))) for sample in samples]
     truth = [
-        {"text": s.text, "source": s.source, "font": s.font, "soils": s.soils, "severity": s.severity,
-         "directions": s.directions, "places": s.places, "columns": s.layers.shape[2],
-         "layers": [int(k) for k in np.flatnonzero(s.layers.any(axis=(1, 2)))]}
-        for s in strips
-    ]  # fmt: skip
-    kept = [strip.layers[one["layers"]].ravel() for strip, one in zip(strips, truth, strict=True)]
-    np.savez(path, values=np.concatenate(kept), truth=np.array(json.dumps(truth)))
+        {
+            **{f.name: getattr(sample, f.name) for f in fields(sample) if f.name != "layers"},
+            "held": own.tolist(),
+            "size": sample.layers.shape[1:],
+        }
+        for sample, own in zip(samples, held, strict=True)
+    ]
+    kept = [sample.layers[own].ravel() for sample, own in zip(samples, held, strict=True)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as file:
+        np.savez(file, values=np.concatenate(kept), truth=np.array(json.dumps(truth)))
 
 
-def read_strips(paths: Iterable[Path]) -> list[TrainingStrip]:
-    """Read the strips of files."""
-    strips = []
+def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
+    """Read the samples of files, all of one kind."""
+    samples = []
     for path in paths:
         with np.load(path) as file:
             values, truth = file["values"], json.loads(str(file["truth"]))
         at = 0
         for one in truth:
-            columns, held = one.pop("columns"), one.pop("layers")
-            size = len(held) * TALL_ROWS * columns
-            layers = np.zeros((LAYERS, TALL_ROWS, columns), dtype=np.float16)
-            layers[held] = values[at : at + size].reshape(len(held), TALL_ROWS, columns)
-            one["places"] = tuple((a, b) for a, b in one["places"])
-            strips.append(TrainingStrip(layers, **one))
-            at += size
-    return strips
+            held: list[int] = one.pop("held")
+            size: tuple[int, ...] = tuple(one.pop("size"))
+            many = len(held) * math.prod(size)
+            layers = np.zeros((LAYERS, *size), dtype=np.float16)
+            layers[held] = values[at : at + many].reshape(len(held), *size)
+            samples.append(kind(layers, **{name: _as_tuples(value) for name, value in one.items()}))
+            at += many
+    return samples
+
+
+def _as_tuples(value: Any) -> Any:
+    """Lists, and lists in them, as tuples."""
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value

@@ -1,0 +1,160 @@
+"""The loop that trains a network by the clock: rates, running mean of the weights, reports, the better of both."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+
+
+@dataclass(frozen=True)
+class Training:
+    """Settings of a training.
+
+    Attributes:
+        minutes: by the clock.
+        seed: of weights, batches and what happens to samples.
+        batch: samples to a step (default: the network's own).
+        rate: of learning, at most (default: the network's own).
+        frozen_share: of the time in which early layers stay as they were: a step costs a third less then.
+        start: weights to go on from.
+        noise: begin the recogniser from noise instead of public weights.
+        covers: lay covers over the strokes that tell characters apart.
+        workers: processes that make the recogniser's batches ready.
+    """
+
+    minutes: float
+    seed: int = 0
+    batch: int | None = None
+    rate: float | None = None
+    frozen_share: float = 0.35
+    start: Path | None = None
+    noise: bool = False
+    covers: bool = True
+    workers: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A network and what it learns.
+
+    Attributes:
+        network: to be trained.
+        optimiser: of its weights; the rate of each group is the most that it reaches.
+        batches: to learn from, without end.
+        loss: of a batch; the generator, on the network's device, is the only source of randomness.
+        measure: on samples held out, a figure that is the lower the better, and the result in words.
+        early: weights that stay as they are in the first share of the time.
+    """
+
+    network: nn.Module
+    optimiser: torch.optim.Optimizer
+    batches: Iterable[Any]
+    loss: Callable[[Any, torch.Generator], Tensor]
+    measure: Callable[[Any], tuple[float, dict[str, Any]]]
+    early: Sequence[nn.Parameter] = ()
+
+
+def fit(
+    task: Task,
+    how: Training,
+    *,
+    out: Path,
+    log: Path,
+    average_steps: int = 8,
+    average_share: float = 0.01,
+    report_steps: int = 50,
+    measure_s: float = 1500.0,
+) -> None:
+    """Train until the time is over, and give the network the better of its last weights and their running mean.
+
+    Args:
+        task: what is learned.
+        how: for how long, from which seed.
+        out: the weights as torch has them lie beside it.
+        log: a line of JSON a report is added to it.
+        average_steps, average_share: steps between two looks of the running mean at the weights, and what one counts.
+        report_steps, measure_s: steps from one report to the next, and seconds after which one holds a measurement.
+    """
+    network, weights_at = task.network, out.with_suffix(".pt")
+    for path in (out, log):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    draw = torch.Generator(next(network.parameters()).device).manual_seed(how.seed)
+    average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - average_share))
+    most = [group["lr"] for group in task.optimiser.param_groups]
+    begun = measured = time.monotonic()
+    losses: list[Tensor] = []
+    for batch in task.batches:
+        minutes = (time.monotonic() - begun) / 60.0
+        share = minutes / how.minutes
+        if share >= 1.0:
+            break
+        for group, rate in zip(task.optimiser.param_groups, most, strict=True):
+            group["lr"] = rate * _rate(share)
+        for weights in task.early:
+            weights.requires_grad_(share >= how.frozen_share)
+        loss = task.loss(batch, draw)
+        task.optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 2.0)
+        task.optimiser.step()
+        losses.append(loss.detach())
+        if len(losses) % average_steps == 0:
+            average.update_parameters(network)
+        if len(losses) % report_steps == 0:
+            mean = float(torch.stack(losses[-2 * report_steps :]).mean())
+            line: dict[str, Any] = {
+                "minutes": round(minutes, 1),
+                "steps": len(losses),
+                "loss": round(mean, 4),
+            }
+            if time.monotonic() - measured > measure_s:
+                measured = time.monotonic()
+                line["held out"] = task.measure(network)[1]
+                torch.save(average.module.state_dict(), weights_at)
+            _report(log, line)
+    (last, last_words), (smooth, smooth_words) = task.measure(network), task.measure(average.module)
+    if smooth < last:
+        network.load_state_dict(average.module.state_dict())
+    torch.save(network.state_dict(), weights_at)
+    _report(log, {"last": last_words, "steps": len(losses)})
+    _report(log, {"average": smooth_words, "steps": len(losses)})
+
+
+def _rate(share: float, *, first: float = 0.03) -> float:
+    """Share of the greatest rate when this share of the time is gone: it rises first, then falls as a cosine."""
+    return (
+        share / first if share < first else 0.5 * (1.0 + math.cos(math.pi * (share - first) / (1.0 - first)))
+    )
+
+
+def _report(log: Path, line: dict[str, Any]) -> None:
+    with log.open("a") as stream:
+        stream.write(json.dumps(line) + "\n")
+
+
+def export(
+    network: nn.Module, example: Tensor, out: Path, *, names: tuple[str, str], axes: Sequence[dict[int, str]]
+) -> None:
+    """Write ONNX.
+
+    Args:
+        network: to be written.
+        example: of what it is given.
+        out: file.
+        names: of input and output.
+        axes: of each, those that may differ in length.
+    """
+    network.eval().to("cpu", memory_format=torch.contiguous_format)
+    torch.onnx.export(
+        network, (example,), str(out), input_names=[names[0]], output_names=[names[1]],
+        dynamic_axes=dict(zip(names, axes, strict=True)), dynamo=False,
+    )  # fmt: skip
