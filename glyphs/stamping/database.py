@@ -28,7 +28,6 @@ from glyphs.fonts.glyph import Font, Glyph
 from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
 from glyphs.stamping.faces import Die
 from glyphs.surface.display import OneLine
-from glyphs.surface.maps import EdgeMap, TraceDirection
 
 FORMAT_NAME = "tactile-marks glyph database"
 FORMAT_VERSION = 2
@@ -57,27 +56,25 @@ class Exemplar(OneLine):
     Attributes:
         char: what it is, one character.
         font_name: the font it was stamped with, may be empty if unknown.
-        edge_map: its edges as scanned.
+        relief: (rows, cols) float32 height over the land in character heights, negative in the mark, along the line;
+            NaN where not known.
         note: anything the enroller wants to say.
         enrolled_at: ISO 8601 time, given by the caller.
-        relief: (rows, cols) float32 height over the land in character heights, negative in the mark, on the grid of
-            the edge map; NaN where not known. None where unknown: such an exemplar teaches nothing.
         height_mm: character height; 0 where unknown.
-        rotation_deg: of its line in the plate frame; the edge map lies in the line's frame.
+        rotation_deg: of its line in the plate frame.
         raised: whether the mark stands out.
         part: name of the part.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
 
     Raises:
-        DatabaseError: not one character, a time that is not ISO 8601, or a relief on another grid.
+        DatabaseError: not one character, a time that is not ISO 8601, or a relief without rows and columns.
     """
 
     char: str
     font_name: str
-    edge_map: EdgeMap
+    relief: NDArray[np.float32]
     note: str
     enrolled_at: str
-    relief: NDArray[np.float32] | None = None
     height_mm: float = 0.0
     rotation_deg: float = 0.0
     raised: bool = False
@@ -85,10 +82,8 @@ class Exemplar(OneLine):
     evidence: str = ""
 
     def __post_init__(self) -> None:
-        if self.relief is not None and np.shape(self.relief) != self.edge_map.shape:
-            raise DatabaseError(
-                f"a relief of {np.shape(self.relief)} does not fit the edge map {self.edge_map.shape}"
-            )
+        if np.ndim(self.relief) != 2:
+            raise DatabaseError(f"a relief of {np.shape(self.relief)} has no rows and columns")
         if len(self.char) != 1:
             raise DatabaseError(f"an exemplar stands for one character, not for {self.char!r}")
         try:
@@ -296,16 +291,9 @@ def _unpack_font(group: Any) -> Font:
 
 
 def _pack_exemplar(group: Any, exemplar: Exemplar) -> None:
-    edges = exemplar.edge_map
     for key in _EXEMPLAR_TEXTS + _EXEMPLAR_NUMBERS:
         group.attrs[key] = getattr(exemplar, key)
-    group.attrs["pitch_mm"] = edges.pitch_mm
-    group.attrs["origin_mm"] = np.array(edges.origin_mm, dtype=np.float64)
-    group.attrs["directions_deg"] = np.array([int(d) for d in edges.directions], dtype=np.int32)
-    _pack_layer(group, "enhancement", edges.enhancement)
-    _pack_layer(group, "valid", edges.valid.astype(np.uint8))
-    if exemplar.relief is not None:
-        _pack_layer(group, "relief", exemplar.relief)
+    _pack_layer(group, "relief", exemplar.relief)
 
 
 def _pack_layer(group: Any, key: str, values: NDArray[Any]) -> None:
@@ -313,18 +301,9 @@ def _pack_layer(group: Any, key: str, values: NDArray[Any]) -> None:
 
 
 def _unpack_exemplar(group: Any) -> Exemplar:
-    x, y = (float(v) for v in group.attrs["origin_mm"])
-    edges = EdgeMap(
-        enhancement=_numbers(group, "enhancement"),
-        directions=tuple(TraceDirection(int(d)) for d in group.attrs["directions_deg"]),
-        valid=_numbers(group, "valid").astype(np.bool_),
-        pitch_mm=float(group.attrs["pitch_mm"]),
-        origin_mm=(x, y),
-    )
     texts: dict[str, Any] = {key: str(group.attrs[key]) for key in _EXEMPLAR_TEXTS}
     numbers: dict[str, Any] = {key: group.attrs[key].item() for key in _EXEMPLAR_NUMBERS}
-    relief = _numbers(group, "relief") if "relief" in group else None
-    return Exemplar(edge_map=edges, relief=relief, **texts, **numbers)
+    return Exemplar(relief=_numbers(group, "relief"), **texts, **numbers)
 
 
 def _numbers(group: Any, key: str) -> Any:

@@ -106,7 +106,7 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
     from pipeline.plots.pictures import save_figure
 
     held = load_database(database)
-    own = [one for one in held.exemplars if one.font_name == report.font and one.relief is not None]
+    own = [one for one in held.exemplars if one.font_name == report.font]
     save_figure(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
 
 

@@ -187,7 +187,6 @@ def enrol(
             Exemplar(
                 char=c.char,
                 font_name=font,
-                edge_map=c.edge_map,
                 note=text,
                 enrolled_at=when,
                 relief=c.relief,
@@ -201,7 +200,7 @@ def enrol(
         ]
         enrolled.append((part.name, "".join(c.char for c in cuts)))
     exemplars = _youngest(exemplars, font)
-    taught = [e for e in exemplars if e.font_name == font and e.relief is not None]
+    taught = [e for e in exemplars if e.font_name == font]
     learned_names = {e.font_name for e in held.exemplars}
     fonts = tuple(held.fonts.values())
     bases = tuple(f for f in fonts if f.name not in learned_names) or fonts
@@ -263,8 +262,7 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
 def _learn(font: str, taught: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned:
     from recognition.learning.learned_shapes import learn_font
 
-    reliefs = [e.relief for e in taught if e.relief is not None]
-    return learn_font(font, [e.char for e in taught], reliefs, known=bases, vouching=vouching)
+    return learn_font(font, [e.char for e in taught], [e.relief for e in taught], known=bases, vouching=vouching)
 
 
 def _report(

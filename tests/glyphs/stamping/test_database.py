@@ -13,15 +13,13 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping import database as module
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from glyphs.stamping.faces import Face, default_die
-from glyphs.surface.maps import EdgeMap
 
 WHEN = "2024-05-17T09:30:00+00:00"
 
 
 def exemplar(**change):
-    noise = np.random.default_rng(0).normal(size=(2, 20, 15)).astype(np.float32)
-    edges = EdgeMap(noise, (0, 270), noise[0] > -1, 0.05, (1.5, -2.0))
-    values = {"char": "8", "font_name": "gothic", "edge_map": edges, "note": "worn ½", "enrolled_at": WHEN}
+    relief = np.random.default_rng(0).normal(size=(20, 15)).astype(np.float32)
+    values = {"char": "8", "font_name": "gothic", "relief": relief, "note": "worn ½", "enrolled_at": WHEN}
     return Exemplar(**{**values, **change})
 
 
@@ -62,10 +60,7 @@ def test_round_trip_keeps_everything(full, saved):
             two.note,
             WHEN,
         )
-        assert np.array_equal(one.edge_map.enhancement, two.edge_map.enhancement)
-        assert np.array_equal(one.edge_map.valid, two.edge_map.valid)
-        assert one.edge_map.directions == two.edge_map.directions
-        assert (one.edge_map.pitch_mm, one.edge_map.origin_mm) == (0.05, (1.5, -2.0))
+        assert np.array_equal(one.relief, two.relief)
 
 
 def test_any_hdf5_reader_opens_the_file(saved):
@@ -139,8 +134,8 @@ def replace_with_objects(file):
         replace_with_objects,
         lambda file: file.__delitem__("dies"),
         lambda file: file["dies/0"].attrs.__setitem__("die", "{}"),
-        lambda file: file["exemplars/0"].attrs.__setitem__("pitch_mm", -1.0),
-        lambda file: file["exemplars/0"].attrs.__setitem__("directions_deg", [0, 45]),
+        lambda file: file["exemplars/0"].__delitem__("relief"),
+        lambda file: file["exemplars/0"].attrs.__setitem__("char", "KK"),
         lambda file: file["fonts/0/points"].__setitem__((0, 0), np.nan),
     ],
 )
@@ -186,10 +181,9 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
         "B": Glyph("B", contours=(square,), advance=0.6, relief=-relief, guessed=True),
         "-": Glyph("-", contours=(square,), advance=0.6),
     }
-    edges = EdgeMap(relief[None], (0,), relief > 0, 0.125, (-4.0, -3.25))
     felt = np.where(relief > 1.0, np.nan, relief)
     values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
-    one = exemplar(edge_map=edges, part="part-7", evidence="ab" * 32, **values)
+    one = exemplar(part="part-7", evidence="ab" * 32, **values)
     save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, {}, (one,)), tmp_path / "l.glyphs")
     back = load_database(tmp_path / "l.glyphs")
     font = back.fonts["press"]
@@ -203,9 +197,9 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     assert (twin.part, twin.evidence) == ("part-7", "ab" * 32)
 
 
-def test_an_exemplar_whose_relief_does_not_fit_is_refused():
-    with pytest.raises(DatabaseError, match="does not fit the edge map"):
-        exemplar(relief=np.zeros((3, 3), dtype=np.float32))
+def test_an_exemplar_without_rows_and_columns_is_refused():
+    with pytest.raises(DatabaseError, match="no rows and columns"):
+        exemplar(relief=np.zeros(3, dtype=np.float32))
 
 
 def never_written(file):

@@ -49,7 +49,7 @@ def met() -> list[object]:
         part.height_map, touch=touch, plan=plan, fidelity=whisker_array.Fidelity.POINTWISE
     )
     edges = whisker_array.edge_map(scan)
-    exemplar = glyphs.Exemplar("K", "gothic", edges, "", "2026-01-01T00:00:00+00:00")
+    exemplar = glyphs.Exemplar("K", "gothic", part.height_map.z_mm, "", "2026-01-01T00:00:00+00:00")
     known = glyphs.GlyphDatabase({font.name: font}, {"usual": glyphs.default_die(3.0)}, (exemplar,))
     whisker = whisker_array.default_whisker(3.0)
     roots = [

@@ -73,9 +73,7 @@ def recording(felt: ActiveReading, tmp_path_factory: pytest.TempPathFactory) -> 
 
 def assert_same_choices(one: ActiveReading, other: ActiveReading) -> None:
     assert [p.order for p in one.passes] == [p.order for p in other.passes]
-    assert [(p.text, p.confidence) for p in one.passes] == [
-        (p.text, p.confidence) for p in other.passes
-    ]
+    assert [(p.text, p.confidence) for p in one.passes] == [(p.text, p.confidence) for p in other.passes]
     assert (one.stop, one.problem) == (other.stop, other.problem)
     assert (one.reading.text, one.reading.decision) == (other.reading.text, other.reading.decision)
     assert one.reading.confidence == other.reading.confidence
