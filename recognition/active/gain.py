@@ -22,8 +22,6 @@ from recognition.active.moves import MOST, Way
 FITTED = Path(__file__).with_name("gain.fit.json")
 LOOKS_AHEAD = 4
 """Within which a step must have made the serial sure."""
-RECENT = 3
-"""Looks of which the surest counts."""
 _LEAST = 1e-4
 
 
@@ -68,9 +66,13 @@ class Gain:
         return 1.0 / (1.0 + math.exp(-z))
 
 
-def sureness(confidences: Sequence[float]) -> float:
-    """s of the docstring."""
-    best = max(confidences[-RECENT:])
+def sureness(confidences: Sequence[float], *, recent: int = 3) -> float:
+    """s of the docstring.
+
+    Args:
+        recent: looks of which the surest counts.
+    """
+    best = max(confidences[-recent:])
     return 1.0 + math.log10(max(best, _LEAST)) / 4.0
 
 

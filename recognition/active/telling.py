@@ -24,9 +24,6 @@ from whisker_array.estimation.edges import UNUSABLE
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sweep import Sweep
 
-TELLING_GAP_HEIGHTS = 0.3
-"""Widest gap between lines of an axis over a character, character heights: a little more than a quarter, as `JOINED`
-lays them. Of 180 dirty parts two were accepted wrong from lines of one axis alone; at 0.26 and at 0.13 neither was."""
 AXES = ((Way.ALONG, Way.BACK), (Way.CROSS, Way.CROSS_BACK))
 
 
@@ -43,12 +40,15 @@ class Untold:
     ways: tuple[Way, ...]
 
 
-def untold_places(reading: Reading, scan: Scan) -> tuple[Untold, ...]:
+def untold_places(reading: Reading, scan: Scan, *, telling_gap_heights: float = 0.3) -> tuple[Untold, ...]:
     """Places with rivals over which lines of an axis are missing.
 
     Args:
         reading: with the strokes of its rivals; where these are not known, every place has some.
         scan: all that was felt.
+        telling_gap_heights: widest gap between lines of an axis over a character, character heights: a little more
+            than a quarter, as `JOINED` lays them. Of 180 dirty parts two were accepted wrong from lines of one axis
+            alone; at 0.26 and at 0.13 neither was.
     """
     strokes = reading.trace.strokes
     places = [k for k in range(len(reading.characters)) if not strokes or strokes[k].rivals]
@@ -56,7 +56,7 @@ def untold_places(reading: Reading, scan: Scan) -> tuple[Untold, ...]:
         Untold(k, ways)
         for k in places
         for ways in AXES
-        if _gap_mm(scan, reading.characters[k].box, ways) > TELLING_GAP_HEIGHTS * reading.height_mm
+        if _gap_mm(scan, reading.characters[k].box, ways) > telling_gap_heights * reading.height_mm
     )
 
 

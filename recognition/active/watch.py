@@ -19,11 +19,6 @@ from recognition.lines.moves import LONGER, MOVES, lengthen, move_line
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-MOST_FOUND = 3
-"""Lines of a first view that are looked at."""
-FOLLOWED = 0.05
-"""Confidence of a reading from which its line is followed: it is seldom another by then."""
-
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -73,23 +68,28 @@ class LineWatch:
         """Whether there is a line that says something."""
         return self._sure
 
-    def follow(self, line: TextLine | None, *, confidence: float) -> None:
+    def follow(self, line: TextLine | None, *, confidence: float, followed: float = 0.05) -> None:
         """Go on at the line of a full reading that is surer of it than not.
 
         Args:
             line: of the reading, if there is one.
             confidence: of it.
+            followed: confidence of a reading from which its line is followed: it is seldom another by then.
         """
-        if line is not None and confidence > FOLLOWED:
+        if line is not None and confidence > followed:
             self.line, self._sure = line, True
 
-    def look(self, view: View) -> Look | None:
-        """Return the best text so far; None where there is no line yet."""
+    def look(self, view: View, *, most_found: int = 3) -> Look | None:
+        """Return the best text so far; None where there is no line yet.
+
+        Args:
+            most_found: lines of a first view that are looked at.
+        """
         known = [] if self.line is None else [self.line]
         if self._sure:
             near = [*known, next(self._beside)(known[0])]  # one place beside the line, in turns
         else:
-            near = [*known, *self.lines.search.candidates(view)[:MOST_FOUND]]
+            near = [*known, *self.lines.search.candidates(view)[:most_found]]
         seen = self.lines.search.looks(view, near)
         if not seen:
             return None

@@ -45,12 +45,8 @@ SMALLEST, LARGEST, SIZE_STEP = 0.13, 0.95, 1.1
 """Character heights that are searched, as shares of the view's smaller side, and the ratio between two of them."""
 SLOPES = (-0.09, -0.045, 0.0, 0.045, 0.09)
 """Slopes of a line against the view's rows, down along +x: up to 5 degrees."""
-SKETCH_PIXELS, SKETCH_STEP = 12, 3
-"""Where no height is known, at so many pixels every third template ranks the sizes."""
 ROWS_A_SIZE, MOST_LINES = 20, 3
 """Rows of one size that are tried as lines, and lines that are read at full resolution."""
-SLACK_HEIGHTS = 0.3
-"""By which a line may lie off the row where it was found, character heights."""
 BEYOND_HEIGHTS = 1.0
 """Looked at before and after a line, character heights: a character may stand there."""
 MOST_MOVED, OFF_HEIGHTS = 3, 0.06
@@ -172,15 +168,22 @@ class CorrelationSearch(LineSearch):
                 kept.append(line)
         return kept
 
-    def _sizes_mm(self, view: View, font: Font, guise: Guise) -> list[float]:
-        """Character heights, those first at which some row of a view answers most."""
+    def _sizes_mm(
+        self, view: View, font: Font, guise: Guise, *, sketch_pixels: int = 12, sketch_step: int = 3
+    ) -> list[float]:
+        """Character heights, those first at which some row of a view answers most.
+
+        Args:
+            sketch_pixels, sketch_step: where no height is known, at so many pixels every third template ranks the
+                sizes.
+        """
         if self.height_mm is not None:
             return [self.height_mm]
         count = math.ceil(math.log(LARGEST / SMALLEST) / math.log(SIZE_STEP)) + 1
         sizes = [LARGEST * min(view.size_mm) / SIZE_STEP**k for k in range(count)]
 
         def answer(height_mm: float) -> float:
-            glyphs = self._glyphs(view, font, guise, height_mm, pixels=SKETCH_PIXELS).every(SKETCH_STEP)
+            glyphs = self._glyphs(view, font, guise, height_mm, pixels=sketch_pixels).every(sketch_step)
             # along as much of the line: small characters would answer more often
             return height_mm * max(one[0] for one in _Rows(view, glyphs, height_mm).row_sums())
 
@@ -237,10 +240,16 @@ class CorrelationSearch(LineSearch):
         belief = line_belief([steps], self.grammar)
         return None if belief is None else ReadLine(found.line, belief)
 
-    def _place(self, view: View, line: TextLine, font: Font, glyphs: GlyphImages) -> _PlacedLine:
-        """The best chain of characters along a line."""
-        slack = round(SLACK_HEIGHTS * FINE_PIXELS)
-        rows = HEIGHT_ROWS * (1.0 + 4.0 * SLACK_HEIGHTS)
+    def _place(
+        self, view: View, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
+    ) -> _PlacedLine:
+        """The best chain of characters along a line.
+
+        Args:
+            slack_heights: by which a line may lie off the row where it was found, character heights.
+        """
+        slack = round(slack_heights * FINE_PIXELS)
+        rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
         image = image_of(view, line, rows=rows, margin=BEYOND_HEIGHTS, pixels=FINE_PIXELS)
         first = len(image) // 2 - slack
         response = responses(image, glyphs, rows=slice(first, first + 2 * slack + 1))

@@ -25,12 +25,6 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
 Floats = NDArray[np.float64]
-NEAR_STEPS = 1.0
-"""Beside a place's middle, or its spread, where its character must show."""
-MOST_COUNTS = 3
-"""Looks by which characters are counted."""
-MOST_LENGTHS = 6
-"""Lengths of a format that are tried: those nearest to the number counted."""
 MOST_COUNTED = 32
 """Most characters of a line without a format."""
 _LEAST = 1e-12
@@ -129,13 +123,19 @@ def _evidence(found: Posteriors) -> float:
     return float(np.mean(logs)) if logs else -math.inf
 
 
-def _best_length(looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = ()) -> Posteriors:
-    """Return the posteriors for the length of the format with the most evidence."""
+def _best_length(
+    looks: Sequence[Steps], grammar: Grammar, alike: Sequence[str] = (), *, most_lengths: int = 6
+) -> Posteriors:
+    """Return the posteriors for the length of the format with the most evidence.
+
+    Args:
+        most_lengths: lengths of a format that are tried: those nearest to the number counted.
+    """
     lengths = grammar.lengths()
-    if lengths is None or len(lengths) > MOST_LENGTHS:
+    if lengths is None or len(lengths) > most_lengths:
         usual, _ = count_places(looks)
         lengths = frozenset(
-            {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:MOST_LENGTHS]
+            {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:most_lengths]
         )
     found = [
         _posteriors(looks, [_with_alike(chars, alike) for chars in allowed])
@@ -149,9 +149,13 @@ def _with_alike(chars: str, alike: Sequence[str]) -> str:
     return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
-def count_places(looks: Sequence[Steps]) -> tuple[int, float]:
-    """The likeliest number of characters, and its probability."""
-    logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:MOST_COUNTS]]
+def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
+    """The likeliest number of characters, and its probability.
+
+    Args:
+        most_counts: looks by which characters are counted.
+    """
+    logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:most_counts]]
     total = np.mean(
         [np.pad(log, (0, MOST_COUNTED + 1 - log.size), constant_values=-50.0) for log in logs], axis=0
     )
@@ -182,8 +186,14 @@ def pool(lattices: Mapping[str, Lattice]) -> Lattice:
     return replace(first, log_belief=np.minimum(total, 0.0))
 
 
-def _lattice(looks: Sequence[Steps], posteriors: Posteriors) -> tuple[Lattice, Floats] | None:
-    """Average the looks, by view, to a lattice and its columns; None without posteriors."""
+def _lattice(
+    looks: Sequence[Steps], posteriors: Posteriors, *, near_steps: float = 1.0
+) -> tuple[Lattice, Floats] | None:
+    """Average the looks, by view, to a lattice and its columns; None without posteriors.
+
+    Args:
+        near_steps: beside a place's middle, or its spread, where its character must show.
+    """
     logs: dict[int, list[Floats]] = {}
     columns, read = [], []
     for steps, found in zip(looks, posteriors, strict=True):
@@ -193,7 +203,7 @@ def _lattice(looks: Sequence[Steps], posteriors: Posteriors) -> tuple[Lattice, F
         columns.append(np.interp(at, np.arange(steps.columns.size), steps.columns))
         logs.setdefault(steps.view, []).append(found.log_belief)
         steps_at = np.arange(steps.log_blank.size)
-        near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(NEAR_STEPS, found.spread)[:, None]
+        near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(near_steps, found.spread)[:, None]
         # a character may show half at one step and half at the next: only blanks at all of them say that none is there
         unread = np.exp(np.where(near, steps.log_blank[None], 0.0).sum(axis=1))
         read.append((1.0 - unread).clip(_LEAST, 1.0))

@@ -42,18 +42,6 @@ from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-AGREED, AGREED_EVIDENCE = 0.99, -1.0
-"""Belief in every place, and log probability of all that the format allows, from which one look is enough."""
-PLAIN_EVIDENCE = -0.5
-"""Log probability of all that the format allows, from which a line is not read upside down as well."""
-ASKED_EVIDENCE = -4.0
-"""Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
-ROOM = 0.45
-"""Distance of two lines' middles, as a share of both heights, below which they are the same ink."""
-OTHER_BELIEF, OTHER_PLACES = 0.8, 3
-"""Mean probability, and places, from which another line on the part is unassigned text."""
-
-
 MOST_CANDIDATES, MOST_ACROSS = 4, 0.9
 """Lines that are named to a person where none was read, and share of the view's width that they may take."""
 
@@ -142,8 +130,15 @@ class LineReader:
                 unclaimed.append(line)
         return PartLines(main, MappingProxyType(named), tuple(unclaimed), _candidates(view, meant))
 
-    def _line_named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
-        """The line of these that this format and region mean; None where none does."""
+    def _line_named(
+        self, view: View, rest: Sequence[ReadLine], asked: LineFormat, *, asked_evidence: float = -4.0
+    ) -> ReadLine | None:
+        """The line of these that this format and region mean; None where none does.
+
+        Args:
+            asked_evidence: log probability of all that a format allows, from which a line is the one that was asked
+                for, and no other.
+        """
         fits = [
             ReadLine(one.line, belief)
             for one in rest
@@ -154,11 +149,16 @@ class LineReader:
             return None
         best = max(fits, key=promise_of)
         best = self._belief_of(view, best, asked.grammar) or best
-        return best if best.belief.evidence > ASKED_EVIDENCE else None
+        return best if best.belief.evidence > asked_evidence else None
 
-    def _right_way_up(self, view: View, best: ReadLine) -> ReadLine:
-        """The line from the end from which more is read; as it is where it is beyond doubt."""
-        plain = says_much([best], PLAIN) and best.belief.evidence > PLAIN_EVIDENCE
+    def _right_way_up(self, view: View, best: ReadLine, *, plain_evidence: float = -0.5) -> ReadLine:
+        """The line from the end from which more is read; as it is where it is beyond doubt.
+
+        Args:
+            plain_evidence: log probability of all that the format allows, from which a line is not read upside down
+                as well.
+        """
+        plain = says_much([best], PLAIN) and best.belief.evidence > plain_evidence
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
         return max((best, *self.search.looks(view, [best.line.reversed])), key=promise_of)
@@ -205,21 +205,35 @@ def _candidates(view: View, meant: Sequence[ReadLine]) -> tuple[TextLine, ...]:
     return tuple(one.line for one in kept)
 
 
-def apart(one: ReadLine, other: ReadLine) -> bool:
-    """Whether two lines are different ink: their characters have room above each other."""
-    band_mm = ROOM * (one.line.height_mm + other.line.height_mm)
+def apart(one: ReadLine, other: ReadLine, *, room: float = 0.45) -> bool:
+    """Whether two lines are different ink: their characters have room above each other.
+
+    Args:
+        room: distance of two lines' middles, as a share of both heights, below which they are the same ink.
+    """
+    band_mm = room * (one.line.height_mm + other.line.height_mm)
     return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((one.line, other.line)))
 
 
-def _is_text(one: ReadLine) -> bool:
-    """Whether a line can be read, whatever it says."""
+def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3) -> bool:
+    """Whether a line can be read, whatever it says.
+
+    Args:
+        other_belief, other_places: mean probability, and places, from which another line on the part is unassigned
+            text.
+    """
     lattice, _ = one.belief.openly
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
-    return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
+    return lattice.n_places >= other_places and float(best.mean()) > other_belief
 
 
-def is_agreed(belief: LineBelief) -> bool:
-    """Whether all experts are sure of the same text."""
+def is_agreed(belief: LineBelief, *, agreed: float = 0.99, agreed_evidence: float = -1.0) -> bool:
+    """Whether all experts are sure of the same text.
+
+    Args:
+        agreed, agreed_evidence: belief in every place, and log probability of all that the format allows, from which
+            one look is enough.
+    """
     texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
     least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())
-    return len(texts) == 1 and least > AGREED and belief.evidence > AGREED_EVIDENCE
+    return len(texts) == 1 and least > agreed and belief.evidence > agreed_evidence

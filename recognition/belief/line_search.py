@@ -35,32 +35,14 @@ JITTERS: tuple[tuple[float, float, int], ...] = (
 """More looks at a line: moved down and higher, character heights; columns that are skipped at its start."""
 MOST_LINES = 6
 """That are looked at, most promising first."""
-MOST_SMALL = 40
-"""Small ones that are looked at: among a machine's edges many are none."""
-SMALL_PROMISE = 0.0
-"""Promise up to which a small line is a guess: the best of many tiles of noise seems better than the whole."""
-MOST_COLUMNS = 4000
-"""Longest strip, some 200 characters."""
-LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
-"""To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
 MOST_TURNED = 3
 """That are looked at upside down, and running down or up."""
 MOST_MOVED = 2
 """That are moved and made longer where they say little."""
-MOST_BENT = 2
-"""Lines that are looked at as arcs as well."""
-TEXT_SHARE = 0.15
-"""Share of a plain line's score from which another line is text: some three characters."""
 SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
 """At which lines are looked for that run neither level nor down."""
-SLANTED_SIDES = 2.5
-"""Ratio of a view's sides from which a slanted line would have no room."""
 UPSIDE_DOWN_DEG = 105.0
 """From level, from which a line is upside down: one that runs straight up or down, a little askew, is not."""
-TURNED_COST = 1.5
-"""Nats that a line must say more than another, to be read upside down, or down the plate."""
-BENT_COST = 0.05
-"""Nats that an arc must say more than a straight line."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
 """Shares of the greatest promise, from which a line is not looked at otherwise, nor upside down; no fainter ones are
 looked for; and no turned or small ones."""
@@ -133,15 +115,10 @@ class LineSearch:
         if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
             # the same ink seen otherwise has no more to say; other lines on the part may. Without a format nobody
             # knows how far the line goes
-            band_mm = seen[0].line.height_mm
-            rest = [
-                one.line
-                for one in found[1:]
-                if one.score > TEXT_SHARE * found[0].score
-                and not overlap(one.line, seen[0].line, band_mm=band_mm)
-            ]
+            rest = _other_text(found, seen[0].line)
             return _rank([*seen, *self.looks(view, rest)])
-        others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
+        # the two best are looked at as arcs as well
+        others = [*_straight_and_bent(found[1:2]), *(one.line for one in found[2:])]
         seen = _rank([*seen, *self.looks(view, others)])
         tries = [
             (self._whole, PLAIN),
@@ -158,7 +135,8 @@ class LineSearch:
                 break
             looked = self.looks(view, candidates(view, seen))
             if candidates == self._small:
-                guesses = [one for one in looked if promise_of(one) <= SMALL_PROMISE]
+                # the best of many tiles of noise seems better than the whole: no promise, a guess
+                guesses = [one for one in looked if promise_of(one) <= 0.0]
                 looked = looked[: len(looked) - len(guesses)]
             seen = _rank([*seen, *looked])
         # on what was felt a guess would have a blank plate scanned as finely as small marks
@@ -185,8 +163,9 @@ class LineSearch:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
 
-    def _small(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm)[:MOST_SMALL]
+    def _small(self, view: View, seen: Sequence[ReadLine], *, most_small: int = 40) -> list[TextLine]:
+        # most_small: small ones that are looked at: among a machine's edges many are none.
+        found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm)[:most_small]
         lines = [one.line for one in found]
         return [*lines, *(line.reversed for line in lines)]
 
@@ -199,9 +178,10 @@ class LineSearch:
     def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return self._either_way(view, (90.0,))
 
-    def _slanted(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+    def _slanted(self, view: View, seen: Sequence[ReadLine], *, slanted_sides: float = 2.5) -> list[TextLine]:
+        # slanted_sides: ratio of a view's sides from which a slanted line would have no room.
         short, long = sorted(view.size_mm)
-        return self._either_way(view, SLANTS_DEG) if long < SLANTED_SIDES * short else []
+        return self._either_way(view, SLANTS_DEG) if long < slanted_sides * short else []
 
     def _either_way(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
         found = [
@@ -213,12 +193,7 @@ class LineSearch:
 
     def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """One look at each line, most promising first."""
-        least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
-        lines = [
-            line
-            for line in lines
-            if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm and self.may_run(line)
-        ]
+        lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
         if not lines:
             return []
         steps = self.steps_of(view, lines)
@@ -289,6 +264,36 @@ class LineSearch:
         return one
 
 
+def _shows_shapes(
+    view: View,
+    line: TextLine,
+    *,
+    most_columns: int = 4000,
+    least_pixels: float = 4.0,
+    most_sides: float = 1.4,
+) -> bool:
+    """Whether a line is of a size at which characters can be seen.
+
+    Args:
+        view: to be looked at.
+        line: in it.
+        most_columns: longest strip, some 200 characters.
+        least_pixels: to a character's height.
+        most_sides: a height to the view's smaller side.
+    """
+    least_mm, most_mm = least_pixels * view.pitch_mm, most_sides * min(view.size_mm)
+    return line.columns() <= most_columns and least_mm <= line.height_mm <= most_mm
+
+
+def _other_text(found: Sequence[FoundLine], best: TextLine, *, text_share: float = 0.15) -> list[TextLine]:
+    """Lines beside the best one that are text: by their share of its score, some three characters."""
+    return [
+        one.line
+        for one in found[1:]
+        if one.score > text_share * found[0].score and not overlap(one.line, best, band_mm=best.height_mm)
+    ]
+
+
 def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
     return [line for one in found for line in (one.line, one.bent) if line is not None]
 
@@ -305,10 +310,15 @@ def _rank(seen: Sequence[ReadLine]) -> list[ReadLine]:
     return sorted(seen, key=promise_of, reverse=True)
 
 
-def promise_of(one: ReadLine) -> float:
-    """Line score minus penalties for rotation and for an arc."""
+def promise_of(one: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0.05) -> float:
+    """Line score minus penalties for rotation and for an arc.
+
+    Args:
+        turned_cost: nats that a line must say more than another, to be read upside down, or down the plate.
+        bent_cost: nats that an arc must say more than a straight line.
+    """
     turned, bent = abs(one.line.turned_deg) > 45.0, len(one.line.centre_mm) > 2
-    return one.belief.promise - TURNED_COST * turned - BENT_COST * bent
+    return one.belief.promise - turned_cost * turned - bent_cost * bent
 
 
 def _at_ends(one: ReadLine) -> tuple[bool, bool]:

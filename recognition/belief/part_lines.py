@@ -18,8 +18,6 @@ Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""
 REGION_MARGINS = (0.5, 1.0)
 """Margin around a region, as a share of its size: the line's middle lies in it, not its ends."""
-MOST_OF_VIEW = 0.6
-"""Share of a view from which its part about a region is not worth a search of its own."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +60,12 @@ def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
     return bool(left <= x <= right and top <= y <= bottom)
 
 
-def about_region(region: Region | None, view: View) -> View:
-    """The part of a view in which a line lies whose middle is in a region; the view itself where that is most of it."""
+def about_region(region: Region | None, view: View, *, most_of_view: float = 0.6) -> View:
+    """The part of a view in which a line lies whose middle is in a region; the view itself where that is most of it.
+
+    Args:
+        most_of_view: share of a view from which its part about a region is not worth a search of its own.
+    """
     if region is None:
         return view
     left, top, right, bottom = region
@@ -72,7 +74,7 @@ def about_region(region: Region | None, view: View) -> View:
         (max(left - wide, 0.0), min(right + wide, 1.0)),
         (max(top - high, 0.0), min(bottom + high, 1.0)),
     )
-    if (across[1] - across[0]) * (down[1] - down[0]) > MOST_OF_VIEW:
+    if (across[1] - across[0]) * (down[1] - down[0]) > most_of_view:
         return view
     return view.cut(across, down)
 

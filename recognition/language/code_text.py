@@ -24,8 +24,6 @@ TEXT_ELEMENTS = SERIAL_KEYS | ENDING_KEYS | {
     "BAT", "BII", "CAG", "CNT", "DMF", "DUN", "EUC", "EXP", "LOT", "LTN", "MFR", "PML", "PNO", "PNR", "SPL",
 }  # fmt: skip
 """Identifiers that are known for such where no envelope says that they are."""
-LEAST_ENDING = 3
-"""Characters of a serial that a longer field may end with by more than chance."""
 URL_KEY = "url"
 """Name of an unnamed piece of an address."""
 _ENVELOPE = re.compile(r"\[\)>(?:␞|<RS>)?(?P<format>0[56]|12|DD)(?:␝|<GS>)(?P<fields>.*)", re.DOTALL)
@@ -87,9 +85,10 @@ def holds(text: str, serial: str) -> bool | None:
     return False if serials or any(not f.key for f in fields) else None
 
 
-def _is(field: CodeField, serial: str) -> bool:
+def _is(field: CodeField, serial: str, *, least_ending: int = 3) -> bool:
+    # least_ending: characters of a serial that a longer field may end with by more than chance.
     value = _bare(field.value)
-    if field.key in ENDING_KEYS and len(serial) >= LEAST_ENDING:
+    if field.key in ENDING_KEYS and len(serial) >= least_ending:
         return value.endswith(serial)
     return bool(serial) and value == serial
 

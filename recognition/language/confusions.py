@@ -11,17 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-READ_BELIEF, READ_MARGIN = 0.5, 0.3
-"""Belief in the first character, and its lead over the second, from which a place counts as read. Whether the
-reading is accepted is another question, with thresholds of its own."""
-NOTHING_BELIEF = 0.5
-"""Belief in "no character" from which a place is not read."""
-SHARE_OF_FIRST = 0.25
-"""Share of the first character's probability from which a second one is confused with it."""
-MISMATCH_SHARE = 0.1
-"""A known character with less than this share of the best one's belief is contradicted."""
-
-
 SWAP_SETS = {
     "0OQD": "closed round outlines; the tail of Q and the corners of D are short",
     "1IL7": "one upright; flag, serifs and foot are short or missing in some fonts",
@@ -104,13 +93,27 @@ class PlaceState:
                 return f"{self.rival} where {self.expected or 'nothing'} is expected"
 
 
-def state_of(probabilities: Mapping[str, float], *, expected: str | None = None) -> PlaceState:
+def state_of(
+    probabilities: Mapping[str, float],
+    *,
+    expected: str | None = None,
+    read_belief: float = 0.5,
+    read_margin: float = 0.3,
+    nothing_belief: float = 0.5,
+    share_of_first: float = 0.25,
+    mismatch_share: float = 0.1,
+) -> PlaceState:
     """Return the state of a place.
 
     Args:
         probabilities: belief in each character; what is missing to 1 is "no character". Ties go to the
             character that comes first.
         expected: the character known to stand there, if one is known; "" if none should.
+        read_belief, read_margin: belief in the first character, and its lead over the second, from which a place
+            counts as read. Whether the reading is accepted is another question, with thresholds of its own.
+        nothing_belief: belief in "no character" from which a place is not read.
+        share_of_first: share of the first character's probability from which a second one is confused with it.
+        mismatch_share: A known character with less than this share of the best one's belief is contradicted.
 
     Raises:
         ValueError: beliefs that are negative, not numbers, or more than 1 together.
@@ -123,13 +126,13 @@ def state_of(probabilities: Mapping[str, float], *, expected: str | None = None)
     if first == 0.0:
         return PlaceState(CharacterState.NOT_READ, "", 0.0, expected=expected or "")
     known = probabilities.get(expected, 0.0) if expected else 0.0
-    if 1.0 - total >= NOTHING_BELIEF:
+    if 1.0 - total >= nothing_belief:
         return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
-    clear = first >= READ_BELIEF and first - second >= READ_MARGIN
-    shared = first + second >= READ_BELIEF and second >= SHARE_OF_FIRST * first
+    clear = first >= read_belief and first - second >= read_margin
+    shared = first + second >= read_belief and second >= share_of_first * first
     if not (clear or shared):
         return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
-    if expected is not None and char != expected and known < MISMATCH_SHARE * first:
+    if expected is not None and char != expected and known < mismatch_share * first:
         return PlaceState(CharacterState.MISMATCH, char, first, char, expected=expected)
     if expected and char != expected:
         return PlaceState(CharacterState.CONFUSED, char, first, expected, expected=expected)

@@ -34,8 +34,6 @@ from recognition.language.lattice import Lattice
 
 MOST_TESTS = 2_000
 """Strings that are asked one by one of a check digit that can only be asked so, before the search is given up."""
-RESOLVED = 1e-4
-"""Share of belief in strings not yet asked at which that search may end."""
 WORTH_WARNING = 0.01
 """Belief in a character that the check digit cannot tell from the one read, from which a person is warned."""
 ROUNDING = 1e-12
@@ -155,8 +153,14 @@ def _ask(
     grammar: Grammar,
     lattice: Lattice,
     most_tests: int,
+    *,
+    resolved: float = 1e-4,
 ) -> _Asked:
-    """Ask string by string, best first, until what is left cannot matter."""
+    """Ask string by string, best first, until what is left cannot matter.
+
+    Args:
+        resolved: share of belief in strings not yet asked at which that search may end.
+    """
     number = {c: i for i, c in enumerate(lattice.chars)}
     asked = _Asked(np.zeros(lattice.log_belief.shape))
     for text, weight in islice(strings, most_tests):
@@ -168,7 +172,7 @@ def _ask(
             asked.good += share
             asked.by_place[np.arange(len(text)), [number[c] for c in text]] += share
         beside = asked.good + math.exp(log_d - log_z) - 1.0
-        if asked.found and asked.left <= RESOLVED * (asked.left + beside):
+        if asked.found and asked.left <= resolved * (asked.left + beside):
             return asked
     asked.gave_up = next(strings, None) is not None
     asked.left *= asked.gave_up

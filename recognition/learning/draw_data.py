@@ -29,8 +29,6 @@ from recognition.learning.training_samples import (
 )
 
 PARTS_OF_A_FILE = 48
-FONTS_OF_A_FILE = 16
-"""Fonts whose outlines are drawn for a file: each costs more than a part."""
 _log = logging.getLogger(__name__)
 
 
@@ -59,7 +57,9 @@ def draw_parts(fonts: Sequence[Path], out: Path, kind: str, name: str, rng: np.r
     write_samples(out / "views" / kind / name, views)
 
 
-def draw_file(fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int) -> None:
+def draw_file(
+    fonts: Sequence[Path], out: Path, kind: str, seed: int, number: int, *, fonts_of_a_file: int = 16
+) -> None:
     """Draw a file of strips, and for parts one of views, unless the last of them is there.
 
     Args:
@@ -68,12 +68,13 @@ def draw_file(fonts: Sequence[Path], out: Path, kind: str, seed: int, number: in
         kind: "seen" or "held" of parts, "sketched" of lines without physics.
         seed: of the whole set.
         number: of the file.
+        fonts_of_a_file: fonts whose outlines are drawn for a file: each costs more than a part.
     """
     name, sketched = f"{seed:03d}-{number:05d}.npz", kind == "sketched"
     if (out / ("strips" if sketched else "views") / kind / name).exists():
         return
     rng = np.random.default_rng((seed, number, 1) if sketched else (seed, number))
-    few = [fonts[i] for i in rng.integers(len(fonts), size=FONTS_OF_A_FILE)]
+    few = [fonts[i] for i in rng.integers(len(fonts), size=fonts_of_a_file)]
     if sketched:
         write_samples(out / "strips" / kind / name, sketch_many(few, PARTS_OF_A_FILE, rng))
     else:

@@ -28,9 +28,6 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view
 from whisker_array.estimation.relief import Relief
 
-LEAST_LIKELY = 0.15
-"""Posterior of a character, mean of the text, below which it does not fit the marks."""
-
 
 class ExemplarError(MarksError):
     """A part of which nothing can be cut."""
@@ -59,7 +56,13 @@ class Cut:
 
 
 def cut_line(
-    edges: EdgeMap, relief: Relief, text: str, *, height_mm: float | None = None, line: TextLine | None = None
+    edges: EdgeMap,
+    relief: Relief,
+    text: str,
+    *,
+    height_mm: float | None = None,
+    line: TextLine | None = None,
+    least_likely: float = 0.15,
 ) -> tuple[Cut, ...]:
     """The characters of a part's line.
 
@@ -69,6 +72,7 @@ def cut_line(
         text: what stands there; blanks do not count.
         height_mm: character height, if known.
         line: where it stands, if known.
+        least_likely: posterior of a character, mean of the text, below which it does not fit the marks.
 
     Returns:
         A cut a character, in order; those of which too little was felt are left out.
@@ -88,7 +92,7 @@ def cut_line(
             "no line of marks as long as the text was found", hint="look at the part and its text"
         )
     likely = np.exp(found.belief.evidence / len(plain))
-    if likely < LEAST_LIKELY:
+    if likely < least_likely:
         raise ExemplarError(
             f"the text does not fit the marks (belief {likely:.2f} a character)", hint="see that it is right"
         )

@@ -20,11 +20,6 @@ from recognition.learning.exemplars import ExemplarError
 from recognition.learning.laid_over import Patch, common_relief, laid_over
 from recognition.learning.nearest_hand import Hand, depth_of, nearest_hand
 
-OTHER_CHARACTER = 0.1
-"""By how much an exemplar without siblings may be more like another character of the nearest font than like its own."""
-WORN_FALL, FOREIGN_FALL = 0.05, 0.3
-"""By how much its likeness to the nearest font's may fall short of the usual: where that is the die's own font, a
-single faint blow teaches nothing, and a broken corner is believed of three."""
 FEWEST_SIBLINGS = 3
 """Exemplars that agree, from which on they need no known font to vouch for them."""
 TRUSTED_LIKENESS = 0.94
@@ -32,8 +27,6 @@ TRUSTED_LIKENESS = 0.94
 gothic worn to a third of its depth reaches 0.97, another maker's letters 0.9."""
 OUTLINE_SHARE = 0.3
 """Share of the depth at which the outline is drawn."""
-FLOOR_SHARE = 0.6
-"""Share of the depth that a stroke reaches somewhere."""
 RIM_HEIGHTS = 0.1
 """Land about the ink that is kept, burr and all, before the relief fades; what lies further off is the plate's."""
 SPECK_HEIGHTS = 0.05
@@ -122,9 +115,9 @@ def learn_font(
             del shapes[char]
             used[char] = ()
         elif len(vouched) < len(own) or len(used[char]) < len(own):
-            shapes[char], agree = common_relief(_likest_first(char, [patches[k] for k in vouched], hand))
-            order = _likest_order(char, [patches[k] for k in vouched], hand)
-            used[char] = tuple(sorted(vouched[order[k]] for k in agree))
+            likest = [vouched[k] for k in _likest_order(char, [patches[k] for k in vouched], hand)]
+            shapes[char], agree = common_relief([patches[k] for k in likest])
+            used[char] = tuple(sorted(likest[k] for k in agree))
     return _learned_font(name, shapes, used, len(chars), hand, patches[0].shape)
 
 
@@ -137,24 +130,35 @@ def _likest_order(char: str, patches: Sequence[Patch], hand: Hand) -> list[int]:
     return [int(k) for k in np.argsort(scores)[::-1]]
 
 
-def _likest_first(char: str, patches: Sequence[Patch], hand: Hand) -> list[Patch]:
-    return [patches[k] for k in _likest_order(char, patches, hand)]
-
-
-def _is_it(char: str, patch: Patch, hand: Hand, shapes: Mapping[str, Patch]) -> bool:
+def _is_it(
+    char: str,
+    patch: Patch,
+    hand: Hand,
+    shapes: Mapping[str, Patch],
+    *,
+    other_character: float = 0.1,
+    worn_fall: float = 0.05,
+    foreign_fall: float = 0.3,
+) -> bool:
     """Whether an exemplar without siblings is to be believed.
 
     It must be about as like the nearest font's character as others are, and not more like another one.
+
+    Args:
+        other_character: by how much an exemplar without siblings may be more like another character of the nearest
+            font than like its own.
+        worn_fall, foreign_fall: by how much its likeness to the nearest font's may fall short of the usual: where
+            that is the die's own font, a single faint blow teaches nothing, and a broken corner is believed of three.
     """
     guess = hand.relief(char, patch.shape)
     if guess is None:
         return True
     own = laid_over(guess, patch)[0]
-    if own < hand.likeness - (WORN_FALL if hand.likeness >= TRUSTED_LIKENESS else FOREIGN_FALL):
+    if own < hand.likeness - (worn_fall if hand.likeness >= TRUSTED_LIKENESS else foreign_fall):
         return False
     rivals = (hand.relief(c, patch.shape) for c in shapes if c != char)
     return (
-        own > max((laid_over(g, patch)[0] for g in rivals if g is not None), default=-1.0) - OTHER_CHARACTER
+        own > max((laid_over(g, patch)[0] for g in rivals if g is not None), default=-1.0) - other_character
     )
 
 
@@ -188,8 +192,12 @@ def _learned_font(
     )
 
 
-def _trim(patch: Patch) -> Patch:
-    """The relief of a character alone: what lies far from its ink is land."""
+def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
+    """The relief of a character alone: what lies far from its ink is land.
+
+    Args:
+        floor_share: share of the depth that a stroke reaches somewhere.
+    """
     from scipy import ndimage
 
     ink = patch < -OUTLINE_SHARE * depth_of(patch)
@@ -198,7 +206,7 @@ def _trim(patch: Patch) -> Patch:
     deepest = ndimage.maximum(-patch, labels, np.arange(sizes.size))
     # shallow hollows beside the character are the plate's
     ink &= (sizes >= (SPECK_HEIGHTS * RELIEF_PIXELS) ** 2)[labels] & (
-        deepest >= FLOOR_SHARE * depth_of(patch)
+        deepest >= floor_share * depth_of(patch)
     )[labels]
     if not ink.any():
         return patch

@@ -21,8 +21,6 @@ WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)
 GROWTHS, SOFTNESSES = (-0.03, -0.015, 0.0, 0.015, 0.03, 0.045, 0.06), (0.0, 0.015, 0.03, 0.05, 0.08)
 FIRST_GROWTHS, FIRST_SOFTNESSES = (-0.015, 0.03), (0.02, 0.07)
 """Changes of a known font that are tried, character heights except the widths; few of them find font and width."""
-COMPARED = 10
-"""Characters, at most, by which font and width are found."""
 LEAST_DEPTH_HEIGHTS = 0.002
 
 
@@ -64,15 +62,16 @@ def depth_of(patch: Patch) -> float:
     return max(-float(np.percentile(patch, 5.0)), LEAST_DEPTH_HEIGHTS)
 
 
-def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font]) -> Hand:
+def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font], *, compared: int = 10) -> Hand:
     """The font and its changes that come nearest to what was felt.
 
     Args:
         shapes: reliefs by character, all of one size.
         fonts: known ones, at least one.
+        compared: characters, at most, by which font and width are found.
     """
     depth = float(np.median([depth_of(p) for p in shapes.values()]))
-    few = {c: shapes[c] for c in sorted(shapes)[:: -(-len(shapes) // COMPARED)]}
+    few = {c: shapes[c] for c in sorted(shapes)[:: -(-len(shapes) // compared)]}
     found = [
         _best_stroke(font, width, few, depth, FIRST_GROWTHS, FIRST_SOFTNESSES)
         for font, width in product(fonts, WIDTHS)

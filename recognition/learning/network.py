@@ -21,14 +21,10 @@ from recognition.learning.public_start import PublicStart
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN, LAYERS
 
-_RELIEF_HALF, _EDGE_HALF, _GREY_HALF = 0.02, 0.2, 1.0
-"""Values drawn as one half: heights in character heights, enhancement, brightness in spreads of its surroundings."""
 _BROAD = 0.4
 """Sigma, character heights: what is broader is the plate, not the mark."""
 _COARSENESS = 6
 """Pixels to a character where it is blurred."""
-EARLY = 40
-"""Early convolutions, of the 57 of the body."""
 COLUMNS = 20
 """Columns of a strip are a multiple of this: 24 of the picture, three steps."""
 
@@ -53,8 +49,15 @@ class Drawn(nn.Module):
         small = f.conv2d(small, self.bell[: x.shape[1]], padding=self.reach, groups=x.shape[1])
         return f.interpolate(small, scale_factor=self.coarse, mode="bilinear")
 
-    def forward(self, strip: Tensor) -> Tensor:
-        """(n, LAYERS, rows, columns) to the same shape, each layer within -1 and 1."""
+    def forward(
+        self, strip: Tensor, *, relief_half: float = 0.02, edge_half: float = 0.2, grey_half: float = 1.0
+    ) -> Tensor:
+        """(n, LAYERS, rows, columns) to the same shape, each layer within -1 and 1.
+
+        Args:
+            relief_half, edge_half, grey_half: values drawn as one half: heights in character heights, enhancement,
+                brightness in spreads of its surroundings.
+        """
         known = strip[:, KNOWN : KNOWN + 1]
         surfaces = strip[:, HEIGHTS : GREY + 1] * known
         blurred = self._broad(torch.cat([surfaces, known], dim=1))
@@ -64,9 +67,9 @@ class Drawn(nn.Module):
         spread = (self._broad(grey * grey) / weight + 1e-6).sqrt()
         return torch.cat(
             [
-                _squash(heights, _RELIEF_HALF),
-                _squash(grey / spread, _GREY_HALF),
-                _squash(strip[:, EDGES:KNOWN], _EDGE_HALF),
+                _squash(heights, relief_half),
+                _squash(grey / spread, grey_half),
+                _squash(strip[:, EDGES:KNOWN], edge_half),
                 known,
             ],
             dim=1,
@@ -107,12 +110,16 @@ class Recogniser(nn.Module):
         picture = f.interpolate(self.first(drawn), size=size, mode="bilinear", align_corners=False)
         return self.head(self.body(picture)).float().log_softmax(dim=2)
 
-    def early(self) -> list[nn.Parameter]:
-        """Weights that look at edges and strokes, not at characters: the first two thirds of the convolutions."""
+    def early(self, *, early: int = 40) -> list[nn.Parameter]:
+        """Weights that look at edges and strokes, not at characters: the first two thirds of the convolutions.
+
+        Args:
+            early: early convolutions, of the 57 of the body.
+        """
         kept = [*self.first.parameters()]
         for name, weights in self.body.named_parameters():
             number = re.fullmatch(r"Conv/(\d+)\.weight", name)
-            if (number and int(number[1]) < EARLY) or (number is None and weights.ndim == 4):
+            if (number and int(number[1]) < early) or (number is None and weights.ndim == 4):
                 kept.append(weights)
         return kept
 

@@ -27,8 +27,6 @@ _FINE = ROWS // TALL_ROWS
 """Pixels of the sketch to one of the strip."""
 _H = HEIGHT_ROWS * _FINE
 """Pixels to a character's height."""
-_PRELOAD = 0.2
-"""Preload of the default touch, character heights: lift by it doubles the moment."""
 
 
 def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[TrainingStrip]:
@@ -77,8 +75,12 @@ def _measure(made: Sketch) -> Field:
     return layers
 
 
-def _touch(made: Sketch, rng: np.random.Generator) -> Field:
-    """Return the path of a ball sliding over the surface, and its slopes along the passes."""
+def _touch(made: Sketch, rng: np.random.Generator, *, preload: float = 0.2) -> Field:
+    """Return the path of a ball sliding over the surface, and its slopes along the passes.
+
+    Args:
+        preload: preload of the default touch, character heights: lift by it doubles the moment.
+    """
     layers = _measure(made)
     radius = float(rng.uniform(0.03, 0.16)) * _H
     ball = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (max(1, round(0.5 * radius)) * 2 + 1,) * 2)
@@ -93,7 +95,7 @@ def _touch(made: Sketch, rng: np.random.Generator) -> Field:
         )
     layers[HEIGHTS] = felt
     dx, dy = (np.gradient(felt, axis=axis) * HEIGHT_ROWS for axis in (1, 0))
-    lift, slope = felt / _PRELOAD, float(rng.uniform(0.4, 1.0))
+    lift, slope = felt / preload, float(rng.uniform(0.4, 1.0))
     grit = float(rng.uniform(0.0, 0.03))
     for k, edge in enumerate((lift + slope * dx, lift + slope * dy, lift - slope * dx, lift - slope * dy)):
         grain = blur(rng.standard_normal(felt.shape).astype(np.float32), 0.6)

@@ -20,9 +20,6 @@ from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
-_GAP_COLUMNS = 4.0
-"""Between a character and what is changed beside it."""
-
 
 def set_about(
     strips: Sequence[TrainingStrip],
@@ -44,12 +41,15 @@ def set_about(
     return [_wrong_way(_ends(strip, longer, edge, rng), turned, rng) for strip in strips]
 
 
-def _ends(strip: TrainingStrip, longer: float, edge: float, rng: np.random.Generator) -> TrainingStrip:
+def _ends(
+    strip: TrainingStrip, longer: float, edge: float, rng: np.random.Generator, *, gap_columns: float = 4.0
+) -> TrainingStrip:
+    # gap_columns: between a character and what is changed beside it.
     if not strip.places:
         return strip
     layers, places = strip.layers, np.array(strip.places)
     free = places[:, 0].min(), layers.shape[2] - places[:, 1].max()
-    margins = [int(max(one - _GAP_COLUMNS, 0.0)) for one in free]
+    margins = [int(max(one - gap_columns, 0.0)) for one in free]
     more = [int(rng.uniform(0.0, 2.5) * HEIGHT_ROWS) * (rng.random() < longer and m > 3) for m in margins]
     layers = np.concatenate(
         [_land(layers[:, :, : margins[0]], more[0]), layers, _land(layers[:, :, ::-1][:, :, : margins[1]], more[1])],

@@ -17,9 +17,6 @@ from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
-GOOD_SCORE = 0.7
-"""Belief a character from which no other scale is tried."""
-
 
 def cut_scan(
     scan: Scan,
@@ -48,8 +45,12 @@ def cut_height_map(
     *,
     soil: Soil | None = None,
     height_mm: float | None = None,
+    good_score: float = 0.7,
 ) -> tuple[Cut, ...]:
     """The characters of a height map, scanned with the virtual array as for reading; see `cut_line`.
+
+    Args:
+        good_score: belief a character from which no other scale is tried.
 
     Raises:
         ExemplarError: as `cut_line`, or no characters to be seen.
@@ -71,7 +72,7 @@ def cut_height_map(
         mean = float(np.mean([cut.score for cut in cuts])) if cuts else 0.0
         if best is None or mean > best[0]:
             best = (mean, cuts)
-        if mean > GOOD_SCORE:
+        if mean > good_score:
             break
     if best is None:
         raise problem or ExemplarError("no characters found", hint="look at the part, or give its height")

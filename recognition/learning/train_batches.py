@@ -21,8 +21,6 @@ _FILES = 12
 """Read at a time: some 4,000 strips, a gigabyte."""
 _SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
 """Share of the strips of a kind that are used each time: of a part there are three photographs and one scan."""
-_UNREADABLE, _UNREADABLE_SHARE = 0.45, 0.3
-"""Severity from which dirt hides most of a photograph, and the share of these that is kept: they teach little."""
 
 
 def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[TrainingStrip]]:
@@ -44,9 +42,11 @@ def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[T
         yield [strip for strip in read_samples(TrainingStrip, now) if rng.random() < _share(strip)]
 
 
-def _share(strip: TrainingStrip) -> float:
-    hidden = strip.source == "photo" and strip.severity >= _UNREADABLE
-    return _SHARES[strip.source] * (_UNREADABLE_SHARE if hidden else 1.0)
+def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: float = 0.3) -> float:
+    # unreadable, unreadable_share: severity from which dirt hides most of a photograph, and the share of these that
+    # is kept: they teach little.
+    hidden = strip.source == "photo" and strip.severity >= unreadable
+    return _SHARES[strip.source] * (unreadable_share if hidden else 1.0)
 
 
 def gather(strips: Sequence[TrainingStrip]) -> tuple[Tensor, Tensor]:

@@ -36,12 +36,8 @@ _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARAC
 _PRACTICES = ("press", "hand")
 _PHOTOS = 3
 """Photographs of a part: they cost little beside its scan."""
-_POINTWISE = 0.4
-"""Share of scans by the pointwise map: a fifth of the cost of contact."""
 _BUILTIN, _DOTTED = 0.2, 0.25
 """Shares of parts of built-in fonts, and of dotted ones: the hardest to read."""
-_WIDER = 0.15
-"""Spread of the logarithm of how much wider than drawn a font is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +97,16 @@ def _has(font: Font, char: str, have: set[str]) -> bool:
 
 
 def draw_part(
-    fonts: Sequence[Path], rng: np.random.Generator, *, soils: Sequence[str] = SOILS_LEARNED
+    fonts: Sequence[Path],
+    rng: np.random.Generator,
+    *,
+    soils: Sequence[str] = SOILS_LEARNED,
+    wider: float = 0.15,
 ) -> TrainingPart:
     """Stamp, soil, feel and photograph a part.
+
+    Args:
+        wider: spread of the logarithm of how much wider than drawn a font is.
 
     Raises:
         MarksError: what was drawn cannot be; draw again.
@@ -116,7 +119,7 @@ def draw_part(
     if dotted and (not builtin or rng.random() < 0.4):
         font = dotted_font(font, text, rng=rng)
     else:
-        font = _widen(font, text, float(np.exp(rng.normal(0.0, _WIDER))))
+        font = _widen(font, text, float(np.exp(rng.normal(0.0, wider))))
     height_mm = float(np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
     dies = [die for die in DIES if die != "dotted"]
     die = "dotted" if dotted else str(rng.choice(dies))
@@ -170,7 +173,8 @@ def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generat
     return Layout(turned_deg=turned_deg)
 
 
-def _trace(part: Part, rng: np.random.Generator) -> Scan:
+def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> Scan:
+    # pointwise: share of scans by the pointwise map: a fifth of the cost of contact.
     surface = level(part.height_map)
     believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
     touch = _touch(believed_mm, rng)
@@ -187,7 +191,7 @@ def _trace(part: Part, rng: np.random.Generator) -> Scan:
         speed_mm_s=20.0,
         lead_mm=0.3 * believed_mm,
     )
-    fidelity = Fidelity.POINTWISE if rng.random() < _POINTWISE else Fidelity.CONTACT
+    fidelity = Fidelity.POINTWISE if rng.random() < pointwise else Fidelity.CONTACT
     return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil)
 
 

@@ -26,8 +26,6 @@ from recognition.views.view import HEIGHTS, View
 WEIGHTS = Path(__file__).with_name("finder.onnx")
 FINDER_ROWS, CELL = 12, 4
 """Pixels to a character's height that the network knows, and to a cell."""
-_OCTAVES = 0.7
-"""Between two scales."""
 _TALLEST, _LOW = 0.95, 0.13
 """Characters looked for, of the view's smaller side; `recognition.lines.tiles` finds smaller ones."""
 _LEAST_PIXELS = 6.0
@@ -36,11 +34,6 @@ _MIDDLE, _FAINT = 0.5, 0.2
 _GAP = 1.2
 """Land within a line, character heights, that does not end it."""
 _LEAST_CELLS = 3
-_NOMINAL = 1.08
-"""Ratio of heights that a known one may be off by."""
-_ALIKE, _PARALLEL_DEG, _LEVEL, _BROKEN = 0.25, 10.0, 0.4, 6.0
-"""Pieces of one line: logarithm of their heights' ratio, degrees between them, heights that their middles lie apart
-across the line, and heights of the gap between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,38 +95,54 @@ def find_lines(
     return sorted([*kept, *whole], key=lambda one: -one.score)
 
 
-def _as_high(line: TextLine, height_mm: float) -> TextLine:
-    """The line no further from the height that is known than marks are struck."""
-    return TextLine(
-        line.centre_mm, float(np.clip(line.height_mm, height_mm / _NOMINAL, height_mm * _NOMINAL))
-    )
+def _as_high(line: TextLine, height_mm: float, *, nominal: float = 1.08) -> TextLine:
+    """The line no further from the height that is known than marks are struck.
+
+    Args:
+        nominal: ratio of heights that a known one may be off by.
+    """
+    return TextLine(line.centre_mm, float(np.clip(line.height_mm, height_mm / nominal, height_mm * nominal)))
 
 
-def _join(one: FoundLine, other: FoundLine) -> FoundLine | None:
-    """Two pieces of a line that dirt has broken in the middle; None where they are not."""
+def _join(
+    one: FoundLine,
+    other: FoundLine,
+    *,
+    alike: float = 0.25,
+    parallel_deg: float = 10.0,
+    level: float = 0.4,
+    broken: float = 6.0,
+) -> FoundLine | None:
+    """Two pieces of a line that dirt has broken in the middle; None where they are not.
+
+    Args:
+        alike, parallel_deg, level, broken: pieces of one line: logarithm of their heights' ratio, degrees between
+            them, heights that their middles lie apart across the line, and heights of the gap between them.
+    """
     a, b = one.line, other.line
     height = 0.5 * (a.height_mm + b.height_mm)
-    if abs(math.log(a.height_mm / b.height_mm)) > _ALIKE or abs(a.turned_deg - b.turned_deg) > _PARALLEL_DEG:
+    if abs(math.log(a.height_mm / b.height_mm)) > alike or abs(a.turned_deg - b.turned_deg) > parallel_deg:
         return None
     along = (a if a.length_mm > b.length_mm else b).centre_mm
     along = (along[-1] - along[0]) / np.linalg.norm(along[-1] - along[0])
     ends = np.concatenate([a.centre_mm[[0, -1]], b.centre_mm[[0, -1]]])
     u, v = ends @ along, ends @ np.array([-along[1], along[0]])
     gap = max(u[2] - u[1], u[0] - u[3])
-    if gap > _BROKEN * height or abs(v[:2].mean() - v[2:].mean()) > _LEVEL * height:
+    if gap > broken * height or abs(v[:2].mean() - v[2:].mean()) > level * height:
         return None
     straight = straight_through(ends[np.argsort(u)], before=0.0, after=0.0)
     return FoundLine(TextLine(straight, height), one.score + other.score)
 
 
-def _scales(view: View, height_mm: float | None) -> list[float]:
+def _scales(view: View, height_mm: float | None, *, octaves: float = 0.7) -> list[float]:
+    # octaves: between two scales.
     if height_mm is not None:
-        return [height_mm * 2.0 ** (-_OCTAVES * k) for k in (1.0, 0.5, 0.0)]
+        return [height_mm * 2.0 ** (-octaves * k) for k in (1.0, 0.5, 0.0)]
     side = min(view.size_mm)
     least = _LEAST_PIXELS * view.pitch_mm
     low, high = (max(share * side, least) for share in (_LOW, _TALLEST))
-    count = max(1, math.ceil(math.log2(high / low) / _OCTAVES))
-    return [high * 2.0 ** (-_OCTAVES * (k + 0.5)) for k in range(count)]
+    count = max(1, math.ceil(math.log2(high / low) / octaves))
+    return [high * 2.0 ** (-octaves * (k + 0.5)) for k in range(count)]
 
 
 def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:

@@ -26,9 +26,6 @@ CROPS = (0.85, 0.62)
 BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
 """Fallback line positions when the finder fails: height and middle, in view heights."""
 
-BLIND_STEP, MOST_BLIND = 0.6, 10
-"""Spacing of such lines, in heights where the height is known, and how many are tried."""
-
 
 def move_line(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
     """Moved down by a share of its height, as much higher, and turned about its middle."""
@@ -47,19 +44,22 @@ def whole_view(view: View) -> list[TextLine]:
     return _across(view, [(share, 0.5) for share in CROPS])
 
 
-def anywhere(view: View, *, height_mm: float | None = None) -> list[TextLine]:
+def anywhere(
+    view: View, *, height_mm: float | None = None, blind_step: float = 0.6, most_blind: int = 10
+) -> list[TextLine]:
     """Lines right across a view in which none was found.
 
     Args:
         view: where nothing was found.
         height_mm: of the characters, if known.
+        blind_step, most_blind: spacing of such lines, in heights where the height is known, and how many are tried.
     """
     if height_mm is None:
         return _across(view, BLIND)
     share = height_mm / view.size_mm[1]
-    if not 1.0 / MOST_BLIND < share <= 1.0:
+    if not 1.0 / most_blind < share <= 1.0:
         return []
-    n = min(MOST_BLIND, math.ceil((1.0 - share) / (BLIND_STEP * share)) + 1)
+    n = min(most_blind, math.ceil((1.0 - share) / (blind_step * share)) + 1)
     return _across(view, [(share, middle) for middle in np.linspace(0.5 * share, 1.0 - 0.5 * share, n)])
 
 

@@ -6,18 +6,19 @@ import os
 from pathlib import Path
 from typing import Any
 
-THREADS = 1
-"""Threads of every network; a reader's processes run side by side."""
 
+def open_network(path: Path, *, threads: int = 1) -> Any:
+    """The session of an ONNX file, on the processor.
 
-def open_network(path: Path) -> Any:
-    """The session of an ONNX file, on the processor."""
+    Args:
+        threads: threads of every network; a reader's processes run side by side.
+    """
     # before the library is loaded: from 1.29 on it reports to its maker otherwise, and leaves a device number at home
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = THREADS
+    options.intra_op_num_threads = options.inter_op_num_threads = threads
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4
     return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

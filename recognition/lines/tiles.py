@@ -19,36 +19,29 @@ from recognition.views.view import GREY, HEIGHTS, View
 
 Floats = NDArray[np.float32]
 
-TALLEST, LOWEST = 0.16, 0.0305
-"""Heights of characters looked for, of the view's smaller side: taller ones are found in the whole view."""
-OCTAVES = 0.7
-"""Between two scales."""
 LEAST_PIXELS = 8.0
 """To a character's height: what is smaller cannot be read."""
 TILE_HEIGHTS, TILE_WIDTHS = 3.4, 10.0
 """Size of a tile, character heights: on 16 cluttered frames these find more than 4 x 9 or 3.4 x 8."""
 STEP_DOWN, STEP_ACROSS = 1.0, 4.0
 """From one tile to the next, character heights."""
-MOST_TILES = 2000
-"""Most tiles of a view, at all scales: some two seconds. Finer scales beyond are left out."""
 _BATCH = 64
 _MIDDLE = 0.5
 """Belief that a cell lies in the middle of a line, from which it does."""
 _FINE, _WIDE = 0.25, 1.5
 """Sigma of what is no stroke, and of the neighbourhood whose contrast is evened out, character heights."""
-_STRONG_PERCENT, _LEAST_CONTRAST = 90.0, 0.004
-"""Percentile to which contrast is cut before it is averaged, and the least of it, of full brightness: grain."""
 
 
-def find_in_tiles(view: View, *, height_mm: float | None = None) -> list[FoundLine]:
+def find_in_tiles(view: View, *, height_mm: float | None = None, most_tiles: int = 2000) -> list[FoundLine]:
     """The small lines of a view, most promising first; they run within some 30 degrees of level.
 
     Args:
         view: as it lies.
         height_mm: of the characters, if known.
+        most_tiles: most tiles of a view, at all scales: some two seconds. Finer scales beyond are left out.
     """
     found: list[FoundLine] = []
-    left = MOST_TILES
+    left = most_tiles
     for scale_mm in _scales(view) if height_mm is None else (height_mm,):
         pitch_mm = scale_mm / FINDER_ROWS
         layers = resample(view, pitch_mm)
@@ -62,23 +55,33 @@ def find_in_tiles(view: View, *, height_mm: float | None = None) -> list[FoundLi
     return without_doubles(found)
 
 
-def _scales(view: View) -> list[float]:
+def _scales(
+    view: View, *, tallest: float = 0.16, lowest: float = 0.0305, octaves: float = 0.7
+) -> list[float]:
+    # tallest, lowest: heights of characters looked for, of the view's smaller side: taller ones are found in the
+    # whole view.
+    # octaves: between two scales.
     side = min(view.size_mm)
-    high, low = TALLEST * side, max(LOWEST * side, LEAST_PIXELS * view.pitch_mm)
-    count = math.floor(math.log2(high / low) / OCTAVES) + 1 if high >= low else 0
-    return [high * 2.0 ** (-OCTAVES * k) for k in range(count)]
+    high, low = tallest * side, max(lowest * side, LEAST_PIXELS * view.pitch_mm)
+    count = math.floor(math.log2(high / low) / octaves) + 1 if high >= low else 0
+    return [high * 2.0 ** (-octaves * k) for k in range(count)]
 
 
-def _even_out(grey: Floats) -> Floats:
-    """Brightness whose strokes are about as strong everywhere: edges of a machine are no stronger than a mark's."""
+def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: float = 0.004) -> Floats:
+    """Brightness whose strokes are about as strong everywhere: edges of a machine are no stronger than a mark's.
+
+    Args:
+        strong_percent, least_contrast: percentile to which contrast is cut before it is averaged, and the least of
+            it, of full brightness: grain.
+    """
     from glyphs.opencv import cv2
 
     if not grey.any():
         return grey
     flat = grey - cv2.GaussianBlur(grey, (0, 0), _FINE * FINDER_ROWS)
     size = np.abs(flat)
-    cut = np.minimum(size, np.percentile(size, _STRONG_PERCENT))
-    usual = cv2.GaussianBlur(cut, (0, 0), _WIDE * FINDER_ROWS) + np.float32(_LEAST_CONTRAST)
+    cut = np.minimum(size, np.percentile(size, strong_percent))
+    usual = cv2.GaussianBlur(cut, (0, 0), _WIDE * FINDER_ROWS) + np.float32(least_contrast)
     return np.asarray(0.5 + 0.5 * flat / (size + 2.0 * usual), dtype=np.float32)
 
 

@@ -21,13 +21,9 @@ from glyphs.camera.photo import Photo
 from recognition.language.box import Box
 from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
-QUIET = 0.06
-"""Margin filled around a code, as a share of its size: the blurred rim of its modules."""
 DOT_GAPS, DOTS_AT = (5, 9), 1_000_000
 """Pixels over which dots grow together, in a photograph of so many pixels at most. Of drawn codes, 4 to 10 pixels a
 module, all of dots from 0.6 of that across are decoded so, dark or bright; of 0.7 and less none without."""
-_FILL_RADIUS = 4.0
-"""Pixels that a filled one is made from."""
 _PICTURES = {k: chr(0x2400 + k) for k in range(0x20)} | {0x2420: " "}
 
 
@@ -109,12 +105,16 @@ def _decode(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, .
     return tuple(codes.values())
 
 
-def without_codes(photo: Photo, codes: Sequence[Code]) -> Photo:
+def without_codes(
+    photo: Photo, codes: Sequence[Code], *, quiet: float = 0.06, fill_radius: float = 4.0
+) -> Photo:
     """The photograph and its others with the land drawn over the codes; itself without any.
 
     Args:
         photo: at any size, in the frame that the codes stand in.
         codes: decoded.
+        quiet: margin filled around a code, as a share of its size: the blurred rim of its modules.
+        fill_radius: pixels that a filled one is made from.
     """
     if not codes:
         return photo
@@ -125,14 +125,14 @@ def without_codes(photo: Photo, codes: Sequence[Code]) -> Photo:
     for code in codes:
         corners = np.array(code.corners)
         middle = corners.mean(axis=0)
-        wider = middle + (1.0 + 2.0 * QUIET) * (corners - middle)
+        wider = middle + (1.0 + 2.0 * quiet) * (corners - middle)
         cv2.fillConvexPoly(mask, np.rint((wider - origin_mm) / pitch_mm).astype(np.int32), 255)
 
     def filled(one: Photo) -> Photo:
         pixels = np.atleast_3d(one.pixels)
         # of 16 bit OpenCV fills one channel at a time
         layers = [
-            cv2.inpaint(np.array(pixels[..., k]), mask, _FILL_RADIUS, cv2.INPAINT_TELEA)
+            cv2.inpaint(np.array(pixels[..., k]), mask, fill_radius, cv2.INPAINT_TELEA)
             for k in range(pixels.shape[2])
         ]
         made: Any = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)

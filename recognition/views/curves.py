@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
 
-_LEAST_SAG = 0.04
-"""Sagitta, in heights, below which an arc is a straight line."""
 _ARC_POINTS = 33
 
 
@@ -55,15 +53,25 @@ def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
 
 
 def _arc(
-    u: NDArray[np.float64], v: NDArray[np.float64], *, height: float, before: float, after: float
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    *,
+    height: float,
+    before: float,
+    after: float,
+    least_sag: float = 0.04,
 ) -> Points | None:
-    """Along the circle nearest the points (Kasa's fit), or None where that is hardly bent."""
+    """Along the circle nearest the points (Kasa's fit), or None where that is hardly bent.
+
+    Args:
+        least_sag: sagitta, in heights, below which an arc is a straight line.
+    """
     terms = np.stack([u, v, np.ones_like(u)], axis=1)
     (a, b, c), *_ = np.linalg.lstsq(terms, -(u * u + v * v), rcond=None)
     centre = np.array([-a / 2, -b / 2])
     radius = np.sqrt(max(centre @ centre - c, 0.0))
     half = (u.max() - u.min()) / 2
-    if not radius > half or radius - np.sqrt(radius * radius - half * half) < _LEAST_SAG * height:
+    if not radius > half or radius - np.sqrt(radius * radius - half * half) < least_sag * height:
         return None
     side = 1.0 if centre[1] > 0.0 else -1.0  # the middle of the circle lies below the text, or above
     angles = np.arctan2((u - centre[0]), side * (centre[1] - v))

@@ -27,8 +27,6 @@ Feel = Callable[[HeightMap, float], Scan]
 
 FIRST_HEIGHT_MM = 4.0
 """Character height for which the whiskers are made; they find characters of 0.8 to 25 mm."""
-FIRST_LINES = 26
-"""Lines of the first pass to such a height: characters of half of it still have thirteen."""
 
 
 class HeightSearch(Protocol):
@@ -72,11 +70,12 @@ def felt_heights_mm(
     return search.heights_mm(felt_view(edges, relief_of(scan, edges), scan.touch))
 
 
-def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None) -> Scan:
+def _first_scan(surface: HeightMap, *, fidelity: Fidelity, soil: Soil | None, first_lines: int = 26) -> Scan:
+    # first_lines: lines of the first pass to such a height: characters of half of it still have thirteen.
     plan = default_plan(
         (0.0, 0.0, *surface.size_mm),
         character_height_mm=FIRST_HEIGHT_MM,
         directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
-        lines_per_height=FIRST_LINES,
+        lines_per_height=first_lines,
     )
     return trace_scan(surface, touch=default_touch(FIRST_HEIGHT_MM), plan=plan, fidelity=fidelity, soil=soil)

@@ -27,8 +27,6 @@ _PIXELS = 480
 _DARK, _FOCUS, _CUT = 0.05, 1.2, 3.0
 """Brightness added before the logarithm; blur, pixels; gradients cut, in root mean squares: glints do not vote."""
 _STEPS, _LEAST_GAIN = 60, 1e-5
-LEAST_ALIKE = 0.15
-"""Correlation of the gradients' sizes from which two photographs show the same."""
 
 
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
@@ -86,8 +84,12 @@ def _gradient(grey: Floats, scale: float) -> Floats:
     return np.asarray(np.minimum(size, top) / top, dtype=np.float32)
 
 
-def _motion(steady: Floats, moving: Floats) -> NDArray[np.float32] | None:
-    """(2, 3) from places of the first photograph to those of the other; None where they show different things."""
+def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDArray[np.float32] | None:
+    """(2, 3) from places of the first photograph to those of the other; None where they show different things.
+
+    Args:
+        least_alike: correlation of the gradients' sizes from which two photographs show the same.
+    """
     from glyphs.opencv import cv2
 
     (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))
@@ -103,10 +105,10 @@ def _motion(steady: Floats, moving: Floats) -> NDArray[np.float32] | None:
         except cv2.error:
             continue  # it did not converge
         found.append((float(alike), np.asarray(moved, dtype=np.float32)))
-        if alike > 2.0 * LEAST_ALIKE:
+        if alike > 2.0 * least_alike:
             break
     best = max(found, key=lambda one: one[0], default=None)
-    return best[1] if best is not None and best[0] >= LEAST_ALIKE else None
+    return best[1] if best is not None and best[0] >= least_alike else None
 
 
 def _laid_over(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:

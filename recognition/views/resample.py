@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 
 from recognition.views.view import EDGES, GREY, KNOWN, View, turned_edges
 
-_BLUR = 0.4
-"""Sigma of what a coarser grid is averaged by, its pixels beyond one."""
 
+def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.float32]:
+    """Layers on a grid of another pitch, from the same origin; finer ones are blurred before.
 
-def resample(view: View, pitch_mm: float) -> NDArray[np.float32]:
-    """Layers on a grid of another pitch, from the same origin; finer ones are blurred before."""
+    Args:
+        blur: sigma of what a coarser grid is averaged by, its pixels beyond one.
+    """
     from glyphs.opencv import cv2
 
     ratio = pitch_mm / view.pitch_mm
     rows, columns = (max(8, int((n - 1) / ratio) + 1) for n in view.layers.shape[1:])
     known = view.layers[KNOWN]
-    sigma = _BLUR * max(ratio - 1.0, 0.0)
+    sigma = blur * max(ratio - 1.0, 0.0)
     weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if sigma else known
     made = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
     back = np.array([[ratio, 0.0, 0.0], [0.0, ratio, 0.0]])

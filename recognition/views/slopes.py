@@ -18,32 +18,29 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 LEAST_LIGHTS = 4
-_NEAR = 1 / 50
-"""Blur of a light's own brightness over the part, as a share of the longer side."""
 _DARK, _CUT = 0.02, (0.1, 3.0)
 """Brightness added before the ratio; ratios to the ground about them at which shadows and glints are cut."""
 _FOCUS, _FULL_PERCENT = 1.0, 99.0
 """Blur, pixels; percentile of the steepest that is drawn black."""
-_ONE_CHANGE, _EXPOSED, _ALONG = 0.4, 0.15, 0.9
-"""Limit for exposures under one lamp: the second change's power by the first's (0.02 to 0.2 of simulated parts, of
-lights 0.6 to 0.9, of grooves that all run one way 0.1), spread of log brightness, and how closely the first change
-follows it (0.94 to 1.00; of those grooves 0.07)."""
-LEAST_SHARE = 0.75
-"""Share of all changes in two components from which the light changed: of noise they hold 2 / (n - 1)."""
 
 
-def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
+def slope_picture(
+    photographs: Sequence[Floats], *, near: float = 1 / 50, least_share: float = 0.75
+) -> Floats | None:
     """Flanks dark on light, (rows, cols) 0 to 1; None for too few photographs, or all under one light.
 
     Args:
         photographs: brightness of each, (rows, cols) 0 to 1, laid over each other.
+        near: blur of a light's own brightness over the part, as a share of the longer side.
+        least_share: share of all changes in two components from which the light changed: of noise they hold 2 / (n -
+            1).
     """
     from glyphs.opencv import cv2
 
     if len(photographs) < LEAST_LIGHTS:
         return None
     shape = photographs[0].shape
-    reach = _NEAR * max(shape)
+    reach = near * max(shape)
     ratios = [
         cv2.GaussianBlur(one, (0, 0), _FOCUS) / (cv2.GaussianBlur(one, (0, 0), reach) + _DARK)
         for one in photographs
@@ -52,7 +49,7 @@ def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
     changes -= changes.mean(axis=0)
     power, directions = np.linalg.eigh(changes @ changes.T)
     share = float(power[-2:].sum() / max(float(power.sum()), 1e-12))
-    if share < LEAST_SHARE or power[-2] <= 0.0 or _is_exposure(photographs, power, directions[:, -1]):
+    if share < least_share or power[-2] <= 0.0 or _is_exposure(photographs, power, directions[:, -1]):
         return None
     slopes = directions[:, -2:].T @ changes
     slopes /= slopes.std(axis=1, keepdims=True)
@@ -61,9 +58,23 @@ def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
     return np.asarray(1.0 - np.clip(size / full, 0.0, 1.0), dtype=np.float32)
 
 
-def _is_exposure(photographs: Sequence[Floats], power: Floats, first: Floats) -> bool:
-    """Whether one change makes nearly all the difference, and goes with how bright the photographs are."""
+def _is_exposure(
+    photographs: Sequence[Floats],
+    power: Floats,
+    first: Floats,
+    *,
+    one_change: float = 0.4,
+    exposed: float = 0.15,
+    along: float = 0.9,
+) -> bool:
+    """Whether one change makes nearly all the difference, and goes with how bright the photographs are.
+
+    Args:
+        one_change, exposed, along: limit for exposures under one lamp: the second change's power by the first's (0.02
+            to 0.2 of simulated parts, of lights 0.6 to 0.9, of grooves that all run one way 0.1), spread of log
+            brightness, and how closely the first change follows it (0.94 to 1.00; of those grooves 0.07).
+    """
     gains = np.log([float(one.mean()) + _DARK for one in photographs])
-    if power[-2] > _ONE_CHANGE * power[-1] or gains.std() < _EXPOSED:
+    if power[-2] > one_change * power[-1] or gains.std() < exposed:
         return False
-    return abs(float(np.corrcoef(first, gains)[0, 1])) > _ALONG
+    return abs(float(np.corrcoef(first, gains)[0, 1])) > along
