@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from recognition.belief.line_belief import line_belief
-from recognition.belief.line_search import OTHER_SCALE, LineSearch, promise_of, says_much
+from recognition.belief.line_search import LineSearch, of_other_scales, promise_of, says_much
 from recognition.belief.part_lines import ReadLine, about_region
 from recognition.experts.steps import Steps
 from recognition.glyph_match.chain import Placed
@@ -84,11 +84,7 @@ class CorrelationSearch(LineSearch):
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan of what a view shows, most promising first."""
-        kept: list[float] = []
-        for height_mm in self._sizes_mm(about_region(self.region, view), self.fonts[0], GUISES[0]):
-            if all(abs(math.log(height_mm / other)) > math.log(OTHER_SCALE) for other in kept):
-                kept.append(height_mm)
-        return kept
+        return of_other_scales(self._sizes_mm(about_region(self.region, view), self.fonts[0], GUISES[0]))
 
     def candidates(self, view: View) -> list[TextLine]:
         """Where lines may lie, most promising first, without a look at them."""

@@ -209,11 +209,6 @@ def _lattice(
         read.append((1.0 - unread).clip(_LEAST, 1.0))
     if not logs:
         return None
-    log = over_views([np.mean(of_view, axis=0) for of_view in logs.values()])
+    log = np.mean([np.mean(of_view, axis=0) for of_view in logs.values()], axis=0)
     log = log - np.logaddexp.reduce(log, axis=1)[:, None] + np.log(np.mean(read, axis=0))[:, None]
     return Lattice(tuple(looks[0].chars), np.minimum(log, 0.0)), np.asarray(np.mean(columns, axis=0))
-
-
-def over_views(logs: Sequence[Floats]) -> Floats:
-    """Average the logarithms over several views of a part."""
-    return np.asarray(np.mean(logs, axis=0))

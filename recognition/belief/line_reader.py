@@ -35,7 +35,6 @@ from recognition.belief.part_lines import (
     Region,
     stands_in,
 )
-from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
@@ -183,16 +182,13 @@ class LineReader:
         if belief is None or closely or not is_agreed(belief):
             looks += self.search.more_looks(view, line, (BESIDE, *JITTERS))
             for number, other in enumerate(others, start=1):
-                looks += _of_view(number, self.search.more_looks(other, line, (HERE, *JITTERS)))
+                more = self.search.more_looks(other, line, (HERE, *JITTERS))
+                looks += [replace(one, view=number) for one in more]
             belief = line_belief(looks, grammar)
         elif twice:
             looks += self.search.more_looks(view, line, (BESIDE,))
             belief = line_belief(looks, grammar)
         return None if belief is None else ReadLine(line, belief)
-
-
-def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:
-    return [replace(one, view=number) for one in looks]
 
 
 def _candidates(view: View, meant: Sequence[ReadLine]) -> tuple[TextLine, ...]:

@@ -6,9 +6,8 @@ view --find_lines--> lines --a look each--> most promising first --moved, grown-
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
+import math
+from collections.abc import Iterable, Sequence
 
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import line_belief
@@ -55,8 +54,6 @@ GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
 """Heights by which a line is made longer where a character stands at its end, and how often."""
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
-OTHER_SCALE = 1.2
-"""Ratio of heights from which a scan of its own is worth while."""
 
 
 class LineSearch:
@@ -90,13 +87,11 @@ class LineSearch:
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan of what a view shows, most promising first."""
-        if self.height_mm:
-            return [self.height_mm]
-        kept: list[float] = []
-        for line in (one.line for one in self.lines(view)):
-            if all(abs(np.log(line.height_mm / other)) > np.log(OTHER_SCALE) for other in kept):
-                kept.append(line.height_mm)
-        return kept
+        return (
+            [self.height_mm]
+            if self.height_mm
+            else of_other_scales(o.line.height_mm for o in self.lines(view))
+        )
 
     def lines(self, view: View) -> list[ReadLine]:
         """Lines of a view by a look each, most promising first; small lines that are a guess come last.
@@ -292,6 +287,15 @@ def _other_text(found: Sequence[FoundLine], best: TextLine, *, text_share: float
         for one in found[1:]
         if one.score > text_share * found[0].score and not overlap(one.line, best, band_mm=best.height_mm)
     ]
+
+
+def of_other_scales(heights_mm: Iterable[float], *, ratio: float = 1.2) -> list[float]:
+    """Heights that are worth a scan of their own: from this ratio to those before."""
+    kept: list[float] = []
+    for one in heights_mm:
+        if all(abs(math.log(one / other)) > math.log(ratio) for other in kept):
+            kept.append(one)
+    return kept
 
 
 def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:

@@ -96,8 +96,8 @@ def images_of(char: str, way: Way, *, exact: bool) -> str:
         way: in which it is shown.
         exact: only those of the same shape; the likely ones, too, unless set.
     """
-    found = _exact_images(way).get(char, frozenset())
-    return "".join(sorted(found if exact else found | _likely_images(way).get(char, frozenset())))
+    found = _mutual(_EXACT[way]).get(char, frozenset())
+    return "".join(sorted(found if exact else found | _mutual(_LIKELY[way]).get(char, frozenset())))
 
 
 def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None:
@@ -136,7 +136,7 @@ def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = Fals
 
 def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
     """The two likeliest texts of these characters that the format allows."""
-    chars = _all_images(way)
+    chars = tuple(sorted({*_mutual(_EXACT[way]), *_mutual(_LIKELY[way])}))
     log = np.full((len(images), len(chars)), -np.inf)
     for place, found in enumerate(images):
         log[place, [chars.index(char) for char in found]] = -math.log(len(found) + 1.0)
@@ -145,26 +145,11 @@ def _likeliest_allowed(images: Sequence[str], way: Way, grammar: Grammar | None)
 
 
 @cache
-def _exact_images(way: Way) -> Mapping[str, frozenset[str]]:
+def _mutual(words: str) -> Mapping[str, frozenset[str]]:
+    """The images of each character: a text that was read may be the image, or what the image is of."""
     found: dict[str, set[str]] = {}
-    for a, b in (tuple(pair) for pair in _EXACT[way].split()):
-        found.setdefault(a, set()).add(b)
-        found.setdefault(b, set()).add(a)
-    return {char: frozenset(images) for char, images in found.items()}
-
-
-@cache
-def _likely_images(way: Way) -> Mapping[str, frozenset[str]]:
-    # a text that was read may be the image, or what the image is of
-    found: dict[str, set[str]] = {}
-    for word in _LIKELY[way].split():
-        char = word[0]
+    for word in words.split():
         for image in word[1:]:
-            found.setdefault(char, set()).add(image)
-            found.setdefault(image, set()).add(char)
+            found.setdefault(word[0], set()).add(image)
+            found.setdefault(image, set()).add(word[0])
     return {char: frozenset(images) for char, images in found.items()}
-
-
-@cache
-def _all_images(way: Way) -> tuple[str, ...]:
-    return tuple(sorted({*_exact_images(way), *_likely_images(way)}))

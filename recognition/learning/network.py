@@ -85,7 +85,7 @@ class Recogniser(nn.Module):
 
     Args:
         start: the public network that it begins as.
-        characters: told apart; the blank comes before them.
+        characters: its classes; the blank comes before them.
     """
 
     def __init__(self, start: PublicStart, characters: str) -> None:

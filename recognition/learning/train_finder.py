@@ -179,7 +179,7 @@ def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[floa
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
-    """The finder and what it learns; unless given, 24 windows to a step and a rate of 2e-3.
+    """The finder and what it learns (default: 24 windows to a step and a rate of 2e-3).
 
     Args:
         folders: of views to learn from.

@@ -59,8 +59,8 @@ class ReaderSettings:
             threshold for it (`recognition.decision.score.Score.threshold`).
         depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: names of `EXPERTS` that read; empty for all.
-        region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned;
-            anywhere unless given.
+        region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned
+            (default: anywhere).
         lines: other lines that stand on the part, by name: their formats, and where they stand.
         certified: what a certificate allows to accept; None where there is none.
         orientation: which way up parts lie; where that is not known, a serial that reads otherwise upside down goes to

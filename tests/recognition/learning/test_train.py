@@ -229,28 +229,6 @@ def test_covers_hide_what_tells_characters_apart_and_nothing_else() -> None:
     torch.testing.assert_close(none, before)
 
 
-def test_sketches_are_the_same_of_the_same_seed_and_hold_what_they_say() -> None:
-    strips = sketch_many([], 4, np.random.default_rng(5))
-    again = sketch_many([], 4, np.random.default_rng(5))
-    assert len(strips) == 12
-    for one, other in zip(strips, again, strict=True):
-        np.testing.assert_array_equal(one.layers, other.layers)
-        assert one.text == other.text
-        assert np.isfinite(one.layers).all()
-        assert one.layers.shape[:2] == (LAYERS, TALL_ROWS)
-        assert len(one.places) == len(one.text)
-    assert {s.source for s in strips} >= {"photo", "felt"}
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_the_network_takes_any_number_and_length(count: int) -> None:
-    network = Recogniser(load_start(), "ABCD").eval()
-    for columns in (2 * COLUMNS, 8 * COLUMNS):
-        said = network(torch.zeros(count, LAYERS, ROWS, columns))
-        assert said.shape == (count, columns * 3 // COLUMNS, 5)
-        torch.testing.assert_close(said.exp().sum(dim=2), torch.ones(count, columns * 3 // COLUMNS))
-
-
 def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Path) -> None:
     network = Recogniser(load_start(), "ABCD").eval()
     strip = torch.from_numpy(plain(kept_in(folder)[0]))[None]

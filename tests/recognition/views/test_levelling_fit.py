@@ -1,20 +1,13 @@
-"""The loops of mounting against numpy's and scipy's plain ways."""
+"""Mounting against a plain reweighted fit."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import HeightMap
 from recognition.views.levelling import level
-from recognition.views.levelling_fit import (
-    Terms,
-    median_near,
-    tukey,
-)
 
 
 def plate(shape: tuple[int, int], seed: int, *, holes: float = 0.0) -> NDArray[np.float32]:
@@ -67,45 +60,3 @@ def test_a_flat_plate_stays_flat() -> None:
     assert (
         np.abs(level(HeightMap(z, 0.1)).z_mm).max() < 1e-6
     )  # the damping leaves 1e-10 of it, float32 the rest
-
-
-@settings(max_examples=80, deadline=None)
-@given(
-    seed=st.integers(0, 10_000),
-    n=st.integers(1, 60),
-    guess=st.floats(-2.0, 2.0),
-    reach=st.floats(0.0, 1.0),
-    about=st.one_of(st.none(), st.floats(-1.0, 1.0)),
-)
-def test_median_near_is_the_median(
-    seed: int, n: int, guess: float, reach: float, about: float | None
-) -> None:
-    values = np.round(np.random.default_rng(seed).normal(size=n), 1)  # with ties
-    given_as = np.nan if about is None else about
-    expected = np.median(values if about is None else np.abs(values - about))
-    assert median_near(values, guess, reach, about=given_as) == expected
-
-
-def test_sums_over_the_grid_are_those_of_the_terms_written_out() -> None:
-    rng = np.random.default_rng(3)
-    u, v = np.sort(rng.uniform(-1, 1, 19)), np.sort(rng.uniform(-1, 1, 11))
-    weight, weighted, coefficients = rng.uniform(size=(11, 19)), rng.normal(size=(11, 19)), rng.normal(size=6)
-    terms = Terms(u, v, 2)
-    vv, uu = np.meshgrid(v, u, indexing="ij")
-    each = np.stack([uu**i * vv**j for i, j in zip(terms.power_u, terms.power_v, strict=True)])
-    np.testing.assert_allclose(
-        terms.normal(weight), np.einsum("aij,bij,ij->ab", each, each, weight), atol=1e-12
-    )
-    np.testing.assert_allclose(terms.right(weighted), np.einsum("aij,ij->a", each, weighted), atol=1e-12)
-    np.testing.assert_allclose(
-        terms.surface(coefficients), np.einsum("a,aij->ij", coefficients, each), atol=1e-12
-    )
-
-
-def test_biweights_vanish_where_nothing_is_known() -> None:
-    z = np.array([1.0, 2.0, np.nan, 4.0])
-    over = np.array([0.1, 0.5, np.nan, 9.0])
-    weight, weighted = tukey(z, over, 0.1, 1.0)
-    expected = np.array([1.0, (1.0 - 0.4**2) ** 2, 0.0, 0.0])
-    np.testing.assert_allclose(weight, expected, atol=1e-15)
-    np.testing.assert_allclose(weighted, expected * np.nan_to_num(z), atol=1e-15)
