@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import RELIEF_PIXELS
-from glyphs.surface.maps import HeightMap
-from recognition.views.levelling import level
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from whisker_array.estimation.relief import Relief
 
-Layer = NDArray[np.float32]
+Layer = NDArray[np.float64]
 Place = tuple[float, float]
 """Along a line from its start and down from it, mm."""
 Cell = tuple[float, float, float, float]
@@ -32,9 +30,44 @@ def felt_cell(relief: Relief, line: TextLine, place: Place, *, raised: bool) -> 
     x, y = np.moveaxis(line.grid_mm(columns, rows), -1, 0)
     at = [(y - relief.origin_mm[1]) / relief.pitch_mm, (x - relief.origin_mm[0]) / relief.pitch_mm]
     felt = map_coordinates(relief.height_mm.astype(np.float64), at, order=1, mode="constant", cval=np.nan)
-    cell = np.asarray(-felt if raised else felt, dtype=np.float32)
-    # the plate's waves may be as deep as a worn mark
-    return level(HeightMap(cell, line.height_mm / RELIEF_PIXELS)).z_mm if np.isfinite(cell).any() else cell
+    return _over_land(-felt if raised else felt)
+
+
+def _over_land(
+    felt: Layer,
+    *,
+    land_share: float = 0.35,
+    rounds: int = 4,
+    least_land: int = 60,
+    deepest_percent: float = 97.0,
+) -> Layer:
+    """Heights over a bowl fitted to what is not ink: the plate's waves may be as deep as a worn mark.
+
+    A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
+
+    Args:
+        felt: cell.
+        land_share: of a mark's depth down to which a sample is land.
+        rounds: of separation.
+        least_land: samples of land needed.
+        deepest_percent: of the samples lie above a mark's depth.
+    """
+    from scipy import ndimage
+
+    known = np.isfinite(felt)
+    if known.sum() < least_land:
+        return felt
+    v, u = np.meshgrid(DOWN, ACROSS, indexing="ij")
+    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    # at first the upper half is held for land
+    land, over = known & (felt >= np.median(felt[known])), felt
+    for _ in range(rounds):
+        if land.sum() < least_land:
+            break
+        over = felt - terms @ np.linalg.lstsq(terms[land], felt[land], rcond=None)[0]
+        deep = float(np.percentile(-over[known], deepest_percent))
+        land = known & ~ndimage.binary_dilation(np.nan_to_num(over) < -land_share * deep, iterations=2)
+    return over
 
 
 def ink_box(
