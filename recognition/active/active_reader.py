@@ -131,7 +131,7 @@ class _Part:
         self.progress = Progress(self.fitting)
         lines = self.active.reader.lines
         # where the line stands on the whole part, and which others do, is asked of the whole part
-        self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
+        self.may_shrink = self.asked_mm is None and lines.search.region is None and not lines.lines
         self.looks_since = LOOKS_APART  # the first look has a line to find: a reading does that best
         self.trust = Trust(self.active.reader.settings.accept_confidence)
         self.edges: EdgeMap | None = None

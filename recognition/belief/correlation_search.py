@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,20 +66,17 @@ TRIES = ((GUISES[0], FIRST), (GUISES[0], FURTHER), *((guise, FIRST) for guise in
 """Looks of the marks, and which of the sizes, tried one after the other until a line says much."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class CorrelationSearch(LineSearch):
-    """Finds and reads lines by templates of fonts alone."""
+    """Finds and reads lines by templates of fonts alone.
 
-    def __init__(self, *args: Any, fonts: Sequence[Font], cache: TemplateCache, **options: Any) -> None:
-        """Prepare.
+    Attributes:
+        fonts: whose templates are compared.
+        cache: of template sets.
+    """
 
-        Args:
-            args: as of `LineSearch`.
-            fonts: whose templates are compared.
-            cache: of template sets.
-            options: as of `LineSearch`.
-        """
-        super().__init__(*args, **options)
-        self.fonts, self.cache = fonts, cache
+    fonts: Sequence[Font]
+    cache: TemplateCache
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan of what a view shows, most promising first."""

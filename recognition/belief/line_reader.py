@@ -8,9 +8,8 @@ The format decides which of several lines is meant. Other text on the part is ke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 from types import MappingProxyType
 
@@ -32,11 +31,9 @@ from recognition.belief.part_lines import (
     LineFormat,
     PartLines,
     ReadLine,
-    Region,
     stands_in,
 )
 from recognition.language.grammar import Grammar
-from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -45,40 +42,26 @@ MOST_CANDIDATES, MOST_ACROSS = 4, 0.9
 """Lines that are named to a person where none was read, and share of the view's width that they may take."""
 
 
+@dataclass(frozen=True)
 class LineReader:
-    """Reads views; knows the format and the characters that may occur."""
+    """Reads views.
 
-    def __init__(
-        self,
-        grammar: Grammar | None,
-        chars: str,
-        *,
-        height_mm: float | None = None,
-        region: Region | None = None,
-        lines: Mapping[str, LineFormat] = NO_LINES,
-        orientation: Orientation = Orientation.ANY,
-        search: Callable[..., LineSearch] = LineSearch,
-    ) -> None:
-        """Prepare.
+    Attributes:
+        search: for lines; knows the format and the characters that may occur.
+        lines: others that stand on the part, by name.
+    """
 
-        Args:
-            grammar: what the serial's line may be.
-            chars: all that is looked for.
-            height_mm: of the characters, if known.
-            region: where the middle of the serial's line lies (default: anywhere).
-            lines: others that stand on the part, by name.
-            orientation: which way up parts lie.
-            search: makes the search for lines (default: the network's).
-        """
-        self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
-        self.search = search(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
+    search: LineSearch
+    lines: Mapping[str, LineFormat] = field(default_factory=lambda: NO_LINES)
+
+    @property
+    def grammar(self) -> Grammar | None:
+        """What the serial's line may be."""
+        return self.search.grammar
 
     def under(self, grammar: Grammar | None) -> LineReader:
         """The same reader of lines that another format is asked of."""
-        other, search = copy(self), copy(self.search)
-        search.grammar = other.grammar = grammar
-        other.search = search
-        return other
+        return replace(self, search=replace(self.search, grammar=grammar))
 
     def read(
         self,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import line_belief
@@ -56,29 +57,23 @@ MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
 
 
+@dataclass(frozen=True)
 class LineSearch:
-    """Looks for lines in views; knows the format and the characters that may occur."""
+    """Looks for lines in views; knows the format and the characters that may occur.
 
-    def __init__(
-        self,
-        grammar: Grammar | None,
-        chars: str,
-        *,
-        height_mm: float | None = None,
-        region: Region | None = None,
-        orientation: Orientation = Orientation.ANY,
-    ) -> None:
-        """Prepare.
+    Attributes:
+        grammar: what the serial's line may be.
+        chars: all that is looked for.
+        height_mm: of the characters, if known.
+        region: where the middle of the serial's line lies (default: anywhere).
+        orientation: which way up parts lie.
+    """
 
-        Args:
-            grammar: what the serial's line may be.
-            chars: all that is looked for.
-            height_mm: of the characters, if known.
-            region: where the middle of the serial's line lies (default: anywhere).
-            orientation: which way up parts lie.
-        """
-        self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
-        self.orientation = orientation
+    grammar: Grammar | None
+    chars: str
+    height_mm: float | None = None
+    region: Region | None = None
+    orientation: Orientation = Orientation.ANY
 
     @property
     def rare(self) -> str:

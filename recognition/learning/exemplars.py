@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap
 from recognition.belief.line_reader import LineReader
+from recognition.belief.line_search import LineSearch
 from recognition.experts.recogniser import CHARACTERS
 from recognition.language.grammar import Grammar
 from recognition.learning.tactile_cell import ACROSS, DOWN, Cell, Layer, Place, felt_cell, ink_box
@@ -84,7 +85,7 @@ def cut_line(
     if not plain:
         raise ExemplarError("the text is empty", hint="only parts whose text is known can be enrolled")
     chars = "".join(sorted({*CHARACTERS, *plain} - {" "}))
-    reader = LineReader(Grammar(sets=tuple(plain)), chars, height_mm=height_mm)
+    reader = LineReader(LineSearch(Grammar(sets=tuple(plain)), chars, height_mm=height_mm))
     view = felt_view(edges, relief)
     found = reader.read(view, about=line).main
     if found is None:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.belief.line_reader import LineReader, is_agreed
+from recognition.belief.line_search import LineSearch
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.code_check import checked_by_codes
 from recognition.decision.decide import Decision
@@ -63,12 +64,14 @@ class VisionReader:
         self.fonts = repertoire.fonts
         self._readers = {
             scaled: LineReader(
-                self.grammar,
-                self.chars,
-                height_mm=self.settings.height_mm if scaled else None,
-                region=self.settings.region,
-                lines=self.settings.asked,
-                orientation=self.settings.orientation,
+                LineSearch(
+                    self.grammar,
+                    self.chars,
+                    height_mm=self.settings.height_mm if scaled else None,
+                    region=self.settings.region,
+                    orientation=self.settings.orientation,
+                ),
+                self.settings.asked,
             )
             for scaled in (True, False)
         }

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -73,15 +72,16 @@ class TactileReader:
         # all fonts that are named compete for every part
         self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
         network = "network" in (self.settings.experts or EXPERTS)
-        self.lines = LineReader(
+        search = LineSearch(
             self.grammar,
             self.chars,
             height_mm=self.settings.height_mm,
             region=self.settings.region,
-            lines=self.settings.asked,
             orientation=self.settings.orientation,
-            search=LineSearch if network else partial(CorrelationSearch, fonts=self.fonts, cache=self.cache),
         )
+        if not network:
+            search = CorrelationSearch(**vars(search), fonts=self.fonts, cache=self.cache)
+        self.lines = LineReader(search, self.settings.asked)
 
     def read_height_map(
         self,

@@ -32,7 +32,9 @@ FIRST_HEIGHT_MM = 4.0
 class HeightSearch(Protocol):
     """A search for lines in a view."""
 
-    height_mm: float | None
+    @property
+    def height_mm(self) -> float | None:
+        """Character height, if known."""
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan, most promising first."""

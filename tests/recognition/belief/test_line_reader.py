@@ -11,6 +11,7 @@ from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader, apart
+from recognition.belief.line_search import LineSearch
 from recognition.belief.part_lines import LineFormat, stands_in
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -35,7 +36,7 @@ def text_of(belief: Lattice) -> str:
     ("format", "meant", "other"), [("AAA9999", "KXB4071", "2938174"), ("9999999", "2938174", "KXB4071")]
 )
 def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
-    part = LineReader(Grammar(format=format), ALPHANUMERIC).read(heights_view(PART))
+    part = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC)).read(heights_view(PART))
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert [text_of(one.belief.openly[0]) for one in part.others] == [other]
@@ -58,7 +59,7 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
     asked: str, region: tuple[float, float, float, float] | None, named: str
 ) -> None:
     lines = {"lot": LineFormat(Grammar(format=asked), region)}
-    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC, lines=lines).read(heights_view(PART))
+    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(heights_view(PART))
     assert [text_of(one.belief.lattice) for one in part.named.values()] == ([named] if named else [])
     assert [text_of(one.belief.openly[0]) for one in part.others] == ([] if named else ["2938174"])
 
@@ -68,7 +69,7 @@ def test_the_serial_stands_in_its_region(
     region: tuple[float, float, float, float] | None, meant: str
 ) -> None:
     either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
-    part = LineReader(either, ALPHANUMERIC, region=region).read(heights_view(PART))
+    part = LineReader(LineSearch(either, ALPHANUMERIC, region=region)).read(heights_view(PART))
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert len(part.others) == 1
@@ -80,13 +81,13 @@ def test_a_line_is_not_moved_out_of_its_region(
 ) -> None:
     """The other line fits the format, and lies within reach of a line about the middle of the view."""
     view = heights_view(PART)
-    main = LineReader(Grammar(format=format), ALPHANUMERIC, region=region).read(view).main
+    main = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC, region=region)).read(view).main
     assert main is None or stands_in(region, main.line, view)
 
 
 def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
-    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC).read(heights_view(level(over)))
+    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)).read(heights_view(level(over)))
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
@@ -98,7 +99,7 @@ def test_what_lies_upside_down_is_read() -> None:
 def test_two_lines_are_different_ink_where_their_characters_have_room(
     down_mm: float, lower_mm: float, different: bool
 ) -> None:
-    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC).read(heights_view(PART))
+    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)).read(heights_view(PART))
     assert part.main is not None
     upper, lower = (
         replace(part.main, line=TextLine.straight(0.0, y_mm, length_mm=30.0, height_mm=height_mm))

@@ -11,6 +11,7 @@ import pytest
 from glyphs import stamp
 from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader
+from recognition.belief.line_search import LineSearch
 from recognition.decision import which_way_up
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
@@ -35,7 +36,7 @@ def view_of(text: str, *, mirrored: bool = False) -> View:
 
 def read(view: View, mask: str, *others: OtherLine) -> tuple[Reading, LineReader]:
     grammar = Grammar(format=mask)
-    lines = LineReader(grammar, ALPHANUMERIC, height_mm=4.0)
+    lines = LineReader(LineSearch(grammar, ALPHANUMERIC, height_mm=4.0))
     made = reading_of_line(
         lines.read(view), ReaderSettings(format=grammar), flags=ReadingFlag.NONE, source="tactile"
     )
@@ -96,7 +97,7 @@ def test_another_line_that_reads_one_way_settles_it(
 ) -> None:
     view, beside = view_of("9608"), view_of(text)
     reading, lines = read(view, "9999")
-    line = LineReader(None, ALPHANUMERIC, height_mm=4.0).read(beside).main
+    line = LineReader(LineSearch(None, ALPHANUMERIC, height_mm=4.0)).read(beside).main
     assert line is not None
     # both lines stand on one part: the view of the other is below that of the serial
     both = replace(view, layers=stacked(view, beside))
