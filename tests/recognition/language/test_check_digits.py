@@ -63,23 +63,13 @@ def test_vin() -> None:
     assert not check.holds("I" + VIN[1:])
 
 
-def test_the_pairs_that_a_vin_cannot_tell_apart_are_worked_out() -> None:
-    pairs = blind_pairs(CheckDigit("vin"), [VIN_CHARACTERS] * 17)
-    found = {frozenset((one, other)) for one, other, _ in pairs}
-    for pair in ("2S", "8H", "5E", "6F", "CL", "GP", "GX", "G7", "PX", "P7", "X7", "1A", "1J", "8Y", "9Z"):
-        assert frozenset(pair) in found
-    for pair in ("0D", "8B", "5S", "2Z", "6G", "MN", "UV"):
-        assert frozenset(pair) not in found
-    # everywhere but at the check digit itself
-    assert len(pairs) == 16 * len(found)
-    assert all(place != 9 for *_, place in pairs)
-
-
 def test_blind_pairs_by_trying_them() -> None:
     """Two characters are blind exactly when swapping them never changes whether a text holds."""
     rng = np.random.default_rng(2)
     check = CheckDigit("vin")
-    blind = {frozenset((one, other)) for one, other, _ in blind_pairs(check, [VIN_CHARACTERS] * 17)}
+    pairs = blind_pairs(check, [VIN_CHARACTERS] * 17)
+    assert all(place != 9 for *_, place in pairs)  # at the check digit itself it sees every one
+    blind = {frozenset((one, other)) for one, other, _ in pairs}
     for _ in range(300):
         place = int(rng.choice([k for k in range(17) if k != 8]))
         other = str(rng.choice(list(VIN_CHARACTERS)))

@@ -13,7 +13,6 @@ from scipy import ndimage
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.laid_over import laid_over
 from recognition.learning.learned_shapes import Learned, learn_font
 from recognition.learning.lot import (
     EXEMPLARS_EACH,
@@ -127,18 +126,6 @@ def test_what_counts_counts_for_good() -> None:
 
 
 # -------------------------------------------------------------------------------------- a wrong reading teaches nobody
-
-
-def test_a_part_read_wrongly_is_set_aside_and_teaches_nobody() -> None:
-    right = [("K7B2", "K7B2")] * 5
-    alone, slipped = learned(right), learned([*right, ("2KL7", "K7B2")])
-    assert slipped.set_aside == (20, 21, 22, 23)  # of the sixth part, each
-    for char in "K7B2":
-        one, two = alone.font.glyphs[char].relief, slipped.font.glyphs[char].relief
-        assert one is not None
-        assert two is not None
-        # laid over each other: the median may lie as another of the blows does, a pixel up or down
-        assert laid_over(one, two)[0] > 0.98
 
 
 def test_fewer_than_three_that_agree_teach_nothing() -> None:
