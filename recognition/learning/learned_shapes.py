@@ -115,19 +115,13 @@ def learn_font(
             del shapes[char]
             used[char] = ()
         elif len(vouched) < len(own) or len(used[char]) < len(own):
-            likest = [vouched[k] for k in _likest_order(char, [patches[k] for k in vouched], hand)]
+            guess = hand.relief(char, patches[0].shape)
+            scores = [0.0 if guess is None else laid_over(patches[k], guess)[0] for k in vouched]
+            # the one most like the nearest font's character leads
+            likest = [k for _, k in sorted(zip(scores, vouched, strict=True), key=lambda pair: -pair[0])]
             shapes[char], agree = common_relief([patches[k] for k in likest])
             used[char] = tuple(sorted(likest[k] for k in agree))
     return _learned_font(name, shapes, used, len(chars), hand, patches[0].shape)
-
-
-def _likest_order(char: str, patches: Sequence[Patch], hand: Hand) -> list[int]:
-    """Indices of the exemplars, the one most like the nearest font's character first."""
-    guess = hand.relief(char, patches[0].shape)
-    if guess is None:
-        return list(range(len(patches)))
-    scores = [laid_over(p, guess)[0] for p in patches]
-    return [int(k) for k in np.argsort(scores)[::-1]]
 
 
 def _is_it(
