@@ -262,7 +262,9 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
 def _learn(font: str, taught: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned:
     from recognition.learning.learned_shapes import learn_font
 
-    return learn_font(font, [e.char for e in taught], [e.relief for e in taught], known=bases, vouching=vouching)
+    return learn_font(
+        font, [e.char for e in taught], [e.relief for e in taught], known=bases, vouching=vouching
+    )
 
 
 def _report(
