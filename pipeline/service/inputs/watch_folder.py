@@ -36,7 +36,7 @@ from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.tasks import end_tasks
-from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.errors import StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
@@ -130,19 +130,15 @@ class WatchedFolder:
             read: PartRecord | None = None
             try:
                 read = await self._submit(part, problems)
-            except (Problem, UnfitError) as problem:
-                if isinstance(problem, Problem) and not problem.is_final:
-                    return self._failed(part, problem.detail, began_s)
-                why = problem.detail if isinstance(problem, Problem) else str(problem)
-                log.warning("watched file left", file=visible(part.name), why=why)
-                problems = {path: problems.get(path, why) for path in part.files}
-            except (OSError, FileError, StoreError) as error:
-                return self._failed(part, str(error), began_s)
+            except (Problem, OSError, FileError, StoreError) as error:
+                is_final = error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError)
+                if not is_final:
+                    return self._failed(part, str(error), began_s)
+                log.warning("watched file left", file=visible(part.name), why=str(error))
+                problems = {path: problems.get(path, str(error)) for path in part.files}
             except Exception as error:
                 log.exception("fault of the program over a watched file", file=visible(part.name))
                 return self._failed(part, describe_fault(error), began_s)
-            if read is None and not problems:
-                return
             self._failures.pop(part.key, None)
             for path, state in part.files.items():
                 part_id = "" if path in problems or read is None else read.id
@@ -163,14 +159,14 @@ class WatchedFolder:
             self.journal.done[str(path)] = handled
 
     async def _submit(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
-        """Submit the files of a part; None if a file was written to meanwhile, or no file can be used.
+        """Submit the files of a part; None if no file can be used.
 
         Args:
             part: the part's files.
             problems: filled with what is wrong with unusable files, by path.
 
         Raises:
-            Problem: the files cannot be used together, or there is no room in the queue.
+            Problem: the files cannot be used together, one was written to meanwhile, or the queue is full.
             OSError: a file cannot be read.
         """
         check_count(len(part.files))
@@ -180,13 +176,12 @@ class WatchedFolder:
                 try:
                     copy = await asyncio.to_thread(self._copy, path, state, folder, number)
                 except Problem as problem:
+                    if not problem.is_final:
+                        raise
                     log.warning("watched file left", file=visible(path.name), why=problem.detail)
                     problems[path] = problem.detail
-                    continue
-                if copy is None:
-                    problems.clear()
-                    return None
-                photos.append(Upload(copy, sent_name(path.name), EvidenceKind.PHOTO))
+                else:
+                    photos.append(Upload(copy, sent_name(path.name), EvidenceKind.PHOTO))
             if not photos:
                 return None
             digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
@@ -198,11 +193,12 @@ class WatchedFolder:
         log.info("watched file read", file=visible(part.name), photos=len(photos), part=received.part.id)
         return received.part
 
-    def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path | None:
-        """A copy under a name that says what it holds; None where the file is no longer as it was.
+    def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path:
+        """A copy under a name that says what it holds.
 
         Raises:
             Problem: no picture, or too large a one.
+            OwnProblem: the file is no longer as it was.
             OSError: it cannot be read.
         """
         if not is_text(path.name):
@@ -220,5 +216,6 @@ class WatchedFolder:
             source.seek(0)
             with copy.open("xb") as target:
                 shutil.copyfileobj(source, target)
-            after = FileState.of(os.fstat(source.fileno()))
-        return copy if after == state else None
+            if FileState.of(os.fstat(source.fileno())) != state:
+                raise OwnProblem(f"{name} is still being written")
+        return copy
