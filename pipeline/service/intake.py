@@ -49,6 +49,7 @@ from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
+    from pipeline.reading.part_pictures import Picture
     from pipeline.service.metrics import Metrics
     from pipeline.service.settings import ServiceSettings
     from pipeline.service.worker_calls import WorkerCalls
@@ -331,23 +332,9 @@ class Intake:
 
         def keep() -> PartRecord:
             try:
-                files = [
-                    EvidenceRecord(
-                        one.kind,
-                        *self.evidence.keep(one.path, sha256=one.sha256),
-                        one.name,
-                        one.media_type,
-                    )
-                    for one in sent
-                ]
+                files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
                 files += [
-                    EvidenceRecord(
-                        one.kind,
-                        *self.evidence.keep_content(one.content),
-                        one.name,
-                        one.media_type,
-                        meta=one.meta,
-                    )
+                    replace(_evidence(one, self.evidence.keep_content(one.content)), meta=one.meta)
                     for one in done.pictures
                 ]
             except FileError as error:
@@ -377,6 +364,11 @@ class Intake:
             self._announcing.add(announcing)  # a task without a reference may be garbage-collected
             announcing.add_done_callback(self._announcing.discard)
         self.metrics.parts.labels(part.state.value).inc()
+
+
+def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
+    """The record of a file that is kept: `kept` is its hash and length."""
+    return EvidenceRecord(file.kind, *kept, file.name, file.media_type)
 
 
 def _stage_problem(error: StageError) -> Problem:
