@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whisker_array.estimation.averaging import average_onto, averaging_weights
+from whisker_array.estimation.gridding import average_onto, averaging_weights
 
 Lines = NDArray[np.float64]
 
