@@ -16,7 +16,7 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,15 +66,6 @@ def senses_of(part: PartFiles, mode: str | None) -> tuple[bool, bool]:
         raise problem_of(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
     touches = tactile and mode != Mode.VISION
     return touches, not touches or (visual and mode in (Mode.FUSED, Mode.AUTO))
-
-
-@dataclass(frozen=True)
-class _Map:
-    """A height map, the soil on it if it is known, and whether the order of its rows is."""
-
-    surface: HeightMap
-    soil: Soil | None
-    rows_known: bool
 
 
 class PartReader:
@@ -135,6 +126,7 @@ class PartReader:
     def _read(
         self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
     ) -> Reading:
+        from pipeline.formats.npz import read_soil
         from pipeline.reading.scan_plan import seen_region
         from recognition.reader import centre_on
 
@@ -145,30 +137,43 @@ class PartReader:
         photo, notes = (
             self._photo(part, touches=touches) if sees else (None, [])
         )  # before touch takes its time
-        found = None
+        surface, soil, rows_known = None, None, True
         if touches and felt is None and not part.scan:
+            path, most = Path(part.height_map), self.limits.max_map_samples if self.limits else MAX_PIXELS
             with naming(part.height_map):
-                found = self._map(part)
+                surface, rows_known = read_map_and_rows(path, self.maps, most=most)
+                soil = read_soil(path, self.maps)
         if again is not None:
             photo = None if photo is None else again.photo(photo)
-            found = None if found is None else replace(found, surface=again.surface(found.surface))
+            surface = None if surface is None else again.surface(surface)
         vision, region_mm = None, None
         if photo is not None:
-            photo = photo if found is None else centre_on(photo, found.surface)
+            photo = photo if surface is None else centre_on(photo, surface)
             with naming(part.photo):
                 vision = self.reader.vision.read_photo(photo)
-            if self.budget_s is not None and found is not None and again is None:
+            if self.budget_s is not None and surface is not None and again is None:
                 # the camera tells touch where to feel
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
-        touch = None
-        if touches:
+        touch, feel = felt.reading if felt is not None and touches else None, None
+        if touches and felt is None:
             with naming(part.scan or part.height_map):
-                if felt is not None:
-                    touch = felt.reading
-                elif found is None:
-                    touch = self._scan(part, again)
-                else:
-                    touch = self._feel(part, found, again, region_mm)
+                if again is not None and surface is not None:
+                    fidelity = self.reader.settings.fidelity
+                    feel = again.feel(fidelity=fidelity, soil=soil, part_id=part.name)
+                touch = (
+                    self._scan(part, again)
+                    if surface is None
+                    else read_surface(
+                        self.reader,
+                        surface,
+                        soil=soil,
+                        rows_known=rows_known,
+                        part_id=part.name,
+                        feel=feel,
+                        budget_s=self.budget_s,
+                        region_mm=region_mm,
+                    )
+                )
         reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
         assert reading is not None
         return replace(reading, notes=(*reading.notes, *notes))
@@ -201,30 +206,6 @@ class PartReader:
         if scan.log is not None and again is None:
             return replay(self.reader.touch, scan).reading
         return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
-
-    def _map(self, part: PartFiles) -> _Map:
-        from pipeline.formats.npz import read_soil
-
-        most = MAX_PIXELS if self.limits is None else self.limits.max_map_samples
-        surface, rows_known = read_map_and_rows(Path(part.height_map), self.maps, most=most)
-        return _Map(surface, read_soil(Path(part.height_map), self.maps), rows_known)
-
-    def _feel(self, part: PartFiles, found: _Map, again: Retake | None, region_mm: Region | None) -> Reading:
-        """Touch of a height map."""
-        feel = None
-        if again is not None:
-            fidelity = self.reader.settings.fidelity
-            feel = again.feel(fidelity=fidelity, soil=found.soil, part_id=part.name)
-        return read_surface(
-            self.reader,
-            found.surface,
-            soil=found.soil,
-            rows_known=found.rows_known,
-            part_id=part.name,
-            feel=feel,
-            budget_s=self.budget_s,
-            region_mm=region_mm,
-        )
 
     def _check_expected(self, part: PartFiles, expected: str) -> None:
         grammar = self.reader.grammar

@@ -142,16 +142,6 @@ def test_the_table_of_a_run_is_that_of_write_records(texts: Sequence[str], table
     assert names(read_rows(table)) == names(rows)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
-def test_a_table_can_be_read_while_it_grows(suffix: str, tmp_path: Path) -> None:
-    table = tmp_path / f"rows{suffix}"
-    with RunJournal(table, RUN) as book:
-        assert read_rows(table) == []
-        for k in range(3):
-            add(book, row(f"part-{k}", error='two\nlines, "quoted"'))
-            assert names(read_rows(table)) == [f"part-{i}" for i in range(k + 1)]
-
-
 # ------------------------------------------------------------------------------------------------- every field
 
 
@@ -314,26 +304,6 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
         again.finish(reversed(names(rows)))
     assert names(read_rows(table)) == names(rows[::-1])
     assert [p.name for p in table.parent.iterdir()] == [table.name]
-
-
-@pytest.mark.parametrize("step", ["replace", "_write"])
-def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
-    step: str, table: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_records(rows_of(3), table)
-    old, kept = table.read_bytes(), table.with_name(table.name + "~")
-
-    def kill(*_: object, **__: object) -> None:
-        raise Kill
-
-    with monkeypatch.context() as patched:
-        patched.setattr(*((RunJournal, step, kill) if step == "_write" else ("os.replace", kill)))
-        with pytest.raises(Kill):
-            RunJournal(table, RUN)
-    with RunJournal(table, RUN) as book:
-        assert not book.resumed
-        assert set(book.names) == set()
-    assert kept.read_bytes() == old
 
 
 # ----------------------------------------------------------------------------------------------- whose table it is

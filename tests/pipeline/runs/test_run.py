@@ -93,21 +93,6 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     assert [p.name for p in read_manifest(str(tmp_path / "bad.csv"))] == ["p1", "p5"]
 
 
-def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
-    stored: list[str] = []
-
-    class Store:
-        def add(self, _: PartFiles, read: ReadPart) -> None:
-            if len(stored) == 3:
-                raise KeyboardInterrupt
-            stored.append(read.record.part)
-
-    with RunJournal(tmp_path / "rows.jsonl", {}) as book:
-        with pytest.raises(KeyboardInterrupt):
-            Run(book, store=Store()).work(PARTS, ORDER, reading())
-        assert book.names == set(stored)
-
-
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
         read = read_listed(ORDER, PartFiles("a", str(flat), **own))
@@ -145,28 +130,10 @@ def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
         files_to_send(settings)
 
 
-@pytest.mark.parametrize(
-    ("target", "message"),
-    [(RunOptions(out="rows.ods"), "rows.ods"), (RunOptions(out="no/such/rows.csv"), "rows.csv")],
-)
-def test_tables_that_cannot_be_written_are_told_before_the_run(target: RunOptions, message: str) -> None:
-    with pytest.raises(FileError, match=message):
-        target.check()
-
-
 def test_pictures_go_with_a_store_alone() -> None:
     with pytest.raises(SettingsError, match="--evidence goes with a store"):
         RunOptions(out="rows.csv", evidence=Path("evidence")).check()
     RunOptions(out="sqlite:///parts.db", evidence=Path("evidence")).check()
-
-
-@pytest.mark.usefixtures("_in_folder")
-def test_a_run_into_a_store_leaves_no_table(tmp_path: Path) -> None:
-    with opened(RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}) as run:
-        run.work(PARTS, ORDER, reading("p2"))
-    assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
-        "parts.quarantine.csv"
-    ]
 
 
 @pytest.mark.usefixtures("_in_folder")
@@ -273,13 +240,3 @@ def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Pat
     assert rows["p3"].messages == ("T3 is not in lot-7.csv",)
     assert rows["p2"].messages == ("T 2 was read before, of p5",)
     assert rows["p0"].messages == ("T0 was read before, of p4",)
-
-
-def test_an_order_is_asked_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = write_part(SynthSpec("AA99", seed=3), tmp_path / "a", 0, photos=False)
-    (tmp_path / "lot.csv").write_text("serial\nQQ00..QQ09\n")
-    reads = ["read", str(tmp_path / "a.npz"), "--font", "gothic", "--format", "AA99"]
-    assert main([*reads, "--order", str(tmp_path / "lot.csv")]) == 0
-    said = capsys.readouterr().out
-    assert f"{text} is not in lot.csv" in " ".join(said.split())
-    assert main([*reads, "--order", str(tmp_path / "none.csv")]) == 1

@@ -14,7 +14,7 @@ import pytest
 from pipeline.workers.cluster import ClusterError, ClusterExecutor
 from pipeline.workers.executors import Outcome, WorkerLostError
 from tests.support.cluster_process import ClusterProcess, cluster_process
-from tests.support.executor_calls import dies_of_seven, doubled, noted, noted_by_two, odd_fails
+from tests.support.executor_calls import dies_of_seven, doubled, noted, noted_by_two
 
 distributed = pytest.importorskip("distributed")
 COUNT = 40
@@ -34,13 +34,6 @@ def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, t
         assert [o.error for o in outcomes if o.result != o.task] == []
         assert executor.workers == 2
     assert len({p.read_text().split()[0] for p in tmp_path.iterdir()}) == 2, cluster.told()
-
-
-def test_an_exception_is_its_tasks_own(cluster: ClusterProcess) -> None:
-    with ClusterExecutor(cluster.address) as executor:
-        outcomes = {o.task: o for o in executor.calls(odd_fails, "told", range(COUNT))}
-    assert [o.task for o in outcomes.values() if o.error is None] == [k for k in outcomes if k % 2 == 0]
-    assert str(outcomes[3].error) == "told: 3 is odd"
 
 
 def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> None:
