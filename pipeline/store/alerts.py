@@ -19,7 +19,7 @@ from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured
 from pipeline.common.reading_records import from_json, to_json
 from pipeline.common.records import AlertRecord, PartState
 from pipeline.store.database import Transaction
-from pipeline.store.errors import cleaned, fit_limit
+from pipeline.store.errors import cleaned
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.rows import record_of
 from pipeline.store.tables import alerts, golden, parts
@@ -123,7 +123,7 @@ def add_golden(
 def golden_scans(tx: Transaction, line: str, *, limit: int = MOST_SCANS) -> tuple[GoldenRecord, ...]:
     """The latest of a line, the newest first, and behind them the reference that they are compared with."""
     of_line = sa.select(golden).where(golden.c.line == line).order_by(golden.c.id.desc())
-    rows = list(tx.execute(of_line.limit(fit_limit(limit))))
+    rows = list(tx.execute(of_line.limit(limit)))
     if not any(row.reference for row in rows):
         rows += tx.execute(of_line.where(golden.c.reference).limit(1))
     return tuple(from_json(GoldenRecord, row.record) for row in rows)

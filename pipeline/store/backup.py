@@ -93,7 +93,7 @@ def back_up(store: Store, files: EvidenceFolder, to: Path, *, previous: Path | N
             left.unlink()
         linked = None if previous is None else EvidenceFolder(previous / _FILES)
         with _opened(partial / _STORE) as copied:
-            with store.database.reading() as source, copied.database.writing() as target:
+            with store.read_transaction() as source, copied.write_transaction() as target:
                 copy_rows(source, target)
                 made_at, last = source.now.isoformat(), last_delivery(source)
                 rows = {table.name: target.count(table) for table in _TABLES}
@@ -118,11 +118,11 @@ def restore(backup: Path, store: Store, files: EvidenceFolder) -> Backup:
         StoreError: the store does not answer, or the backup's version is not known.
     """
     with unpacked(backup) as (made, copied):
-        with store.database.reading() as tx:
+        with store.read_transaction() as tx:
             _refuse_unless_empty(tx, store)
         _, _, lost = _take_all(copied, files, EvidenceFolder(backup / _FILES))
         _sync()
-        with copied.database.reading() as source, store.database.writing() as target:
+        with copied.read_transaction() as source, store.write_transaction() as target:
             _refuse_unless_empty(target, store)
             copy_rows(source, target)
             target.execute(sa.update(outbox).values(owner=None, leased_until=None))
@@ -217,7 +217,7 @@ def _take_all(
         if whole or files.take(sha256, source) is FileState.WHOLE:
             n_files, n_bytes = n_files + 1, n_bytes + files.path(sha256).stat().st_size
         elif live is not None and not live.needed_hashes((sha256,)):  # its time was up meanwhile
-            with copied.database.writing() as tx:
+            with copied.write_transaction() as tx:
                 tx.execute(sa.update(evidence).where(evidence.c.sha256 == sha256).values(gone=True))
         else:
             lost.append(sha256)
@@ -226,7 +226,7 @@ def _take_all(
 
 def _refuse_unless_empty(tx: Transaction, store: Store) -> None:
     if any(tx.execute(sa.select(table).limit(1)).first() is not None for table in METADATA.sorted_tables):
-        raise ConflictError(f"the store {store.database.shown} is not empty", hint="restore into a new one")
+        raise ConflictError(f"the store {store.shown} is not empty", hint="restore into a new one")
 
 
 @contextlib.contextmanager

@@ -129,7 +129,7 @@ def check(
 
 
 def _check_database(store: Store, report: CheckReport) -> None:
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         if tx.postgresql:
             return  # it checks its own pages (data_checksums)
         for found in tx.connection.exec_driver_sql("PRAGMA integrity_check(20)").scalars():
@@ -162,7 +162,7 @@ def _pages(store: Store) -> Iterator[tuple[Transaction, Sequence[AnyRow]]]:
     after = ""
     asked = sa.select(parts).order_by(parts.c.id).limit(_PAGE)
     while True:
-        with store.database.reading() as tx:
+        with store.read_transaction() as tx:
             found = tx.execute(asked.where(parts.c.id > after)).all()
             if not found:
                 return
@@ -197,7 +197,7 @@ def _not_derived(part: PartRecord, row: AnyRow, happened: list[AnyRow]) -> list[
 
 def _check_outbox(store: Store, report: CheckReport) -> None:
     target, since, error = outbox.c.target, sa.func.min(outbox.c.created_at), sa.func.max(outbox.c.error)
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         asked = sa.select(target, sa.func.count(), since, error).where(outbox.c.created_at < tx.now - LATE)
         for name, n, first, said in tx.execute(asked.group_by(target).order_by(target)):
             why = f"it was said: {said}" if said else "none was tried"
@@ -224,7 +224,7 @@ def _check_against(store: Store, backup: Path, report: CheckReport) -> None:
     with unpacked(backup) as (made, copied):
         for tx, found in _pages(copied):
             then = _by_part(tx, found, events, evidence)
-            with store.database.reading() as now_tx:
+            with store.read_transaction() as now_tx:
                 now = _by_part(now_tx, found, events, evidence)
             for part_id, rows in sorted(then.items()):
                 if any(row not in now.get(part_id, ()) for row in rows):

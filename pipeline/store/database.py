@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import sqlalchemy as sa
 from sqlalchemy import exc
@@ -88,10 +88,15 @@ class Transaction:
         return self.execute(asked).one_or_none() is not None
 
 
+def utc_now() -> datetime:
+    """The usual clock."""
+    return datetime.now(UTC)
+
+
 class Database:
     """A database that has the tables of this version.
 
-    * All that a transaction of `reading` sees is of one moment. One of `writing` is on the disk when its block has
+    * All that a read transaction sees is of one moment. A write transaction is on the disk when its block has
       ended, and undone where the block raises.
     * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
     * Threads may share it; a connection belongs to one transaction at a time.
@@ -106,8 +111,37 @@ class Database:
         # threads queue here, not in SQLite's own wait, which polls and may starve one of many
         self._writer = threading.Lock() if engine.dialect.name == "sqlite" else None
 
+    @classmethod
+    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
+        """Open a database and bring its tables up to date.
+
+        Args:
+            url: sqlite:///file.db or postgresql://user:password@host/name.
+            now: the clock.
+            as_it_is: neither make it nor bring it up to date.
+
+        Raises:
+            StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
+                of an older version.
+        """
+        parsed = _checked(url)
+        shown = parsed.render_as_string(hide_password=True)
+        with _store_errors(shown), contextlib.ExitStack() as held:
+            if parsed.get_backend_name() == "sqlite":
+                if as_it_is and not Path(str(parsed.database)).exists():
+                    raise StoreError(
+                        f"there is no store {shown}", hint="name the service's --folder or --store"
+                    )
+                held.enter_context(_file_locked(Path(str(parsed.database))))
+            engine = _engine(parsed)
+            failed = held.enter_context(contextlib.ExitStack())
+            failed.callback(engine.dispose)
+            _bring_up_to_date(engine, shown, as_it_is=as_it_is)
+            failed.pop_all()
+        return cls(engine, shown, now)
+
     @contextlib.contextmanager
-    def reading(self) -> Iterator[Transaction]:
+    def read_transaction(self) -> Iterator[Transaction]:
         """Begin a transaction that changes nothing.
 
         Raises:
@@ -119,7 +153,7 @@ class Database:
             yield Transaction(connection.execution_options(**options), self._now().astimezone(UTC))
 
     @contextlib.contextmanager
-    def writing(self) -> Iterator[Transaction]:
+    def write_transaction(self) -> Iterator[Transaction]:
         """Begin a transaction that is durable when the block has ended, and undone where it raises.
 
         Raises:
@@ -138,38 +172,6 @@ class Database:
     def close(self) -> None:
         """Close every connection."""
         self._engine.dispose()
-
-
-def utc_now() -> datetime:
-    """The usual clock."""
-    return datetime.now(UTC)
-
-
-def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Database:
-    """Open a database and bring its tables up to date.
-
-    Args:
-        url: sqlite:///file.db or postgresql://user:password@host/name.
-        now: the clock.
-        as_it_is: neither make it nor bring it up to date.
-
-    Raises:
-        StoreError: it cannot be opened, or its version is not known; with `as_it_is` also one that is not there, or
-            of an older version.
-    """
-    parsed = _checked(url)
-    shown = parsed.render_as_string(hide_password=True)
-    with _store_errors(shown), contextlib.ExitStack() as held:
-        if parsed.get_backend_name() == "sqlite":
-            if as_it_is and not Path(str(parsed.database)).exists():
-                raise StoreError(f"there is no store {shown}", hint="name the service's --folder or --store")
-            held.enter_context(_file_locked(Path(str(parsed.database))))
-        engine = _engine(parsed)
-        failed = held.enter_context(contextlib.ExitStack())
-        failed.callback(engine.dispose)
-        _bring_up_to_date(engine, shown, as_it_is=as_it_is)
-        failed.pop_all()
-    return Database(engine, shown, now)
 
 
 @contextlib.contextmanager

@@ -65,17 +65,6 @@ def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
     return text
 
 
-def fit_limit(limit: int) -> int:
-    """The most rows of a list, if that is a number of rows.
-
-    Raises:
-        UnfitError: it is not.
-    """
-    if not 1 <= limit <= MAX_ROWS:
-        raise UnfitError(f"a list of {limit} cannot be given", hint=f"ask for 1 to {MAX_ROWS}")
-    return limit
-
-
 def cleaned(value: Any) -> Any:
     """Replace characters that databases cannot hold by U+FFFD in JSON values, for text that cannot be corrected."""
     if isinstance(value, str):

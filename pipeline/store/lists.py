@@ -11,7 +11,7 @@ from pipeline.common.part_id import is_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartRecord, PartState
 from pipeline.store.database import Transaction
-from pipeline.store.errors import UnfitError, fit, fit_limit
+from pipeline.store.errors import UnfitError, fit
 from pipeline.store.review import IS_AUDITED, claimed_by_another, has_opinion_of
 from pipeline.store.rows import REVIEWED, select_parts
 from pipeline.store.tables import events, parts
@@ -65,13 +65,13 @@ def find_parts(
         wanted.append(received < until)
     if before is not None:
         wanted.append(parts.c.id < _page_end(before))
-    ids = _IDS.where(*wanted).order_by(parts.c.id.desc()).limit(fit_limit(limit))
+    ids = _IDS.where(*wanted).order_by(parts.c.id.desc()).limit(limit)
     return select_parts(tx, ids, newest_first=True)
 
 
 def queue(tx: Transaction, *, audits: bool = False, limit: int = 50) -> tuple[PartRecord, ...]:
     """Parts that a person is to look at, or to audit, oldest first."""
-    return select_parts(tx, _awaiting(audits).limit(fit_limit(limit)))
+    return select_parts(tx, _awaiting(audits).limit(limit))
 
 
 def next_in_queue(
@@ -111,7 +111,7 @@ def reviewed(
         query = query.where(sa.exists().where(*of_part, events.c.at >= since))
     if after is not None:
         query = query.where(parts.c.id > _page_end(after))
-    return select_parts(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
+    return select_parts(tx, query.order_by(parts.c.id).limit(limit))
 
 
 def _page_end(part_id: str) -> str:

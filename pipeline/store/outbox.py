@@ -18,7 +18,7 @@ import sqlalchemy as sa
 
 from pipeline.common.records import Delivery, WaitingResults
 from pipeline.store.database import Transaction
-from pipeline.store.errors import cleaned, fit, fit_limit
+from pipeline.store.errors import cleaned, fit
 from pipeline.store.tables import outbox
 
 # when that is due which was never tried
@@ -66,7 +66,7 @@ def lease(
         until > now + timedelta(seconds=2.0 * LONGEST_LEASE_S),
     )
     is_due = sa.or_(due <= tx.now, due > tx.now + timedelta(seconds=LONGEST_WAIT_S))
-    asked = sa.select(outbox).where(free, is_due, ~waits).order_by(due, outbox.c.id).limit(fit_limit(limit))
+    asked = sa.select(outbox).where(free, is_due, ~waits).order_by(due, outbox.c.id).limit(limit)
     asked = asked.with_for_update(skip_locked=True)  # another may be about to lease them
     rows = [row for target in sorted(targets) for row in tx.execute(asked.where(outbox.c.target == target))]
     if rows:

@@ -36,7 +36,6 @@ from pipeline.store.errors import (
     UnfitError,
     cleaned,
     fit,
-    fit_limit,
 )
 from pipeline.store.rows import READ, Event, add_events, part_by_id, select_parts, write_part
 from pipeline.store.serials import ask_alone, objections
@@ -230,13 +229,13 @@ class Waiting(NamedTuple):
 def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
     """All parts that wait for touch by the stage or the sender, oldest first."""
     asked = sa.select(parts.c.id, parts.c.changed_at, parts.c.touch_until).where(_WAITS)
-    return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(fit_limit(limit))))
+    return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(limit)))
 
 
 def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[PartRecord, ...]:
     """Parts of a line that its stage is to feel, oldest first."""
     ids = sa.select(parts.c.id).where(_WAITS, parts.c.touch_by_stage.is_(True), parts.c.line == line)
-    return select_parts(tx, ids.order_by(parts.c.id).limit(fit_limit(limit)))
+    return select_parts(tx, ids.order_by(parts.c.id).limit(limit))
 
 
 def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:

@@ -158,8 +158,7 @@ def review(
         part = replace(part, state=PartState.REVIEW if found == _DISPUTED else part.state)
         return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
     agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
-    others = () if agrees else (said for said in opinions(tx, part_id) if not person.said(said))
-    if not agrees and after not in {other.after for other in others}:
+    if not agrees and after not in {one.after for one in opinions(tx, part_id) if not person.said(one)}:
         part = replace(part, state=PartState.REVIEW, touch=None)
         return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
     figures = _how_right(part, action, after)

@@ -14,7 +14,7 @@ from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, from_json, to_json
 from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
 from pipeline.store.database import AnyRow, Transaction
-from pipeline.store.errors import ConflictError, NotFoundError, cleaned, fit_limit
+from pipeline.store.errors import ConflictError, NotFoundError, cleaned
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.tables import events, evidence, parts
 
@@ -182,7 +182,7 @@ def evidence_before(
 ) -> tuple[tuple[str, EvidenceRecord], ...]:
     """(part id, file) of files from before a time that are still kept, oldest first."""
     kept = sa.select(evidence).where(evidence.c.gone.is_(False), evidence.c.at < when)
-    rows = tx.execute(kept.order_by(evidence.c.at, evidence.c.id).limit(fit_limit(limit)))
+    rows = tx.execute(kept.order_by(evidence.c.at, evidence.c.id).limit(limit))
     return tuple((row.part_id, record_of(EvidenceRecord, row)) for row in rows)
 
 
@@ -206,7 +206,7 @@ def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
 def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple[str, ...]:
     """Hashes of files that are still needed, in order, from one on."""
     asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
-    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(fit_limit(limit))).scalars())
+    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(limit)).scalars())
 
 
 def record_of(kind: type[T], row: AnyRow) -> T:

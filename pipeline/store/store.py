@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from datetime import datetime
 from typing import Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
@@ -18,18 +17,18 @@ from pipeline.store import access, figures, lists, outbox, rows
 from pipeline.store import alerts as _alerts
 from pipeline.store import parts as _parts
 from pipeline.store import review as _review
-from pipeline.store.database import Database, Transaction, open_database, utc_now
+from pipeline.store.database import Database, Transaction
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def _reads(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Concatenate[Store, P], R]:
-    return _method(operation, Database.reading)
+    return _method(operation, Database.read_transaction)
 
 
 def _writes(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Concatenate[Store, P], R]:
-    return _method(operation, Database.writing)
+    return _method(operation, Database.write_transaction)
 
 
 def _method(
@@ -40,7 +39,7 @@ def _method(
 
     @functools.wraps(operation)
     def method(store: Store, /, *args: P.args, **options: P.kwargs) -> R:
-        with begin(store.database) as tx:
+        with begin(store) as tx:
             return operation(tx, *args, **options)
 
     return method
@@ -51,7 +50,7 @@ def _ping(tx: Transaction) -> None:
     tx.execute(sa.select(sa.literal(1))).scalar_one()
 
 
-class Store:
+class Store(Database):
     """Parts and all that belongs to them.
 
     * Every method is one transaction. What a writing method returns is on the disk; where it raises, nothing has
@@ -60,22 +59,6 @@ class Store:
     * Every method raises StoreError where the database does not answer, UnfitError (a StoreError and a ValueError) for
       values that cannot be stored, and NotFoundError for parts and tokens that are not there.
     """
-
-    def __init__(self, database: Database) -> None:
-        self.database = database
-
-    @classmethod
-    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Store:
-        """Open a store, and make it or bring it up to date; arguments as `open_database`.
-
-        Raises:
-            StoreError: it cannot be opened, or its version is not known.
-        """
-        return cls(open_database(url, now=now, as_it_is=as_it_is))
-
-    def close(self) -> None:
-        """Close every connection."""
-        self.database.close()
 
     ping = _reads(_ping)
 

@@ -194,14 +194,11 @@ def _view(
     photo = kind is EvidenceKind.PHOTO_PICTURE
     which, title = ("photo", "Photograph") if photo else ("edges", "Tactile edge map")
     kept = [e for e in evidence if e.kind is kind]
-    if not kept:
-        unscanned = "This part has not been scanned yet." if reading is None else "No edge map was kept."
-        return PictureView(
-            which, title, note="No photograph was sent with this part." if photo else unscanned
-        )
     record = next((e for e in reversed(kept) if not e.gone), None)
     if record is None:
-        return PictureView(which, title, note="This picture is deleted: its time was up.")
+        unscanned = "This part has not been scanned yet." if reading is None else "No edge map was kept."
+        never = "No photograph was sent with this part." if photo else unscanned
+        return PictureView(which, title, note="This picture is deleted: its time was up." if kept else never)
     if absent := _ABSENT.get(folder.state(record.sha256)):
         return PictureView(which, title, note=absent)
     href = f"/v1/parts/{part.id}/pictures/{which}?v={record.sha256[:12]}"

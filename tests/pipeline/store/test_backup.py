@@ -67,7 +67,7 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
 
 def _all_rows(store: Store) -> dict[str, list[tuple[Any, ...]]]:
     found = {}
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         for name, table in METADATA.tables.items():
             # leases end with the service that held them
             columns = [c for c in table.c if c.name not in ("owner", "leased_until")]
@@ -305,7 +305,7 @@ def test_what_is_changed_behind_the_programs_back_is_found(
 ) -> None:
     (reviewed,) = filled.parts(state=PartState.REVIEWED)
     of_file = filled.evidence_before(START + timedelta(days=1))[-1][0]
-    with filled.database.writing() as tx:
+    with filled.write_transaction() as tx:
         _tamper(tx, table, statement)
     report = check(filled, evidence, against=backup)
     assert _told(report, Fault.DERIVED) == [reviewed.id] * derived
@@ -318,7 +318,7 @@ def test_a_part_that_is_gone_is_found_by_a_backup(
 ) -> None:
     gone = received(store).id
     back_up(store, evidence, tmp_path / "backup")
-    with store.database.writing() as tx:
+    with store.write_transaction() as tx:
         _tamper(tx, "events", f"DELETE FROM events WHERE part_id = '{gone}'")
         _tamper(tx, "parts", f"DELETE FROM parts WHERE id = '{gone}'")
     assert check(store, evidence).well

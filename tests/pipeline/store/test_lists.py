@@ -61,28 +61,9 @@ def test_search(store: Store, sought: dict[str, str], found: str) -> None:
     assert _ids(store.parts(**sought)) == [made[k].id for k in reversed(found)]
 
 
-def test_parts_of_a_day_a_job_and_a_line(store: Store, clock: Clock) -> None:
-    first = received(store, job="left", line="north").id
-    clock.go_on(days=1)
-    second = received(store, job="right", line="north").id
-    noon = START + timedelta(hours=12)
-    for sought, found in (
-        ({"since": noon}, [second]),
-        ({"until": noon}, [first]),
-        ({"since": START, "until": START + timedelta(days=1)}, [first]),  # until is not in it
-        ({"job": "left"}, [first]),
-        ({"line": "north"}, [second, first]),
-        ({"line": "north", "job": "right", "since": noon}, [second]),
-    ):
-        assert _ids(store.parts(**sought)) == found  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"limit": 0},
-        {"limit": -1},
-        {"limit": 10**20},
         {"before": "x\x00"},
         {"text": "\x00"},
         {"name": "\ud800"},

@@ -91,7 +91,7 @@ def test_what_one_has_leased_the_others_leave_alone_until_the_lease_is_over(stor
 
 def test_a_lease_given_before_the_clock_was_set_back_ends(store: Store, clock: Clock) -> None:
     """By PostgreSQL the leases go by the server's clock, which no test sets."""
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         if tx.postgresql:
             return
     received(store, targets=("mqtt",))

@@ -154,7 +154,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store = Store.open(f"sqlite:///{tmp_path}/store.db")
     part = received(store).id
     asked: list[tuple[str, Any]] = []
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         engine = tx.connection.engine
 
     @sa.event.listens_for(engine, "before_cursor_execute")
@@ -203,7 +203,7 @@ def test_sqlite_is_durable_and_checks_its_keys(tmp_path: Path) -> None:
     wanted = {"journal_mode": "wal", "foreign_keys": 1, "recursive_triggers": 1, "busy_timeout": 30_000}
     wanted["synchronous"] = 2  # FULL
     store = Store.open(f"sqlite:///{tmp_path}/new/folder/store.db")
-    with contextlib.closing(store), store.database.reading() as tx:
+    with contextlib.closing(store), store.read_transaction() as tx:
         run = tx.connection.exec_driver_sql
         assert {name: run(f"PRAGMA {name}").scalar_one() for name in wanted} == wanted
 
@@ -213,7 +213,7 @@ def test_postgresql_may_not_put_off_writing(
 ) -> None:
     lazy = empty_stores("postgresql", request) + "&options=-c%20synchronous_commit%3Doff"
     store = Store.open(lazy)
-    with store.database.reading() as tx:
+    with store.read_transaction() as tx:
         assert tx.connection.exec_driver_sql("SHOW synchronous_commit").scalar_one() == "on"
     store.close()
 
