@@ -27,7 +27,7 @@ _MOST_NAMED = 5
 def print_result(written: Written) -> None:
     """Print the table of readers, what costs most, what flips, the verdicts, and where the report is."""
     from pipeline.benchmark.analysis.checks import Outcome
-    from pipeline.benchmark.report.charts import severity_name
+    from pipeline.benchmark.exam.condition import level_name
 
     found = written.statistics
     by_severity = len(found.by_severity) <= _MOST_ROWS
@@ -39,7 +39,7 @@ def print_result(written: Written) -> None:
     # of readers given several things the page has them all
     for v in written.verdicts if len(found.given) == 1 else ():
         word = v.outcome.value if v.outcome is Outcome.MET else v.outcome.value.upper()
-        dirt = "" if v.severity is None else f"dirt {severity_name(v.severity)}, "
+        dirt = "" if v.severity is None else f"dirt {level_name(v.severity)}, "
         print(f"{word}: {v.reader}, {dirt}{v.target}: {v.found}")
     for mode, words in written.drift.items():
         print(f"warning: {mode}: {words}", file=sys.stderr)
@@ -71,7 +71,7 @@ def _print_stability(found: Statistics) -> None:
 
 
 def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
-    from pipeline.benchmark.report.charts import severity_name
+    from pipeline.benchmark.exam.condition import level_name
 
     headings = (
         "reader",
@@ -86,7 +86,7 @@ def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
     )
     table = plain_table(("dirt", *headings) if dirt else headings, ("reader",))
     for g in groups:
-        first = (severity_name(g.key.severity),) if dirt else ()
+        first = (level_name(g.key.severity),) if dirt else ()
         table.add_row(
             *first, g.key.reader, str(g.serials.total), f"{g.serials.value:.2%}",
             f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split["accepted_wrong"]),

@@ -7,12 +7,12 @@ import io
 from collections.abc import Callable, Sequence
 
 import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, PercentFormatter
 
 from pipeline.benchmark.analysis.groups import Group
+from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.readers.experts import EXPERT_MODES
 from pipeline.benchmark.readers.modes import PEERS
 from pipeline.benchmark.readers.plans import TouchPlan
@@ -29,11 +29,6 @@ WIDTH_IN = 9.6
 def style_of(mode: str) -> tuple[str, str, str]:
     """(colour, marker, line) of a mode, the same in every chart."""
     return _STYLES[_ORDER.index(mode) % len(_STYLES)] if mode in _ORDER else ("#000000", "x", "-")
-
-
-def severity_name(severity: float | None) -> str:
-    """Write a severity."""
-    return "as given" if severity is None else f"{severity:g}"
 
 
 def modes_in(groups: Sequence[Group]) -> list[str]:
@@ -69,7 +64,7 @@ def severity_panels(
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, severity in zip(panels, severities, strict=False):
         draw(axes, severity)
-        axes.set_title(f"dirt {severity_name(severity)}", loc="left", fontsize=10, fontweight="bold")
+        axes.set_title(f"dirt {level_name(severity)}", loc="left", fontsize=10, fontweight="bold")
         ruled(axes)
     for axes in panels[len(severities) :]:
         axes.set_axis_off()
@@ -88,37 +83,29 @@ def _legend_below(figure: Figure, axes: Axes) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
 
 
-def _places(severities: Sequence[float | None]) -> dict[float | None, float]:
-    """Place each severity on the axis: in proportion if all are known."""
-    known = [s for s in severities if s is not None]
-    if len(known) == len(severities) and len(known) > 1:
-        return {s: s for s in known}
-    return {s: float(k) for k, s in enumerate(severities)}
-
-
 def accuracy_figure(groups: Sequence[Group]) -> Figure:
     """Shares of serials and characters right against severity, with Wilson's 95 % intervals."""
     figure = Figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     severities, modes = severities_in(groups), modes_in(groups)
-    places = _places(severities)
-    gap = min(np.diff(sorted(places.values())), default=1.0)
     for axes, measure in zip(panels, ("serials", "characters"), strict=True):
         for rank, mode in enumerate(modes):
-            own = sorted((g for g in groups if g.key.mode == mode), key=lambda g: places[g.key.severity])
+            own = sorted(
+                (g for g in groups if g.key.mode == mode), key=lambda g: severities.index(g.key.severity)
+            )
             shares: list[Share] = [getattr(g, measure) for g in own]
             colour, marker, line = style_of(mode)
             # side by side, so that no interval hides another
-            beside = 0.18 * gap * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1)
+            beside = 0.18 * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1)
             axes.errorbar(
-                [places[g.key.severity] + beside for g in own], [s.value for s in shares],
+                [severities.index(g.key.severity) + beside for g in own], [s.value for s in shares],
                 yerr=([s.value - s.low for s in shares], [s.high - s.value for s in shares]), color=colour,
                 marker=marker, linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
             )  # fmt: skip
         axes.set_title(f"{measure} right", loc="left", fontsize=11, fontweight="bold")
         axes.set_ylim(-0.02, 1.03)
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
+        axes.set_xticks(range(len(severities)), [level_name(s) for s in severities])
         axes.set_xlabel("severity of the dirt")
         ruled(axes)
     _legend_below(figure, panels[0])

@@ -12,7 +12,6 @@ from glyphs.errors import FileError
 from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
-from pipeline.benchmark.report.charts import severity_name
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
 from pipeline.common.texts import align, harmless
@@ -62,7 +61,7 @@ def write_page(path: Path, template: str, **values: Any) -> None:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(
-        percent=percent, severity=severity_name, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
+        percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
         points=points, points_span=_points_span, marked=mark_characters,
     )  # fmt: skip
     write_text(path, environment.get_template(template).render(**values, versions=versions()))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
+from pipeline.benchmark.analysis import gate
 from pipeline.benchmark.analysis.gate import (
     EDITIONS,
     Counts,
@@ -20,7 +21,9 @@ from pipeline.benchmark.analysis.gate import (
     raised,
     save_floors,
 )
+from pipeline.benchmark.trials import run
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.cli.main import main
 
 FLOOR = Counts(characters=90, serials=9, accepted=5, accepted_wrong=1)
 ROOT = Path(__file__).parents[4]
@@ -95,3 +98,21 @@ def test_the_floors_have_only_risen_each_time_in_a_commit_of_their_own(edition: 
         versions.append({m: Counts(**c) for m, c in json.loads(_git("show", f"{commit}:{path}")).items()})
     for before, after in pairwise(versions):
         assert raised(after, before) == after  # raising the old ones to the new changes nothing of the new
+
+
+def test_the_command_compares_every_edition_with_its_own_floors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = [Trial("a", 0, {}, "tactile", "AB12", "AB12", "accept")]
+    monkeypatch.setattr(run, "run_benchmark", lambda *_, **__: right)
+    monkeypatch.setattr(gate, "EDITIONS", {"marks-exam-1-48": 1, "marks-exam-2-80": 1})
+    monkeypatch.setattr(gate, "floors_file", lambda edition: tmp_path / f"{edition}.json")
+    assert main(["benchmark", "gate"]) == 1
+    assert capsys.readouterr().err.count("has no floor yet") == 2
+    assert main(["benchmark", "gate", "--raise"]) == 0
+    assert load_floors(tmp_path / "marks-exam-2-80.json") == {"tactile": Counts(4, 1, 1, 0)}
+    assert main(["benchmark", "gate"]) == 0
+    assert "no worse than the floors" in capsys.readouterr().out
+    right[0] = Trial("a", 0, {}, "tactile", "AB12", "AB13", "accept")
+    assert main(["benchmark", "gate"]) == 1
+    assert "marks-exam-2-80, tactile: accepted but wrong 1, the limit is 0" in capsys.readouterr().err
