@@ -1,4 +1,4 @@
-"""One process at a time, by a lock on a file; the lock ends with its holder, however that ends."""
+"""Locks on files: one process at a time; a lock ends with the process that holds it."""
 
 from __future__ import annotations
 

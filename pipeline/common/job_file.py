@@ -7,8 +7,8 @@ jobs/housing-left.toml      format = "AA999999"
                             format = "AAA99"
                             region = [0.0, 0.5, 1.0, 1.0]
 
-The keys are the settings of reading. A job is whole: what it leaves out is as usual, whatever other settings there are,
-so that it means the same wherever it is named.
+The keys are the settings of reading. A job is complete: settings that it leaves out have their defaults, whatever other
+settings are given, so that it means the same wherever it is named.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def read_job_file(path: Path) -> JobFile:
     """A job out of its file.
 
     Raises:
-        FileError: as `read_keys`; no name for a job, a setting that is none or cannot be, a file in it that is not
-            there.
+        FileError: as `read_keys`; no name for a job, a setting that does not exist or is invalid, a file in it that is
+            not there.
     """
     return job_of(path, *read_keys(path))
 

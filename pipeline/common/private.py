@@ -33,7 +33,7 @@ def private_file(path: Path) -> None:
 
 
 def close_to_others(path: Path) -> None:
-    """Take from everybody but the owner what a umask has given; a group that may write was meant to, and keeps it.
+    """Remove the access of everybody but the owner; a group that may write keeps its access.
 
     A file that is not there, or another user's, stays as it is.
     """

@@ -118,7 +118,7 @@ def fields_text(fields: Sequence[FieldRecord]) -> str:
 
 
 def codes_text(codes: Sequence[CodeRecord]) -> str:
-    """Codes of a part: "SER KB74 (same) | 4711 (other)"; nothing is said of one that speaks of no serial."""
+    """Codes of a part: "SER KB74 (same) | 4711 (other)"; a code without a serial has no remark."""
     words = {True: " (same)", False: " (other)", None: ""}
     return " | ".join(f"{code.text}{words[code.same]}" for code in codes)
 

@@ -1,4 +1,4 @@
-"""Shares and how sure they are: Wilson's interval, or the exact one of Clopper and Pearson."""
+"""Shares with confidence intervals: Wilson's, or the exact one of Clopper and Pearson."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 _MOST_SHOWN, _MOST_CHARACTERS = 4, 60
-_WITHOUT_A_SAY = frozenset(
+_NO_EFFECT = frozenset(
     {"cli", "plots", "service", "report.py", "charts.py", "curves.py", "worst_parts.py"}
 )
 """Rooms and files that read command lines, draw and serve: they change no answer."""
@@ -54,7 +54,7 @@ def program_mark() -> str:
         folder = Path(str(package.__file__)).parent
         for path in sorted(folder.rglob("*.py")):
             name = path.relative_to(folder)
-            if not _WITHOUT_A_SAY.intersection(name.parts):
+            if not _NO_EFFECT.intersection(name.parts):
                 digest.update(name.as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

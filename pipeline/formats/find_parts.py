@@ -246,7 +246,7 @@ def _files_in(folder: str) -> list[str]:
 
 
 def _kind_of_named(file: str) -> str:
-    """The attribute of a part whose reader refuses a file that is named, but of no kind that is read."""
+    """The attribute of a part for a named file of a kind that is not read: its reader refuses it."""
     suffix = os.path.splitext(split_name(file)[1])[1].lower()
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 

@@ -121,7 +121,7 @@ def spelling_on_disk(name: str) -> Path:
 
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
-    """The names in a folder by their folded spelling; empty of none that can be listed."""
+    """The names in a folder by their folded spelling; empty for a folder that cannot be listed."""
     names: dict[str, list[str]] = {}
     try:
         for one in sorted(os.listdir(folder)):

@@ -76,8 +76,8 @@ def list_remote(url: str) -> list[str]:
 def local_copies(part: PartFiles, *, photos: bool = True) -> Iterator[PartFiles]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
-    Whatever is said of a copy meanwhile is said of its URL. A photograph that cannot be copied is a problem of the
-    photograph where there is something to be felt.
+    Errors of a copy name its URL. If a part can be felt, a photograph that cannot be copied is a problem of the
+    photograph alone.
 
     Args:
         part: by the names of its files; one with a problem is not copied at all.
@@ -124,7 +124,7 @@ def local_copy(url: str, *, most_bytes: int) -> Iterator[Path]:
     with _as_file_errors(url):
         path = str(files._strip_protocol(url))
         guard = _guard(url, most_bytes)
-        # of a web address the file's own head says as much, and why it does not come
+        # a web server answers the copy itself with the size, or the reason for a refusal
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
             raise problem_of(url, "is not a file", "name a file, or the folder among the inputs")

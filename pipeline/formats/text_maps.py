@@ -62,7 +62,7 @@ class Layout:
     first_line: int
 
     def cells(self, line: str) -> list[str]:
-        """The columns of a line; an empty one after the last delimiter is none, unless the table has so many."""
+        """The columns of a line; an empty last column is dropped where the table has one column less."""
         line = _C_NAN.sub("nan", _PHRASE.sub("nan", line.strip("\r\n ")))
         cells = line.split(self.delimiter)
         ends = self.delimiter is not None and not cells[-1].strip() and len(cells) != self.columns
