@@ -17,9 +17,9 @@ from dataclasses import dataclass, field, replace
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
+from recognition.active.lacking_lines import LackingLines, places_lacking_lines, review_lacking_lines
 from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
-from recognition.active.telling import Untold, doubted_untold, untold_places
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import Decision
@@ -137,7 +137,7 @@ class _Part:
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
         self.faults: tuple[Fault, ...] = ()
-        self.missing: tuple[Untold, ...] = ()
+        self.missing: tuple[LackingLines, ...] = ()
 
     def read(self) -> ActiveReading:
         settings = self.active.settings
@@ -176,12 +176,12 @@ class _Part:
                 settings.until_sure
                 and chosen is not StopReason.STAGE_FAILED
                 and self.trust.takes(self.reading)
-                and not self._untold_places(self.reading)
+                and not self._places_lacking_lines(self.reading)
             ):
                 chosen = StopReason.SURE
             self.reading = self.trust.apply_trust(self.reading)
             if self.scan is not None and self.reading.decision is Decision.ACCEPT:
-                self.reading = doubted_untold(self.reading, self.scan)
+                self.reading = review_lacking_lines(self.reading, self.scan)
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
@@ -208,8 +208,8 @@ class _Part:
         cheapest = min(steps, key=lambda step: step.stage_s)
         return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
 
-    def _untold_places(self, reading: Reading) -> tuple[Untold, ...]:
-        return () if self.scan is None else untold_places(reading, self.scan)
+    def _places_lacking_lines(self, reading: Reading) -> tuple[LackingLines, ...]:
+        return () if self.scan is None else places_lacking_lines(reading, self.scan)
 
     def _feel(self, step: Step) -> bool:
         """Whether every pass of a step could be felt; those that were are kept."""
@@ -260,7 +260,7 @@ class _Part:
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
         sure = self.trust.takes(reading)
-        self.missing = self._untold_places(reading) if sure else ()
+        self.missing = self._places_lacking_lines(reading) if sure else ()
         if sure:
             return None if self.missing else StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
-from recognition.active.telling import doubted_untold
+from recognition.active.lacking_lines import review_lacking_lines
 from recognition.senses.touch import TactileReader
 from whisker_array.scan.pass_log import LoggedPass, PassLog
 from whisker_array.scan.recorded_session import KeptSession, RecordedSession
@@ -70,7 +70,7 @@ def replay(reader: TactileReader, scan: Scan) -> ActiveReading:
         passes.append(PassFelt(one.order, spent, why=one.why, text=one.text, confidence=one.confidence))
     known = log.stopped in set(StopReason)
     return ActiveReading(
-        doubted_untold(reader.read_scan(scan), scan),
+        review_lacking_lines(reader.read_scan(scan), scan),
         tuple(passes),
         StopReason(log.stopped) if known else StopReason.ALL_FELT,
         problem=log.problem,

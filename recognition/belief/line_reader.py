@@ -1,4 +1,4 @@
-"""Whatever can be looked at, read: the lines of a view, and what is believed of each.
+"""Read the lines of a view: which one is the serial, and the posteriors of each.
 
     view --LineSearch--> the line that says most --more looks, more experts--> LineBelief
 

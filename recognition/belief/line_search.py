@@ -59,7 +59,7 @@ MOST_SCANS = 2
 
 @dataclass(frozen=True)
 class LineSearch:
-    """Looks for lines in views; knows the format and the characters that may occur.
+    """Search for lines in views, by the format and the characters that may occur.
 
     Attributes:
         grammar: what the serial's line may be.
@@ -298,7 +298,7 @@ def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
 
 
 def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
-    """Whether the most promising line says so much of what its places may say."""
+    """Whether the most promising line reaches a share of the greatest promise that its places allow."""
     if not seen:
         return False
     belief = seen[0].belief

@@ -12,17 +12,18 @@ from __future__ import annotations
 import re
 import string
 from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache, reduce
-from operator import or_
+from functools import lru_cache
 from re import _parser  # type: ignore[attr-defined]  # from 3.11 on; hypothesis uses it as well
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import FormatError
 
+Chars: TypeAlias = frozenset[str]
 MOST_LENGTH = 500
 """Characters of an expression."""
 MOST_PLACES = 64
@@ -33,79 +34,57 @@ MOST_STEPS = 2_000_000
 """On the way to that machine: two seconds' work at most. `(A|B|C{2,9}){1,12}D` takes 180,000."""
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of character.
-
-    Attributes:
-        chars: the characters.
-        others: all but these are meant.
-        written: characters that the expression names one by one, in a range or as `\\d`.
-    """
-
-    chars: frozenset[str]
-    others: bool = False
-    written: frozenset[str] = frozenset()
-
-    def has(self, char: str) -> bool:
-        """Whether a character is of this kind."""
-        return (char in self.chars) != self.others
-
-    def __or__(self, other: Kind) -> Kind:
-        """Either kind."""
-        written = self.written | other.written
-        if self.others and other.others:
-            return Kind(self.chars & other.chars, True, written)
-        if self.others or other.others:
-            wide, narrow = (self, other) if self.others else (other, self)
-            return Kind(wide.chars - narrow.chars, True, written)
-        return Kind(self.chars | other.chars, False, written)
-
-    def __invert__(self) -> Kind:
-        """The complement: all other characters, which the expression does not write out."""
-        return Kind(self.chars, not self.others)
-
-
 _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
 """An expression without the anchors of a whole text."""
 
 
-def _named_kind(chars: str) -> Kind:
-    return Kind(frozenset(chars), written=frozenset(chars))
-
-
-_FIGURE = _named_kind(string.digits)
-_WORD = Kind(frozenset(string.ascii_letters + string.digits + "_"))
-_BLANK = Kind(frozenset(string.whitespace))
-_CATEGORIES = {
-    "CATEGORY_DIGIT": _FIGURE,
-    "CATEGORY_NOT_DIGIT": ~_FIGURE,
-    "CATEGORY_WORD": _WORD,
-    "CATEGORY_NOT_WORD": ~_WORD,
-    "CATEGORY_SPACE": _BLANK,
-    "CATEGORY_NOT_SPACE": ~_BLANK,
+_CLASSES = {
+    "CATEGORY_DIGIT": r"\d",
+    "CATEGORY_NOT_DIGIT": r"\D",
+    "CATEGORY_WORD": r"\w",
+    "CATEGORY_NOT_WORD": r"\W",
+    "CATEGORY_SPACE": r"\s",
+    "CATEGORY_NOT_SPACE": r"\S",
 }
 
 
-def _kind_of(item: str, value: Any) -> Kind | None:
-    """The kind of character that an item of Python's parser is; None for other items."""
+def _members(item: str, value: Any, chars: Chars) -> Chars | None:
+    """Those of some characters that an item of Python's parser takes; None where it takes no single one."""
     match item:
         case "ANY":
-            return ~Kind(frozenset("\n"))
+            return chars - {"\n"}
         case "LITERAL":
-            return _named_kind(chr(value))
+            return chars & {chr(value)}
         case "NOT_LITERAL":
-            return ~_named_kind(chr(value))
+            return chars - {chr(value)}
         case "RANGE":
-            return _named_kind("".join(map(chr, range(value[0], value[1] + 1))))
+            return frozenset(c for c in chars if value[0] <= ord(c) <= value[1])
         case "CATEGORY":
-            return _CATEGORIES[str(value)]
+            one = re.compile(_CLASSES[str(value)], re.ASCII)
+            return frozenset(filter(one.fullmatch, chars))
         case "IN":
-            inverted = str(value[0][0]) == "NEGATE"
-            members = [_kind_of(str(one), more) for one, more in value[inverted:]]
-            kind = reduce(or_, (one for one in members if one is not None))
-            return ~kind if inverted else kind
+            found = frozenset[str]().union(*(_members(str(one), more, chars) or () for one, more in value))
+            return chars - found if str(value[0][0]) == "NEGATE" else found
     return None
+
+
+def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
+    """Characters that items name one by one, in a range or as a figure, but none that they leave out."""
+    for item, value in items:
+        match str(item):
+            case "LITERAL":
+                yield chr(value)
+            case "RANGE":
+                yield from map(chr, range(value[0], value[1] + 1))
+            case "CATEGORY" if str(value) == "CATEGORY_DIGIT":
+                yield from string.digits
+            case "IN" if str(value[0][0]) != "NEGATE":
+                yield from _written(value)
+            case "BRANCH":
+                for row in value[1]:
+                    yield from _written(row)
+            case "SUBPATTERN" | "MAX_REPEAT" | "MIN_REPEAT" | "POSSESSIVE_REPEAT":
+                yield from _written(value[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +138,12 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
         FormatError: not an expression, one that says more than which characters follow each other, or one whose
             machine would be too large.
     """
-    net = _Net(pattern)
+    net = _Net(pattern, frozenset(chars))
     # characters that no part tells apart go the same ways
     kinds = list(dict.fromkeys(kind for kind, _ in net.eats.values()))
     alike: dict[tuple[bool, ...], list[int]] = {}
     for k, char in enumerate(chars):
-        alike.setdefault(tuple(kind.has(char) for kind in kinds), []).append(k)
+        alike.setdefault(tuple(char in kind for kind in kinds), []).append(k)
     ways = {kind: [of for of in alike if of[i]] for i, kind in enumerate(kinds)}
     first = net.reachable({net.begin})
     numbers = {first: 0}
@@ -191,32 +170,38 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
     return ExpressionMachine(np.stack(rows), np.array([net.end in state for state in numbers]))
 
 
-def written_characters(pattern: str) -> frozenset[str]:
-    """All characters that an expression names, see `Kind.written`.
+def written_characters(pattern: str) -> Chars:
+    """All characters that an expression names, one by one, in a range or as `\\d`.
 
     Raises:
-        FormatError: as `expression_machine`.
+        FormatError: not an expression.
     """
-    return frozenset[str]().union(*(kind.written for kind, _ in _Net(pattern).eats.values()))
+    return frozenset(_written(_parse(pattern)))
+
+
+def _parse(pattern: str) -> Any:
+    """Items of an expression as Python's parser has them."""
+    if not pattern or len(pattern) > MOST_LENGTH:
+        raise FormatError(
+            f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
+        )
+    try:
+        re.compile(pattern)
+        return _parser.parse(_BODY.fullmatch(pattern)[1])  # type: ignore[index]
+    except (re.error, OverflowError, RecursionError) as error:
+        raise FormatError(f"{pattern!r} is not a regular expression: {error}") from error
 
 
 class _Net:
     """Nodes of an expression: each eats one character of a kind, or goes on freely to others."""
 
-    def __init__(self, pattern: str) -> None:
-        if not pattern or len(pattern) > MOST_LENGTH:
-            raise FormatError(
-                f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
-            )
-        try:
-            re.compile(pattern)
-            items = _parser.parse(_BODY.fullmatch(pattern)[1])  # type: ignore[index]
-        except (re.error, OverflowError, RecursionError) as error:
-            raise FormatError(f"{pattern!r} is not a regular expression: {error}") from error
+    def __init__(self, pattern: str, chars: Chars) -> None:
+        items = _parse(pattern)
+        self.chars = chars
         self.text = pattern
         self.steps = 0
         self.free: list[list[int]] = []
-        self.eats: dict[int, tuple[Kind, int]] = {}
+        self.eats: dict[int, tuple[Chars, int]] = {}
         self.end = self.node()
         if items.state.flags & ~re.UNICODE:
             raise self._more_than_characters()
@@ -235,9 +220,9 @@ class _Net:
         return end
 
     def _item(self, item: str, value: Any, end: int) -> int:
-        if (kind := _kind_of(item, value)) is not None:
+        if (members := _members(item, value, self.chars)) is not None:
             node = self.node()
-            self.eats[node] = (kind, end)
+            self.eats[node] = (members, end)
             return node
         match item:
             case "SUBPATTERN" if not (value[1] or value[2]):  # options that a group sets and clears

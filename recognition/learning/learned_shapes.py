@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph
+from recognition.learning.alignment import Patch, align_relief, common_relief
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.laid_over import Patch, common_relief, laid_over
 from recognition.learning.nearest_hand import Hand, depth_of, nearest_hand
 
 FEWEST_SIBLINGS = 3
@@ -38,7 +38,7 @@ class Learned:
     """A font made of exemplars.
 
     Attributes:
-        font: it.
+        font: the learned font.
         used: by character, indices of the exemplars that its shape is made of.
         set_aside: indices of those that disagree with their siblings, or with what the character looks like.
         hand: the known font that stands for characters never felt.
@@ -110,13 +110,13 @@ def learn_font(
     hand = nearest_hand(shapes, known)
     for char in few:
         own = groups[char]
-        vouched = [k for k in own if _is_it(char, patches[k], hand, shapes)]
+        vouched = [k for k in own if _is_credible(char, patches[k], hand, shapes)]
         if not vouched:
             del shapes[char]
             used[char] = ()
         elif len(vouched) < len(own) or len(used[char]) < len(own):
             guess = hand.relief(char, patches[0].shape)
-            scores = [0.0 if guess is None else laid_over(patches[k], guess)[0] for k in vouched]
+            scores = [0.0 if guess is None else align_relief(patches[k], guess)[0] for k in vouched]
             # the one most like the nearest font's character leads
             likest = [k for _, k in sorted(zip(scores, vouched, strict=True), key=lambda pair: -pair[0])]
             shapes[char], agree = common_relief([patches[k] for k in likest])
@@ -124,7 +124,7 @@ def learn_font(
     return _learned_font(name, shapes, used, len(chars), hand, patches[0].shape)
 
 
-def _is_it(
+def _is_credible(
     char: str,
     patch: Patch,
     hand: Hand,
@@ -147,12 +147,13 @@ def _is_it(
     guess = hand.relief(char, patch.shape)
     if guess is None:
         return True
-    own = laid_over(guess, patch)[0]
+    own = align_relief(guess, patch)[0]
     if own < hand.likeness - (worn_fall if hand.likeness >= TRUSTED_LIKENESS else foreign_fall):
         return False
     rivals = (hand.relief(c, patch.shape) for c in shapes if c != char)
     return (
-        own > max((laid_over(g, patch)[0] for g in rivals if g is not None), default=-1.0) - other_character
+        own
+        > max((align_relief(g, patch)[0] for g in rivals if g is not None), default=-1.0) - other_character
     )
 
 

@@ -15,7 +15,7 @@ from glyphs.fonts.glyph import RELIEF_PIXELS, Font, signed_distance
 from glyphs.stamping.die import die_glyph
 from glyphs.stamping.faces import default_die, relief_mm
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
-from recognition.learning.laid_over import Patch, likeness
+from recognition.learning.alignment import Patch, likeness
 
 WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)
 GROWTHS, SOFTNESSES = (-0.03, -0.015, 0.0, 0.015, 0.03, 0.045, 0.06), (0.0, 0.015, 0.03, 0.05, 0.08)
@@ -29,7 +29,7 @@ class Hand:
     """A known font as a die might cut it.
 
     Attributes:
-        font: it.
+        font: the known font.
         width: its characters are widened by this.
         grow: its outlines are moved outwards by this, character heights.
         soften: standard deviation of the Gaussian that rounds it, character heights.

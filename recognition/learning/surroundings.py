@@ -21,7 +21,7 @@ from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
 
 
-def set_about(
+def vary_surroundings(
     strips: Sequence[TrainingStrip],
     *,
     rng: np.random.Generator,

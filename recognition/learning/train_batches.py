@@ -13,7 +13,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.covers import cover_rivals
-from recognition.learning.surroundings import set_about
+from recognition.learning.surroundings import vary_surroundings
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip, read_samples
 from recognition.views.view import LAYERS
 
@@ -109,7 +109,7 @@ class Batches(IterableDataset[Batch]):
                     f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more of them"
                 )
             for strips in batches(chosen, self.size, rng):
-                strips = set_about(strips, rng=rng)
+                strips = vary_surroundings(strips, rng=rng)
                 tall, columns = gather(strips)
                 if self.covers:
                     tall = cover_rivals(tall, [s.text for s in strips], [s.places for s in strips], rng=draw)

@@ -53,7 +53,7 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
             left_out.append(number)
         else:
             motion[:, 2] /= scale
-            views.append(_laid_over(first, grey, motion))
+            views.append(_warp_onto(first, grey, motion))
     return [*_slopes(views), *views], tuple(left_out)
 
 
@@ -111,7 +111,7 @@ def _motion(steady: Floats, moving: Floats, *, least_alike: float = 0.15) -> NDA
     return best[1] if best is not None and best[0] >= least_alike else None
 
 
-def _laid_over(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
+def _warp_onto(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
     from glyphs.opencv import cv2
 
     size = first.layers.shape[:0:-1]

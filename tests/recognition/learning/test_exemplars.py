@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from recognition.learning.alignment import align_relief, likeness
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.laid_over import laid_over, likeness
 from recognition.learning.tactile_part import cut_height_map
 
 
@@ -55,7 +55,7 @@ def test_turned_and_raised_lines_give_the_same_shapes(cuts, make_part, options):
     other = cut(make_part("K71B", calm=True, **options), "K71B")
     assert [c.raised for c in other] == [bool(options.get("raised"))] * 4
     for one, two in zip(cuts, other, strict=True):
-        score, _ = laid_over(np.nan_to_num(two.relief), np.nan_to_num(one.relief))
+        score, _ = align_relief(np.nan_to_num(two.relief), np.nan_to_num(one.relief))
         # a raised mark's outer corners are felt round by the ball, and a turned line's cells are cut aslant
         assert score > 0.93
 
@@ -80,7 +80,7 @@ def test_laying_over_finds_shift_and_turn():
     blob = ndimage.gaussian_filter(rng.normal(size=(53, 65)), 3.0).astype(np.float32)
     moved = ndimage.shift(ndimage.rotate(blob, 3.0, reshape=False, order=1), (2, -3), order=1)
     assert likeness(moved, blob) < 0.7
-    score, back = laid_over(moved, blob)
+    score, back = align_relief(moved, blob)
     assert score > 0.97
     # what came in over the rim is land
     assert likeness(back[8:-8, 8:-8], blob[8:-8, 8:-8]) > 0.97

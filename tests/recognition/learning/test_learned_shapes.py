@@ -6,8 +6,8 @@ from scipy import ndimage
 
 from glyphs.fonts.outlines import load_font
 from recognition.glyph_match.predicted import predict_templates, template_key
+from recognition.learning.alignment import likeness
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.laid_over import likeness
 from recognition.learning.learned_shapes import learn_font
 from recognition.learning.nearest_hand import Hand
 

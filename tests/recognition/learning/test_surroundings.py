@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.learning.surroundings import set_about
+from recognition.learning.surroundings import vary_surroundings
 from recognition.learning.training_samples import TALL_ROWS, TrainingStrip
 from recognition.views.view import EDGES, KNOWN, LAYERS
 
@@ -24,7 +24,7 @@ def strip(text: str = "K7B2", *, places: bool = True) -> TrainingStrip:
 
 
 def test_characters_stay_and_their_places_move_with_them() -> None:
-    many = set_about([strip()] * 60, rng=np.random.default_rng(1), turned=0.0)
+    many = vary_surroundings([strip()] * 60, rng=np.random.default_rng(1), turned=0.0)
     whole = strip().layers[:, :, FIRST:LAST]
     for one in many:
         first = round(one.places[0][0])
@@ -36,13 +36,13 @@ def test_characters_stay_and_their_places_move_with_them() -> None:
 
 def test_without_places_the_surroundings_stay() -> None:
     given = strip(places=False)
-    (made,) = set_about([given], rng=np.random.default_rng(1), turned=0.0)
+    (made,) = vary_surroundings([given], rng=np.random.default_rng(1), turned=0.0)
     assert made is given
 
 
 def test_a_turned_strip_says_nothing_and_its_directions_change_places() -> None:
     given = strip()
-    found = set_about([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
+    found = vary_surroundings([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
     ways = {(2, 1): [4, 5, 2, 3], (1, 2): [2, 5, 4, 3]}
     counts = {
         order[0]: sum(
@@ -60,7 +60,7 @@ def test_a_turned_strip_says_nothing_and_its_directions_change_places() -> None:
 
 def test_a_text_that_reads_the_other_way_as_well_is_never_turned() -> None:
     given = strip("806960")
-    found = set_about([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
+    found = vary_surroundings([given] * 40, rng=np.random.default_rng(2), longer=0.0, edge=0.0, turned=1.0)
     kept = [one for one in found if one.text]
     assert len(kept) > 20  # upside down it is another serial; mirrored it is none
     assert all(np.array_equal(one.layers, given.layers) for one in kept)

@@ -1,4 +1,4 @@
-"""Lines that must be felt to tell a text from its rivals.
+"""Lines that must be felt before a text is told from its rivals.
 
     O or Q?     along x ------>  meets walls that run up and down       a wall shows where a whisker crosses it: a
                 across  |        meets walls that run along the line    tail, a bar or a gap that lies along the only
@@ -28,7 +28,7 @@ AXES = ((Way.ALONG, Way.BACK), (Way.CROSS, Way.CROSS_BACK))
 
 
 @dataclass(frozen=True)
-class Untold:
+class LackingLines:
     """A place whose rivals are not excluded by the lines felt.
 
     Attributes:
@@ -40,7 +40,9 @@ class Untold:
     ways: tuple[Way, ...]
 
 
-def untold_places(reading: Reading, scan: Scan, *, telling_gap_heights: float = 0.3) -> tuple[Untold, ...]:
+def places_lacking_lines(
+    reading: Reading, scan: Scan, *, telling_gap_heights: float = 0.3
+) -> tuple[LackingLines, ...]:
     """Places with rivals over which lines of an axis are missing.
 
     Args:
@@ -53,16 +55,16 @@ def untold_places(reading: Reading, scan: Scan, *, telling_gap_heights: float = 
     strokes = reading.trace.strokes
     places = [k for k in range(len(reading.characters)) if not strokes or strokes[k].rivals]
     return tuple(
-        Untold(k, ways)
+        LackingLines(k, ways)
         for k in places
         for ways in AXES
         if _gap_mm(scan, reading.characters[k].box, ways) > telling_gap_heights * reading.height_mm
     )
 
 
-def doubted_untold(reading: Reading, scan: Scan) -> Reading:
+def review_lacking_lines(reading: Reading, scan: Scan) -> Reading:
     """The reading, sent to review where it would be accepted before lines tell it from its rivals."""
-    missing = untold_places(reading, scan)
+    missing = places_lacking_lines(reading, scan)
     if not missing or not reading.trace.strokes:
         return reading
     lacking = {one.place: _axis(one) for one in reversed(missing)}
@@ -73,7 +75,7 @@ def doubted_untold(reading: Reading, scan: Scan) -> Reading:
     return strokes_asked(reading.with_trace(strokes=strokes))
 
 
-def _axis(one: Untold) -> str:
+def _axis(one: LackingLines) -> str:
     return "along x" if one.ways[0].direction.along_x else "along y"
 
 

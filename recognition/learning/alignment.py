@@ -24,7 +24,7 @@ def likeness(one: Patch, other: Patch) -> float:
     return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-12))
 
 
-def laid_over(patch: Patch, reference: Patch) -> tuple[float, Patch]:
+def align_relief(patch: Patch, reference: Patch) -> tuple[float, Patch]:
     """Best correlation of a relief with another over small shifts and turns, and the relief so moved."""
     from scipy import ndimage
 
@@ -51,12 +51,13 @@ def common_relief(patches: Sequence[Patch]) -> tuple[Patch, list[int]]:
         return patches[0], [0]
     leaders = list(patches[:LEADERS])
     table = np.array(
-        [[laid_over(q, p)[0] if p is not q else np.nan for q in leaders] for p in leaders], dtype=np.float64
+        [[align_relief(q, p)[0] if p is not q else np.nan for q in leaders] for p in leaders],
+        dtype=np.float64,
     )
     reference = leaders[int(np.argmax(np.nanmedian(table, axis=1)))]
     agree: list[int] = []
     for _ in range(ROUNDS):
-        laid = [laid_over(p, reference) for p in patches]
+        laid = [align_relief(p, reference) for p in patches]
         usual = float(np.median([score for score, _ in laid]))
         agree = [k for k, (score, _) in enumerate(laid) if score >= max(AGREEMENT, usual - FALL)]
         if len(agree) < 2:
