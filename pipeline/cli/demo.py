@@ -57,7 +57,7 @@ def _read(out: Path) -> int:
     The reader knows neither font nor height, only that a serial has eight letters or figures.
     """
     from glyphs.part import stamp
-    from pipeline.benchmark.report.charts import inlined
+    from pipeline.benchmark.report.charts import data_uri
     from pipeline.benchmark.report.page import write_page
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
@@ -94,7 +94,7 @@ def _read(out: Path) -> int:
     print("drawing the overview and the page ...", file=sys.stderr, flush=True)
     overview, page = out / "overview.png", out / "overview.html"
     save_figure(overview_figure(parts), overview)
-    shown = [(part, inlined(reading_figure(part.reading, title=part.name), kind="jpg")) for part in parts]
+    shown = [(part, data_uri(reading_figure(part.reading, title=part.name), kind="jpg")) for part in parts]
     write_page(page, "demo.html.j2", title="Serials read by touch", parts=shown)
     print(f"\npicture: {overview.resolve()}")
     print(f"page:    {page.resolve()}  (open it in a browser)")

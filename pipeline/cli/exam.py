@@ -198,7 +198,7 @@ def gate(
             path = floor.floors_file(edition)
             floors = floor.load_floors(path)
             if raise_floors:
-                floor.save_floors(floor.raised(found, floors), path)
+                floor.save_floors(floor.tighten(found, floors), path)
                 print(f"wrote {path}")
             else:
                 judged = {mode: c for mode, c in found.items() if (edition, mode) not in floor.NOT_JUDGED}
@@ -415,7 +415,7 @@ def _parts(
         known = Condition(severity=(*severities, None)[0], format=(*formats, "")[0])
         return ListedParts.of_files(inputs, truth, known)
     if design is not None:
-        return DesignedParts(design_named(design).giving(give), parts)
+        return DesignedParts(design_named(design).with_given(give), parts)
     levels: dict[str, tuple[str | float, ...]] = {
         n: _numbers(str(v)) if n == "severity" else listed(v) if isinstance(v, str) else (v,)
         for n, v in told.items()

@@ -98,10 +98,10 @@ def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
 def _print_factors(found: Statistics) -> None:
     from pipeline.benchmark.analysis.factors import factor_name
     from pipeline.benchmark.exam.condition import level_name
-    from pipeline.benchmark.report.charts import leading, modes_in
+    from pipeline.benchmark.report.charts import leading_mode, modes_in
     from pipeline.benchmark.report.page import points
 
-    lead = leading(modes_in(found.by_mode))
+    lead = leading_mode(modes_in(found.by_mode))
     effects = [e for e in found.effects if e.mode == lead and e.levels[0].difference.value][:_MOST_FACTORS]
     if not effects:
         return

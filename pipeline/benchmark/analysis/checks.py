@@ -1,4 +1,4 @@
-"""Checks of every benchmark: is fused no worse than one sense, and do readings stand when a part is perturbed?"""
+"""Checks of every benchmark: fusion against the better sense, and stability under perturbations."""
 
 from __future__ import annotations
 

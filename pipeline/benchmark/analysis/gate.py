@@ -6,7 +6,7 @@
 - A floor is a count of these parts, so nothing of chance is in it: the same program gives the same counts. On
   another processor sums may be rounded otherwise; `SLACK` is what that may cost.
 - Characters, serials and accepted may not fall below their floor by more; accepted-wrong may not rise at all.
-- `raised` only ever tightens. Floors are raised in a commit that changes nothing else; a test reads the history.
+- `tighten` only ever raises them. Floors are raised in a commit that changes nothing else; a test reads the history.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def objections(found: Floors, floors: Floors) -> list[str]:
     return lines
 
 
-def raised(found: Floors, floors: Floors) -> Floors:
+def tighten(found: Floors, floors: Floors) -> Floors:
     """Tighten the floors to what was found, number by number; a mode without a floor gets one."""
     tight = dict(floors)
     for mode, counts in found.items():

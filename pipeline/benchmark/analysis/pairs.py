@@ -1,4 +1,4 @@
-"""Two modes on the same parts: is one better, or is it chance?"""
+"""Paired tests of two modes on the same parts."""
 
 from __future__ import annotations
 

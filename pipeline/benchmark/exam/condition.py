@@ -1,4 +1,4 @@
-"""Conditions of a trial: the factors of a part, and what the reader was given beside the part.
+"""Conditions of a trial: factors of a part, and things given to the reader.
 
 part      soil  severity  font  format  height_mm  die  plate  ...        what was made
 given     font_given  height_given  format_given                          what the reader knew of it

@@ -1,4 +1,4 @@
-"""A declared design: which parts are made, and what readers are given.
+"""A design: parts to be made, and things given to readers.
 
     [part] factors --crossed in full--> cells --replicates--> parts, in an order whose every beginning is balanced
            other factors ---- balanced within every cell ----^
@@ -180,7 +180,7 @@ class Design(BaseModel):
         except SettingsError as error:
             raise FileError(path, error.what, error.hint) from error
 
-    def giving(self, given: tuple[str, ...]) -> Design:
+    def with_given(self, given: tuple[str, ...]) -> Design:
         """The same parts, for readers that are given something else.
 
         Raises:
@@ -210,7 +210,7 @@ class Design(BaseModel):
         levels = {**self.part, **section.part}
         return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
 
-    def planned(self) -> Iterator[tuple[Section, int, int, Condition]]:
+    def plan_parts(self) -> Iterator[tuple[Section, int, int, Condition]]:
         """(section, number in it, replicate, levels) of every part, in order."""
         for index, section in enumerate(self.all_sections()):
             levels = {**self.part, **section.part}

@@ -73,7 +73,7 @@ class DesignedParts:
         """All of them, in the design's order; the first so many have each section's share and all severities."""
         found: list[Item] = []
         sections: list[list[Item]] = []
-        for section, number, replicate, condition in self.design.planned():
+        for section, number, replicate, condition in self.design.plan_parts():
             if number == 0:  # the next section begins
                 sections.append([])
             name = "-".join([*([section.name] if section.name else []),

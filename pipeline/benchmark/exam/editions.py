@@ -14,7 +14,7 @@ _DESIGNS = _ROOM / "designs"
 
 
 def editions() -> tuple[str, ...]:
-    """Their names."""
+    """Names of the editions."""
     return tuple(sorted(path.stem for path in _DESIGNS.glob("*.toml")))
 
 

@@ -1,4 +1,4 @@
-"""A part as it is met again: the same mark, measured a little differently."""
+"""A part measured again under a perturbation."""
 
 from __future__ import annotations
 

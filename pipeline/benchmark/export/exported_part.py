@@ -106,7 +106,7 @@ def label_path(part: str) -> str:
 
 
 def sha256(data: bytes) -> str:
-    """As it stands in manifests."""
+    """SHA-256, as in manifests."""
     return hashlib.sha256(data).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Anybody's reader at the same exam: a function of one part, named `module:function`.
+"""A user's reader at the exam: a function of one part, named `module:function`.
 
     def read(part: ExamPart) -> str | Answer
 
@@ -48,7 +48,7 @@ class Answer:
 
 
 class ExamPart:
-    """A part as a reader meets it.
+    """A part as a reader sees it.
 
     Attributes:
         name: of the part.

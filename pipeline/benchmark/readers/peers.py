@@ -22,7 +22,7 @@ _LEAST_PX = 8  # of a side: engines fail on smaller pictures
 
 
 def open_peer(engine: str, picture: str, *, format: str | None) -> Mode:
-    """A mode that has another's engine read.
+    """A mode that reads by a third-party engine.
 
     Args:
         engine: "rapidocr" or "tesseract".

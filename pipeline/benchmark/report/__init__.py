@@ -1,1 +1,1 @@
-"""Pages and pictures of it."""
+"""Pages and pictures of a benchmark."""

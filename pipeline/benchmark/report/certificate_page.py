@@ -1,4 +1,4 @@
-"""The page of a certificate: what it says, what it rests on, and for what it holds."""
+"""The page of a certificate: its statement, its evidence, and its scope."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ def modes_in(groups: Sequence[Group]) -> list[str]:
     return sorted(found, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
 
 
-def leading(modes: Sequence[str]) -> str:
-    """The mode that a page speaks of first: of the project's own the one with most senses, else the first."""
+def leading_mode(modes: Sequence[str]) -> str:
+    """The mode that a page shows first: of the project's own the one with most senses, else the first."""
     return next((mode for mode in ("fused", "tactile", "vision") if mode in modes), modes[0])
 
 
@@ -65,14 +65,14 @@ def severity_panels(
     for axes, severity in zip(panels, severities, strict=False):
         draw(axes, severity)
         axes.set_title(f"dirt {level_name(severity)}", loc="left", fontsize=10, fontweight="bold")
-        ruled(axes)
+        draw_grid(axes)
     for axes in panels[len(severities) :]:
         axes.set_axis_off()
     _legend_below(figure, panels[0])
     return figure
 
 
-def ruled(axes: Axes) -> None:
+def draw_grid(axes: Axes) -> None:
     """Draw a light grid behind the lines."""
     axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
     axes.set_axisbelow(True)
@@ -107,7 +107,7 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xticks(range(len(severities)), [level_name(s) for s in severities])
         axes.set_xlabel("severity of the dirt")
-        ruled(axes)
+        draw_grid(axes)
     _legend_below(figure, panels[0])
     return figure
 
@@ -137,7 +137,7 @@ def stage_figure(groups: Sequence[Group]) -> Figure:
     return severity_panels(severities_in(groups), draw, height_in=2.8)
 
 
-def inlined(figure: Figure, *, kind: str = "svg") -> str:
+def data_uri(figure: Figure, *, kind: str = "svg") -> str:
     """The figure as a data URI: nothing beside the page is needed to show it.
 
     Args:

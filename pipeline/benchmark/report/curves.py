@@ -13,8 +13,8 @@ from pipeline.benchmark.analysis.calibration import Reliability
 from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.report.charts import (
     WIDTH_IN,
+    draw_grid,
     modes_in,
-    ruled,
     severities_in,
     severity_panels,
     style_of,
@@ -78,7 +78,7 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.set_ylim(-0.03, 1.03)
     axes.set_xticks([0.0, 0.5, 1.0])
     axes.set_yticks([0.0, 0.5, 1.0])
-    ruled(axes)
+    draw_grid(axes)
     if not diagram.bins:
         axes.text(0.5, 0.5, "no confidence said", ha="center", va="center", fontsize=8)
         return

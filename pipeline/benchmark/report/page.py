@@ -1,4 +1,4 @@
-"""The pages of a benchmark: templates filled, with nothing beside the page needed to show it."""
+"""Pages of a benchmark: self-contained templates with their values."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.readers.mode import PartReadings
-from pipeline.benchmark.report.charts import inlined
+from pipeline.benchmark.report.charts import data_uri
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
 from recognition.decision.panels import edge_panel, height_panel
@@ -94,7 +94,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
         if specimen.truth != worst.trials[0].truth:
             return replace(worst, problem=f"made again it is another part: {specimen.truth} is stamped")
         senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition, worst.given)))
-        picture = inlined(_figure(senses), kind="jpg")
+        picture = data_uri(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:
         return replace(worst, problem=f"{type(error).__name__}: {error}")

@@ -27,7 +27,7 @@ from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.benchmark.report import charts, curves
-from pipeline.benchmark.report.charts import inlined, leading, modes_in, severities_in
+from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
 from pipeline.benchmark.report.page import versions, write_page, write_table, write_text
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
@@ -177,7 +177,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "found": found,
         "design": description["parts"],
         "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
-        "lead": leading(modes),
+        "lead": leading_mode(modes),
         "effects": {(e.mode, e.factor): e for e in found.effects},
         "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
         "wrong": [(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
@@ -188,7 +188,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "peer_accepts": ACCEPTED_FROM,
         "summary": _sorted(found.by_severity),
         "severities": severities_in(found.by_severity),
-        "pictures": {name: inlined(figure) for name, figure in pictures.items()},
+        "pictures": {name: data_uri(figure) for name, figure in pictures.items()},
         "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sorted(by_mode)],
         "errors": errors,
         "settings": list(_flat(description)),

@@ -1,4 +1,4 @@
-"""Attribute agreement analysis: does an appraiser repeat itself, do appraisers agree, and are they right?
+"""Attribute agreement analysis: within appraisers, between them, and against the truth.
 
              appraiser A      appraiser B        within    all trials of one appraiser alike
              1    2    3      1    2    3        between   all trials of all appraisers alike

@@ -1,4 +1,4 @@
-"""Gauge R&R by analysis of variance: how much of what depths vary comes from the gauge, and how much from the parts.
+"""Gauge R&R by analysis of variance: shares of gauge and parts in the variation of depth.
 
     x_ijk = mean + part_i + appraiser_j + (part x appraiser)_ij + repeat_k        all random
 

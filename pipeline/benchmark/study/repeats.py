@@ -74,7 +74,7 @@ class StudyPlan:
 
 
 class StudyJournal(TrialJournal):
-    """The trials of a broken-off study: the mode is the appraiser, the number that of the trial, from 1 on."""
+    """The trials of an interrupted study: the mode is the appraiser, the number that of the trial, from 1 on."""
 
     kind: ClassVar[str] = "study"
     file: ClassVar[str] = "study.unfinished"

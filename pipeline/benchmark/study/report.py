@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.benchmark.report.charts import WIDTH_IN, inlined, ruled
+from pipeline.benchmark.report.charts import WIDTH_IN, data_uri, draw_grid
 from pipeline.benchmark.report.page import make_folder, write_page, write_table
 from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
@@ -56,7 +56,7 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
         gauge=study.depth,
         components=[] if study.depth is None else list(components(study.depth)),
         widest=study.widest_depth,
-        depths="" if study.depth is None else inlined(depth_figure(study)),
+        depths="" if study.depth is None else data_uri(depth_figure(study)),
         differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
         errors=[m for m in study.measured if m.error],
@@ -67,7 +67,7 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
 
 
 def disagreed(study: Study) -> list[str]:
-    """Parts of which anybody read another serial than somebody else, or than is true."""
+    """Parts on whose serial appraisers differ from each other or from the truth."""
     wrong = {part for found in study.serials for part in found.disagreed}
     return [part for part in study.parts if part in wrong]
 
@@ -98,7 +98,7 @@ def depth_figure(study: Study) -> Figure:
     axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
     axes.set_ylabel("mean depth, mm")
-    ruled(axes)
+    draw_grid(axes)
     axes.legend(frameon=False, ncols=4)
     return figure
 

@@ -1,4 +1,4 @@
-"""A study from its inputs to its report; one that was broken off goes on with the same call."""
+"""Run a study from its inputs to its report; the same call resumes an interrupted one."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The run, what it keeps, and the gate."""
+"""Run of a benchmark, its journal, and answers of other programs."""

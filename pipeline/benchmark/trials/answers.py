@@ -1,4 +1,4 @@
-"""Anybody's answers to an exam, as trials: a table of what was read, put beside what was stamped.
+"""Answers of any program to an exam, as trials: a table of its readings, scored against the truth.
 
 part,text,confidence,decision        file and serial will do for part and text, accepted for decision
 rust-0.3-0000,KR804217,0.93,accept   confidence 0 to 1; accept, review or reject

@@ -1,4 +1,4 @@
-"""Parts of a finished benchmark made again, from what its trials say of themselves."""
+"""Parts of a finished benchmark, made again from its description."""
 
 from __future__ import annotations
 

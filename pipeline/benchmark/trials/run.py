@@ -200,7 +200,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
 
 @lru_cache(maxsize=KEPT_READERS)
 def reader_for(settings: ReaderSettings) -> Reader:
-    """Kept between parts, so that templates are predicted once a worker; no more than a dozen readers."""
+    """Reader for some settings; a dozen are kept between parts, so that a worker predicts templates once."""
     return Reader(settings)
 
 

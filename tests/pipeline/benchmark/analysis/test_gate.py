@@ -18,8 +18,8 @@ from pipeline.benchmark.analysis.gate import (
     floors_file,
     load_floors,
     objections,
-    raised,
     save_floors,
+    tighten,
 )
 from pipeline.benchmark.trials import run
 from pipeline.benchmark.trials.journal import Trial
@@ -67,7 +67,7 @@ def test_a_mode_without_a_floor_is_no_pass_and_one_that_is_not_read_is_not_asked
 
 def test_floors_only_tighten() -> None:
     better_and_worse = Counts(characters=95, serials=8, accepted=6, accepted_wrong=2)
-    floors = raised({"tactile": better_and_worse, "new": FLOOR}, {"tactile": FLOOR})
+    floors = tighten({"tactile": better_and_worse, "new": FLOOR}, {"tactile": FLOOR})
     assert floors == {"tactile": Counts(95, 9, 6, 1), "new": FLOOR}
 
 
@@ -97,7 +97,7 @@ def test_the_floors_have_only_risen_each_time_in_a_commit_of_their_own(edition: 
         assert _git("show", "--name-only", "--format=", commit).split() == [str(path)]
         versions.append({m: Counts(**c) for m, c in json.loads(_git("show", f"{commit}:{path}")).items()})
     for before, after in pairwise(versions):
-        assert raised(after, before) == after  # raising the old ones to the new changes nothing of the new
+        assert tighten(after, before) == after  # raising the old ones to the new changes nothing of the new
 
 
 def test_the_command_compares_every_edition_with_its_own_floors(

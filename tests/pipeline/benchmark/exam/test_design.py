@@ -51,18 +51,18 @@ def test_every_cell_has_every_level_equally_often(cells: int, first: int, second
             "depth_mm": [0.1 * (k + 1) for k in range(second)],
         },
     )  # fmt: skip
-    planned = [condition for *_, condition in made.planned()]
+    plan_parts = [condition for *_, condition in made.plan_parts()]
     for factor, levels in (("height_mm", first), ("depth_mm", second)):
-        pairs = Counter((c["severity"], c[factor]) for c in planned)
+        pairs = Counter((c["severity"], c[factor]) for c in plan_parts)
         assert set(pairs.values()) == {whole // cells // levels}
         # and over all cells at once from the first round on, as equally as can be
-        for_round = Counter(c[factor] for c in planned[:cells])
+        for_round = Counter(c[factor] for c in plan_parts[:cells])
         assert max(for_round.values()) <= -(-cells // levels)
 
 
 def test_a_longer_design_begins_as_a_shorter_one() -> None:
-    long = list(design(parts=40, part={"height_mm": [3, 5, 7]}).planned())
-    assert [p[2:] for p in design(parts=13, part={"height_mm": [3, 5, 7]}).planned()] == [
+    long = list(design(parts=40, part={"height_mm": [3, 5, 7]}).plan_parts())
+    assert [p[2:] for p in design(parts=13, part={"height_mm": [3, 5, 7]}).plan_parts()] == [
         p[2:] for p in long[:13]
     ]
 
@@ -89,7 +89,7 @@ def test_sections_have_levels_of_their_own() -> None:
             {"name": "b", "parts": 6, "kept_out": True, "part": {"font": "futuram"}},
         ],
     )
-    fonts = [(section.name, condition.font) for section, _, _, condition in made.planned()]
+    fonts = [(section.name, condition.font) for section, _, _, condition in made.plan_parts()]
     assert fonts == [("a", "gothic")] * 4 + [("b", "futuram")] * 6
     numbers = [item.number for item in DesignedParts(made).items()]
     assert len(set(numbers)) == 10
@@ -166,12 +166,12 @@ def test_what_a_reader_is_given(text: str, levels: tuple[bool, ...]) -> None:
 
 def test_a_designs_parts_may_be_read_by_others() -> None:
     made = design(given=("format",))
-    assert made.giving(()) is made
-    other = made.giving(("height,font", "nothing"))
+    assert made.with_given(()) is made
+    other = made.with_given(("height,font", "nothing"))
     assert other.given == ("font,height", "nothing")
-    assert list(other.planned()) == list(made.planned())
+    assert list(other.plan_parts()) == list(made.plan_parts())
     with pytest.raises(SettingsError, match="cannot be given"):
-        made.giving(("serial",))
+        made.with_given(("serial",))
 
 
 def test_a_condition_knows_what_it_was_not_given() -> None:
