@@ -24,6 +24,7 @@ from glyphs.part import Part
 from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Box
 from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap
 
 Field = NDArray[np.float32]
@@ -39,8 +40,8 @@ _LAND = 0.5
 _H = ROWS_PER_HEIGHT
 
 
-@dataclass(frozen=True, eq=False)
-class Sketch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sketch(OneLine):
     """A sketched line.
 
     Attributes:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import OneLine
 from whisker_array.scan.calibration import Calibration, calibrate_lead_in
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import SensorError
 
 
-@dataclass(frozen=True, eq=False)
-class LeadIn:
+@dataclass(frozen=True, eq=False, repr=False)
+class LeadIn(OneLine):
     """A calibration and what it rests on.
 
     Attributes:
