@@ -29,6 +29,7 @@ from recognition.learning.training_samples import (
     TALL_ROWS,
     WIDE_MARGIN,
     TrainingStrip,
+    TrainingView,
     lines_of,
     read_samples,
     write_samples,
@@ -239,3 +240,31 @@ def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Pa
     inner = slice(round(MARGIN * HEIGHT_ROWS), -round(MARGIN * HEIGHT_ROWS))
     # a plate that lies three heights higher: blurs by way of coarser pixels leave a thousandth of it
     torch.testing.assert_close(one[..., 8:-8, inner], other[..., 8:-8, inner], atol=0.1, rtol=0.0)
+
+
+def test_the_finder_is_trained_by_the_same_command(tmp_path: Path) -> None:
+    """A few seconds of training find no lines; what is written says of every cell of any view what the network says."""
+    from recognition.learning.finder_network import CELL, FINDINGS, Finder
+    from recognition.lines.networks import open_network
+
+    rng = np.random.default_rng(0)
+    views = [
+        TrainingView(
+            rng.normal(0.0, 0.02, (LAYERS, 40, 160)).astype(np.float16), (((20.0, 20.0), (140.0, 20.0)),)
+        )
+        for _ in range(4)
+    ]
+    write_samples(tmp_path / "views" / "0.npz", views)
+    out, log = tmp_path / "finder.onnx", tmp_path / "finder.log"
+    given = ["finder", "--learn-from", tmp_path / "views", "--held-out", tmp_path / "views"]
+    given += ["--minutes", 0.05, "--batch", 2, "--threads", 1, "--out", out, "--log", log]
+    main([str(one) for one in given])
+    assert [next(iter(line)) for line in lines(log)[-2:]] == ["last", "average"]
+    network = Finder()
+    network.load_state_dict(torch.load(out.with_suffix(".pt"), weights_only=True))
+    network.eval()
+    view = torch.from_numpy(views[0].layers.astype(np.float32))[None]
+    (found,) = open_network(out).run(None, {"view": view.numpy()})
+    assert found.shape == (1, FINDINGS, 40 // CELL, 160 // CELL)
+    with torch.no_grad():
+        np.testing.assert_allclose(found, network(view).numpy(), atol=1e-3)
