@@ -137,9 +137,9 @@ def check_recording(path: Path) -> None:
     Raises:
         UsageError: another suffix.
     """
-    from pipeline.formats.kinds import is_scan
+    from pipeline.formats.kinds import file_kind
 
-    if not is_scan(path):
+    if file_kind(path.suffix) != "scan":
         raise UsageError(f"{path}: a recording ends in .h5")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import PurePath
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj")
 TEXT_SUFFIXES = (".xyz", ".asc", ".pts")
@@ -73,19 +72,22 @@ UNREAD_PICTURE_SUFFIXES = (
 """Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
 
 
-def is_height_map(path: PurePath) -> bool:
-    """Whether the suffix is that of a height map."""
-    return path.suffix.lower() in CORE_SUFFIXES + FORMATS_SUFFIXES + TABLE_SUFFIXES
+_BY_SUFFIX = {
+    **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
+    **dict.fromkeys(SCAN_SUFFIXES, "scan"),
+    **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
+}
 
 
-def is_scan(path: PurePath) -> bool:
-    """Whether the suffix is that of a recorded scan."""
-    return path.suffix.lower() in SCAN_SUFFIXES
+def file_kind(suffix: str, *, tables: bool = True) -> str:
+    """Kind of a file by its suffix: height_map, scan or photo, as the attributes of a part; empty for any other.
 
-
-def is_photo(path: PurePath) -> bool:
-    """Check whether a suffix is that of a supported photograph."""
-    return path.suffix.lower() in PHOTO_SUFFIXES
+    Args:
+        suffix: its suffix.
+        tables: text that may hold heights and may hold anything else counts as a height map.
+    """
+    suffix = suffix.lower()
+    return "height_map" if tables and suffix in TABLE_SUFFIXES else _BY_SUFFIX.get(suffix, "")
 
 
 def kind_of(head: bytes) -> PhotoKind | None:

@@ -16,13 +16,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.errors import is_url, is_web
-from pipeline.formats.kinds import (
-    CORE_SUFFIXES,
-    FORMATS_SUFFIXES,
-    HEIGHT_IMAGE_SUFFIXES,
-    PHOTO_SUFFIXES,
-    SCAN_SUFFIXES,
-)
+from pipeline.formats.kinds import HEIGHT_IMAGE_SUFFIXES, file_kind
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
@@ -139,12 +133,6 @@ def _folded(name: str) -> str:
     return _composed(name).casefold()
 
 
-_KINDS = {
-    **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
-    **dict.fromkeys(SCAN_SUFFIXES, "scan"),
-    **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
-}
-"""Attribute of a part that a file of each suffix is."""
 _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
 """Stem of one of several photographs of a part."""
 
@@ -223,13 +211,13 @@ def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, 
     stem, suffix = os.path.splitext(last)
     if height_images and suffix.lower() in HEIGHT_IMAGE_SUFFIXES:
         return (folder, stem), "height_map"
-    return (folder, set_of(file) or stem), _KINDS.get(suffix.lower(), "")
+    return (folder, set_of(file) or stem), file_kind(suffix, tables=False)
 
 
 def set_of(file: str) -> str:
     """Stem of the set that one of several photographs belongs to (part.light-2.png); empty of others."""
     stem, suffix = os.path.splitext(split_name(file)[1])
-    several = _SEVERAL.match(stem) if _KINDS.get(suffix.lower()) == "photo" else None
+    several = _SEVERAL.match(stem) if file_kind(suffix) == "photo" else None
     return several["stem"] if several else ""
 
 

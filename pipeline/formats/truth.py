@@ -20,7 +20,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_serial
 from pipeline.common.texts import without_blanks
 from pipeline.errors import DataError, reading
-from pipeline.formats.kinds import is_height_map, is_photo, is_scan
+from pipeline.formats.kinds import file_kind
 from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
@@ -175,8 +175,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
 def part_name(cell: str) -> str:
     """The part that a cell means: a file's name, as any system writes it, stands for its part."""
     path = PureWindowsPath(cell) if "\\" in cell else PurePath(cell)
-    known = is_height_map(path) or is_scan(path) or is_photo(path)
-    return path.stem if known else cell
+    return path.stem if file_kind(path.suffix) else cell
 
 
 _MOST_BYTES = 50_000_000

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
-from pipeline.formats.kinds import HEAD_BYTES, READ, is_height_map, is_scan, kind_of, refusal
+from pipeline.formats.kinds import HEAD_BYTES, READ, file_kind, kind_of, refusal
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1)
                 stream.write(chunk)
 
     await anyio.to_thread.run_sync(write)
-    touch = EvidenceKind.SCAN if is_scan(path) else EvidenceKind.HEIGHT_MAP
+    touch = EvidenceKind.SCAN if file_kind(path.suffix) == "scan" else EvidenceKind.HEIGHT_MAP
     return Upload(path, name, EvidenceKind.PHOTO if role == "photo" else touch, digest.hexdigest())
 
 
@@ -114,9 +114,9 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
         if kind is None:
             raise Problem(415, f"the photo {name!r} {'; '.join(refusal(head))}")
         return kind.suffix
-    named = Path(name)
-    if is_scan(named) or is_height_map(named):
-        return named.suffix.lower()
+    suffix = Path(name).suffix.lower()
+    if file_kind(suffix) in ("scan", "height_map"):
+        return suffix
     if head.startswith(_SCAN_MAGIC):
         return ".h5"
     raise Problem(

@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.kinds import is_photo, is_scan
+from pipeline.formats.kinds import file_kind
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.workers.pool import WorkPool
@@ -28,7 +28,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     folder = Path(tempfile.mkdtemp(dir=place))
     path = folder / f"upload{Path(name).suffix.lower()}"
     path.write_bytes(data)
-    kind = "photo" if is_photo(Path(name)) else "scan" if is_scan(Path(name)) else "height_map"
+    kind = file_kind(Path(name).suffix) or "height_map"
     sent: dict[str, Any] = {"photos": (path,)} if kind == "photo" else {kind: path}
     settings = ReadSettings(font=("gothic",), height_mm=5.0)
     try:
