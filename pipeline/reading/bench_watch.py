@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 
 ALERT = "bench"
@@ -34,12 +34,12 @@ class BenchWatch:
         self.parts += 1
         return bool(self.message()) and not before
 
-    def told(self) -> str | None:
+    def status(self) -> str | None:
         """The message; None before the first felt part."""
         return self.message() if self.parts else None
 
     def message(self) -> str:
         """Message about the current faults, as in the latest part that shows each; empty if there is no fault."""
-        names = {name for part in self._latest for name in part}
-        told = [name for name in sorted(names) if sum(name in part for part in self._latest) >= SHOWN_BY]
-        return "; ".join(next(part[name] for part in reversed(self._latest) if name in part) for name in told)
+        count = Counter(name for part in self._latest for name in part)
+        latest = {name: text for part in self._latest for name, text in part.items()}
+        return "; ".join(latest[name] for name in sorted(count) if count[name] >= SHOWN_BY)

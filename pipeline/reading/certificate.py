@@ -29,7 +29,7 @@ from recognition.decision.likeness import KindOfParts
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
-_OF_NO_ACCOUNT = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
+_NOT_COVERED = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
 """Settings that may differ: the senses stand in the certificate, and units are the file's. The order of rows, as the
 orientation, decides what may be accepted."""
 _FILES = ("database", "lexicon")
@@ -159,7 +159,7 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
     """The certificate that the settings name, checked against this program and them; None where they name none.
 
     Raises:
-        FileError: a file that is none.
+        FileError: a file that is not a certificate.
         SettingsError: it was made with another program, other networks or other settings.
     """
     if settings.certificate is None:
@@ -178,7 +178,7 @@ def checked(path: Path) -> Certificate:
     """A certificate, checked against this program.
 
     Raises:
-        FileError: a file that is none.
+        FileError: a file that is not a certificate.
         SettingsError: it was made with another program or other networks.
     """
     made = _loaded(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
@@ -212,13 +212,15 @@ def settings_described(settings: ReadSettings) -> dict[str, Any]:
     Raises:
         FileError: a file that cannot be read.
     """
-    told = settings.model_dump(mode="json", exclude_defaults=True, exclude=_OF_NO_ACCOUNT)
+    described = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_COVERED)
     for name in _FILES:
-        if name in told:
-            told[name] = _hash_of_file(Path(told[name]))
-    if "font" in told:
-        told["font"] = [_hash_of_file(Path(name)) if Path(name).is_file() else name for name in told["font"]]
-    return told
+        if name in described:
+            described[name] = _hash_of_file(Path(described[name]))
+    if "font" in described:
+        described["font"] = [
+            _hash_of_file(Path(name)) if Path(name).is_file() else name for name in described["font"]
+        ]
+    return described
 
 
 def _hash_of_file(path: Path) -> str:

@@ -74,7 +74,7 @@ def check_held_out(
     parts = parts[:most_parts]
     if len(parts) < fewest_parts:
         return None
-    checks: list[HeldOutCheck] = []
+    checks: list[tuple[int, ...]] = []
     with tempfile.TemporaryDirectory() as folder:
         for k, (teach, read) in enumerate(((parts[1::2], parts[::2]), (parts[::2], parts[1::2]))):
             half = Path(folder) / f"half-{k}.glyphs"
@@ -85,15 +85,9 @@ def check_held_out(
                 return None
             if not report.exemplars:
                 return None
-            checks.append(
-                _compare(read, settings, settings.model_copy(update={"database": half, "font": ()}))
-            )
-    return HeldOutCheck(
-        parts=sum(one.parts for one in checks),
-        characters=sum(one.characters for one in checks),
-        edits=sum(one.edits for one in checks),
-        edits_without=sum(one.edits_without for one in checks),
-    )
+            learned = settings.model_copy(update={"database": half, "font": ()})
+            checks.append(_compare(read, settings, learned))
+    return HeldOutCheck(*map(sum, zip(*checks, strict=True)))
 
 
 def _copy_without(database: Path, copy: Path, font: str) -> None:
@@ -103,7 +97,8 @@ def _copy_without(database: Path, copy: Path, font: str) -> None:
     save_database(replace(held, fonts=fonts, exemplars=exemplars), copy)
 
 
-def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: ReadSettings) -> HeldOutCheck:
+def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: ReadSettings) -> tuple[int, ...]:
+    """Fields of `HeldOutCheck`."""
     from rapidfuzz.distance import Levenshtein
 
     texts = [without_blanks(part.text) for part in parts]
@@ -113,7 +108,7 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
         )
         for settings in (learned, without)
     ]
-    return HeldOutCheck(len(parts), sum(map(len, texts)), *edits)
+    return len(parts), sum(map(len, texts)), *edits
 
 
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:

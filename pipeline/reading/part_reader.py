@@ -152,7 +152,7 @@ class PartReader:
             with naming(part.photo):
                 vision = self.reader.vision.read_photo(photo)
             if self.budget_s is not None and surface is not None and again is None:
-                # the camera tells touch where to feel
+                # touch feels where the camera sees the line
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
         touch, feel = felt.reading if felt is not None and touches else None, None
         if touches and felt is None:
@@ -248,7 +248,7 @@ def read_surface(
         surface: top of the part and of what lies on it.
         soil: what lies on it, if known.
         rows_known: whether the order of its rows is known; else a serial that reads otherwise mirrored goes to review,
-            and a part that is not surely read is read mirrored as well, unless its line says much less mirrored.
+            and a part that is not read with certainty is read mirrored as well, unless its line says far less so.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.

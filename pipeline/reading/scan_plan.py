@@ -126,7 +126,7 @@ def _around(vision: Reading | None, photo: Photo, height_mm: float | None) -> _L
     high = max(across, abs(math.sin(turn)) * along)
     x0, y0, x1, y1 = x0 - wide, y0 - high, x1 + wide, y1 + high
     x0, y0, x1, y1 = max(x0, left), max(y0, top), min(x1, right), min(y1, bottom)
-    if x1 - x0 < height or y1 - y0 < height:  # a place beyond the picture is none
+    if x1 - x0 < height or y1 - y0 < height:  # the line lies beyond the picture
         return _Line((left, top, right, bottom), height)
     return _Line((x0, y0, x1, y1), height)
 

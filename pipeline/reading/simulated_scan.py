@@ -27,7 +27,7 @@ _RANGE_LAND_MOMENTS = 3.0
 def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
     """The character height that reading the part finds.
 
-    Dirt shows bands of its own, so that only reading tells which of them is the line.
+    Dirt shows bands of its own, so that only a reading finds which of them is the line.
 
     Raises:
         MarksError: nothing to be read.

@@ -11,14 +11,14 @@ from pipeline.common.texts import without_blanks
 
 @dataclass
 class LotCheck:
-    """Send parts with impossible serials to review, although they were read surely.
+    """Send parts with impossible serials to review, although they were read with certainty.
 
     If two parts have one serial, the second is sent, and its message names the first. The sequence is not checked,
     since a run reads parts in any order.
 
     Attributes:
         order: production order.
-        bearers: first part with each serial that was read surely so far.
+        bearers: first part with each serial that was read with certainty so far.
     """
 
     order: ProductionOrder

@@ -47,9 +47,8 @@ class Quarantine:
                 head = stream.read(len(_HEAD))
             if not _HEAD.encode().startswith(head):
                 raise FileError(path, "is not a list of bad parts", "name another file for it")
-            if (
-                len(head) < len(_HEAD) or keep
-            ):  # one that was broken off in its first line, or is empty, is none
+            # an empty list, or one that was broken off in its first line, has no part
+            if len(head) < len(_HEAD) or keep:
                 path.unlink(missing_ok=True)
             else:
                 os.replace(path, path.with_name(f"{path.name}~"))

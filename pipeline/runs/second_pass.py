@@ -1,4 +1,4 @@
-"""A lot teaches itself: characters that were read surely are enrolled, and the rest is read again with their shapes.
+"""A lot teaches itself: characters read with certainty are enrolled, and the rest is read again with their shapes.
 
 first rows --teachers--> enrol --> glyph database --> parts that were not accepted, read with it --> second readings
 """
@@ -107,6 +107,7 @@ class SecondPass:
             ReviewedPart(part, text, _path(able[part].scan), _path(able[part].height_map))
             for part, text in texts.items()
         ]
+        why = ""
         try:
             report = enrol(
                 reviewed,
@@ -117,14 +118,15 @@ class SecondPass:
                 each=partial(ordered_map, executor),
             )
         except MarksError as error:
-            say(f"the lot teaches nothing: {error}")
-            return (), order
-        if not report.exemplars or report.agreement < LEAST_AGREEMENT:
-            self.database.unlink(missing_ok=True)
-            why = "too few of its parts were read surely"
-            if report.exemplars:
+            why = str(error)
+        else:
+            if not report.exemplars:
+                why = "too few of its parts were read surely"
+            elif report.agreement < LEAST_AGREEMENT:
                 agree = f"only {report.agreement:.0%} of their characters agree"
                 why = f"its parts do not look like one die's ({agree})"
+        if why:
+            self.database.unlink(missing_ok=True)
             say(f"the lot teaches nothing: {why}")
             return (), order
         self.learned = report

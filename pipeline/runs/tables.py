@@ -144,8 +144,8 @@ def _csv_line(cells: Iterable[Any]) -> bytes:
 
 
 def _json_line(record: ReadingRecord) -> bytes:
-    told = to_json(record)
-    values = {name: told[name] for name in COLUMNS}
+    whole = to_json(record)
+    values = {name: whole[name] for name in COLUMNS}
     values["characters"] = [_flat(place) for place in values["characters"]]
     line = _dumps(values)
     if not _is_plain(line):

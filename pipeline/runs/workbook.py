@@ -74,8 +74,8 @@ def write_workbook(records: Iterable[ReadingRecord], path: Path, about: Mapping[
             times = [min([*times, record.at]), max([*times, record.at])]
         decision = record.decision or "error"
         confidence = None if record.error else record.confidence
-        told = record.error or notes(record)
-        parts.add((record.part, record.text, decision, confidence, told), decision=decision)
+        why = record.error or notes(record)
+        parts.add((record.part, record.text, decision, confidence, why), decision=decision)
         columns.add(csv_cells(record))
         for cells in _characters(record):
             if characters.lines < MOST_PARTS:

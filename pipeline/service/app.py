@@ -224,7 +224,7 @@ class Service:
             limits={REJECT_RATE: limits.reject_rate, REVIEW_RATE: limits.review_rate},
             window=limits.window,
             drifts=self.jobs.drifts(),
-            others={**self.golden.faults(), BENCH_ALERT: self.intake.bench.told()},
+            others={**self.golden.faults(), BENCH_ALERT: self.intake.bench.status()},
             targets=self.intake.targets,
         )
         for alert in raised:

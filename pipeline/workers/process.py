@@ -110,7 +110,7 @@ class Worker:
         try:
             self._pipe.send((function, args))
         except OSError:
-            pass  # it has died, as is found below
+            pass  # the process has died; the wait below finds it
         except Exception as error:  # arguments that cannot be pickled
             return error
         until = time.monotonic() + timeout_s
