@@ -135,24 +135,15 @@ def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_
     assert len(request["headers"]["idempotency-key"]) >= 32
 
 
-def test_several_photographs_are_sent_as_one_part(fresh: tuple[Service, str], photo: Path) -> None:
+def test_several_photographs_are_sent_as_one_part_and_bytes_without_a_token(
+    fresh: tuple[Service, str], photo: Path
+) -> None:
     service, url = fresh
     with Client(url) as client:
-        client.read(photo=[photo, b"another lamp"])
+        client.read(photo=[photo, b"another lamp"], database="plant", idempotency_key="mine-1")
     (request,) = service.requests
-    assert request["files"] == {
-        "photo": ("part-ä.png", b"a photograph"),
-        "photo-1": ("photo", b"another lamp"),
-    }
-
-
-def test_a_part_is_read_from_bytes_and_without_a_token(fresh: tuple[Service, str]) -> None:
-    service, url = fresh
-    with Client(url) as client:
-        client.read(b"a photograph", name="x", database="plant", idempotency_key="mine-1")
-    (request,) = service.requests
-    assert request["files"] == {"photo": ("photo", b"a photograph")}
-    assert request["fields"]["database"] == "plant"
+    photos = {"photo": ("part-ä.png", b"a photograph"), "photo-1": ("photo", b"another lamp")}
+    assert (request["files"], request["fields"]) == (photos, {"database": "plant", "touch": "asked"})
     assert request["headers"]["idempotency-key"] == "mine-1"
     assert "authorization" not in request["headers"]
 
