@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline.service.stage.devices import ScanOrder
@@ -128,7 +129,7 @@ class StageLink:
         session = None
         with connection, contextlib.suppress(*_LOST):
             try:
-                session = self._answered(connection, stage.open, _fitting)
+                session = self._answered(connection, stage.open, attrgetter("fitting"))
                 while session is not None:
                     self._answered(connection, session.feel)
             finally:
@@ -159,7 +160,3 @@ class StageLink:
             )
         connection.send(answer)
         return made
-
-
-def _fitting(session: StageSession) -> Fitting:
-    return session.fitting
