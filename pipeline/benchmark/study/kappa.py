@@ -72,10 +72,7 @@ def fleiss_kappa(ratings: Sequence[Sequence[str]]) -> Estimate | None:
 
 def _one_hot(ratings: Sequence[str], labels: Sequence[str]) -> _Floats:
     """(parts, labels) 1 where a part was rated so."""
-    place = {label: k for k, label in enumerate(labels)}
-    hot = np.zeros((len(ratings), len(labels)))
-    hot[np.arange(len(ratings)), [place[r] for r in ratings]] = 1.0
-    return hot
+    return np.asarray(np.asarray(ratings)[:, None] == np.asarray(labels), dtype=np.float64)
 
 
 def _beyond(agreed: _Floats, chance: _Floats) -> _Floats:
