@@ -59,7 +59,7 @@ whiskers = st.one_of(
 )
 
 
-@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(whisker=whiskers, data=st.data())
 def test_what_is_written_comes_back(tmp_path: Path, whisker: LShaped, data: st.DataObject) -> None:
     numbers = [data.draw(size(0.01, 5.0)) for _ in range(5)]
