@@ -192,6 +192,7 @@ def test_other_programs_read_the_same(
     arrow = pyarrow.parquet.read_table(folder / "t.parquet").to_pylist()
     for line, record, parquet in zip(lines, rows, arrow, strict=True):
         told = json.loads(line)
+        assert [*told][:7] == ["part", "text", "decision", "confidence", "source", "seconds", "error"]
         at = told.pop("at")
         assert (None if at is None else datetime.fromisoformat(at)) == parquet.pop("at") == record.at
         assert told == parquet

@@ -73,15 +73,6 @@ def test_who_is_blamed_beside_the_one_that_kills_is_tried_by_itself(
     assert {task: seen[task] for task in (*innocent, 7)} == tried
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense"])
-def test_no_scheduler_is_told(address: str) -> None:
-    with (
-        pytest.raises(ClusterError, match="no Dask scheduler answers"),
-        ClusterExecutor(address, connect_s=1.0),
-    ):
-        pass
-
-
 def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
     cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
