@@ -225,13 +225,11 @@ def _report_lost(lost: Sequence[object]) -> int:
 
 
 def _lines(report: CheckReport) -> list[str]:
-    from pipeline.store.check import WHAT_TO_DO
-
     lines = [f"{report.parts:,} parts and {report.files:,} files are as they were written"]
     if report.counts:
         lines = [f"{report.parts:,} parts looked at, {report.files:,} files whole"]
     for fault, n in report.counts.items():
-        lines.append(f"{fault.value}: {n:,}; {WHAT_TO_DO[fault]}")
+        lines.append(f"{fault.value}: {n:,}; {fault.todo}")
         of_kind = [found for found in report.findings if found.fault is fault]
         lines += [f"  {found.subject}  {found.what}" for found in of_kind[:_MOST_SHOWN]]
         if len(of_kind) > _MOST_SHOWN:
@@ -240,14 +238,12 @@ def _lines(report: CheckReport) -> list[str]:
 
 
 def _as_json(report: CheckReport) -> str:
-    from pipeline.store.check import WHAT_TO_DO
-
     found = {
         "well": report.well,
         "parts": report.parts,
         "files": report.files,
         "counts": report.counts,
-        "what_to_do": {fault: WHAT_TO_DO[fault] for fault in report.counts},
+        "what_to_do": {fault: fault.todo for fault in report.counts},
         "findings": [{"fault": f.fault, "subject": f.subject, "what": f.what} for f in report.findings],
     }
     return json.dumps(found, indent=1)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import sqlalchemy as sa
 
@@ -33,31 +33,36 @@ _PAGE = 200
 _MOST_TOLD = 1000
 
 
-class Fault(StrEnum):
-    """Kinds of faults that a check can find."""
-
-    DATABASE = "database"
-    MISSING = "missing"
-    DAMAGED = "damaged"
-    DERIVED = "derived"
-    CHANGED = "changed"
-    STUCK = "stuck"
-    UNDELIVERED = "undelivered"
-    ORPHANS = "orphans"
-
-
 _COPY = "copy the file of that name from a backup's evidence/files"
 _WRITTEN = "something other than this program has written there"
-WHAT_TO_DO: Mapping[Fault, str] = {
-    Fault.DATABASE: "stop the service and restore the last good backup",
-    Fault.MISSING: f"{_COPY} into the service's",
-    Fault.DAMAGED: f"{_COPY} over the service's, and check the disk",
-    Fault.DERIVED: f"{_WRITTEN}: compare the part with a backup",
-    Fault.CHANGED: f"{_WRITTEN} since the backup: find out who",
-    Fault.STUCK: "start the service of its line, or send a scan of the part",
-    Fault.UNDELIVERED: "see that the receiver runs and that its address is in the service's settings",
-    Fault.ORPHANS: "nothing: a running service removes them within the hour",
-}
+
+
+class Fault(StrEnum):
+    """Kinds of faults that a check can find.
+
+    Attributes:
+        todo: what to do about it.
+    """
+
+    todo: str
+
+    def __new__(cls, name: str, todo: str) -> Self:
+        """Make a kind of its name and what to do."""
+        made = str.__new__(cls, name)
+        made._value_, made.todo = name, todo
+        return made
+
+    DATABASE = "database", "stop the service and restore the last good backup"
+    MISSING = "missing", f"{_COPY} into the service's"
+    DAMAGED = "damaged", f"{_COPY} over the service's, and check the disk"
+    DERIVED = "derived", f"{_WRITTEN}: compare the part with a backup"
+    CHANGED = "changed", f"{_WRITTEN} since the backup: find out who"
+    STUCK = "stuck", "start the service of its line, or send a scan of the part"
+    UNDELIVERED = (
+        "undelivered",
+        "see that the receiver runs and that its address is in the service's settings",
+    )
+    ORPHANS = "orphans", "nothing: a running service removes them within the hour"
 
 
 @dataclass(frozen=True)
