@@ -250,9 +250,7 @@ def test_glyphs_and_fonts_refuse(make, message):
 def test_built_in_fonts_have_small_letters_and_signs_of_their_proper_heights(name):
     font = load_font(name)
     assert set(string.ascii_letters + string.digits + SIGNS + " ") <= set(font.glyphs)
-    for (
-        char
-    ) in "osvwxz":  # in height alone they differ from their capitals; 0.5 to 0.8 of them in any of the fonts
+    for char in "osvwxz":  # which differ from their capitals in height alone
         tops = [max(float(s[:, 1].max()) for s in font.glyph(c).strokes) for c in (char, char.upper())]
         assert 0.5 < tops[0] / tops[1] < 0.8
 
