@@ -147,7 +147,6 @@ def scan(
     format
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
-    from glyphs.atomic import check_writable
     from glyphs.surface.maps import TraceDirection
     from pipeline.bench.raster import feel_all, raster_passes
     from pipeline.bench.settings import read_bench
@@ -171,7 +170,6 @@ def scan(
         return _draw(passes, settings, dry_run)
     assert out is not None
     check_recording(out)
-    check_writable(out)
     with _opened(settings) as opened:
         session = opened.session(part_id)
         if active:

@@ -212,9 +212,9 @@ def _standing(token: TokenRecord) -> str:
     if token.revoked_at is not None:
         return f"revoked {token.revoked_at:%Y-%m-%d}"
     if token.expires_at is None:
-        return "good for ever"
+        return "valid for ever"
     expired = token.expires_at <= datetime.now(UTC)
-    return f"{'expired' if expired else 'good until'} {token.expires_at:%Y-%m-%d}"
+    return f"{'expired' if expired else 'valid until'} {token.expires_at:%Y-%m-%d}"
 
 
 def _report_lost(lost: Sequence[object]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -74,7 +74,6 @@ def scan(
     format
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
-    from glyphs.atomic import check_writable
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
@@ -93,7 +92,6 @@ def scan(
             "scan: --active chooses its passes for the usual comb",
             "leave out --profilers, --two-way and --whisker",
         )
-    check_writable(out)
     piece = height_map.suffix.lower() == ".toml"
     surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
     soil = read_soil(height_map, maps)
@@ -101,11 +99,12 @@ def scan(
     if height_mm is None and built is not None:
         height_mm = built.character_height_mm
     height = height_mm if height_mm is not None else find_height_mm(surface, soil=soil)
+    bench: dict[str, Any] = {
+        "height_mm": height, "fidelity": Fidelity(fidelity), "noise": noise, "memory": memory, "sensor_seed": seed,
+        "part_id": height_map.stem, "friction": friction, "soil": soil,
+    }  # fmt: skip
     if active:
-        session = open_session(
-            surface, height_mm=height, fidelity=Fidelity(fidelity), noise=noise, memory=memory, sensor_seed=seed,
-            part_id=height_map.stem, friction=friction, soil=soil,
-        )  # fmt: skip
+        session = open_session(surface, **bench)
         return scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
     plan = default_plan(region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way)
@@ -117,10 +116,7 @@ def scan(
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
         print(f"warning: {warning}", file=sys.stderr)
-    made = feel(
-        surface, plan=plan, height_mm=height, fidelity=Fidelity(fidelity), noise=noise, memory=memory,
-        sensor_seed=seed, part_id=height_map.stem, touch=touch, friction=friction, soil=soil,
-    )  # fmt: skip
+    made = feel(surface, plan=plan, touch=touch, **bench)
     save_scan(made, out)
     print(
         f"wrote {out}: characters {height:.2f} mm, preload {made.touch.preload_mm:.2f} mm, "
@@ -132,15 +128,18 @@ def scan(
 
 
 def check_recording(path: Path) -> None:
-    """Check that a recording can have this name.
+    """Check that a recording can have this name and be written.
 
     Raises:
         UsageError: another suffix.
+        FileError: it cannot be written.
     """
+    from glyphs.atomic import check_writable
     from pipeline.formats.kinds import file_kind
 
     if file_kind(path.suffix) != "scan":
         raise UsageError(f"{path}: a recording ends in .h5")
+    check_writable(path)
 
 
 def scan_actively(
@@ -263,7 +262,6 @@ def import_traces(
     out
         Recording to write, .h5.
     """
-    from glyphs.atomic import check_writable
     from glyphs.errors import FileError
     from pipeline.formats.import_traces import import_traces as imported
     from pipeline.formats.traces_file import read_traces_file
@@ -274,7 +272,6 @@ def import_traces(
     check_recording(out)
     if not files:
         raise UsageError("import: no files", "name the traces to be imported")
-    check_writable(out)
     described = read_traces_file(traces)
     whisker = traces.parent / described.whisker
     if not whisker.is_file():

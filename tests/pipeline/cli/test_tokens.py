@@ -114,7 +114,7 @@ def test_the_command_makes_lists_and_revokes(url: str, capsys: pytest.CaptureFix
     assert "desk is refused" in capsys.readouterr().out
     tokens("list")
     line_3, desk = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(r"line-3 +read, write +made \S+  good until \S+", line_3)
+    assert re.fullmatch(r"line-3 +read, write +made \S+  valid until \S+", line_3)
     assert re.fullmatch(r"desk +review +made \S+  revoked \S+", desk)
 
 
