@@ -14,11 +14,6 @@ from numpy.typing import NDArray
 
 from glyphs.surface.noise import Field
 
-_GAPES = 1.7
-"""Width of the oldest cracks over that of the youngest."""
-_DOTS = 5
-"""A plate of the last generation, by which plates are measured."""
-
 
 def nearest_crack(
     x_mm: Field,
@@ -28,6 +23,8 @@ def nearest_crack(
     size_mm: NDArray[np.float64],
     finest_mm: float,
     rng: np.random.Generator,
+    gapes: float = 1.7,
+    dots_a_plate: int = 5,
 ) -> Field:
     """Distance to the nearest crack.
 
@@ -41,12 +38,14 @@ def nearest_crack(
         size_mm: (2,) width and height of the plate.
         finest_mm: width of the smallest plates.
         rng: the only source of randomness; what is drawn does not depend on `plate_mm`.
+        gapes: width of the oldest cracks over that of the youngest.
+        dots_a_plate: by which the plates of the last generation are measured.
 
     Returns:
         (rows, cols) mm, at most 0.3 `plate_mm`.
     """
     generations = int(np.clip(np.ceil(np.log2(np.prod(size_mm) / finest_mm**2)), 4, 12))
-    dots = rng.random((_DOTS << generations, 2)) * size_mm
+    dots = rng.random((dots_a_plate << generations, 2)) * size_mm
     turns = rng.normal(0.0, 0.28, (generations, 1 << generations))
     places = rng.uniform(-0.35, 0.35, (generations, 1 << generations))
     away, widest = np.float32(0.3) * plate_mm, float(plate_mm.max())
@@ -56,11 +55,11 @@ def nearest_crack(
         nx, ny, at, width = _halve_cells(dots, of, turns[generation, :cells], places[generation, :cells])
         s = nx[cell] * x_mm + ny[cell] * y_mm - at[cell]
         off = np.abs(s)
-        if width.min() > _GAPES * widest:
-            off /= np.float32(_GAPES)
+        if width.min() > gapes * widest:
+            off /= np.float32(gapes)
         else:
             relative = width[cell] / plate_mm
-            off /= np.clip(relative, 1.0, _GAPES)
+            off /= np.clip(relative, 1.0, gapes)
             off += plate_mm * np.clip(0.85 - relative, 0.0, 0.35)
         np.minimum(away, off, out=away)
         cell = 2 * cell + (s > 0.0)

@@ -47,9 +47,6 @@ _STARTS = (0.0, 0.24, 0.5)
 """Amount at which each coat begins; it is whole half an amount later."""
 WET_MM = (0.04, 0.5)
 """Thinnest and thickest coat that a brush or gun leaves in one go."""
-_WET_OF_DEPTH = 0.85
-_PINNED = 0.3
-"""Least share of the paint laid on that stays on an edge."""
 _HIDING_MM = 0.012
 """Dry film that hides all but 1/e of what is under it."""
 _ENAMEL_MPA, _RUBBER_MPA = 150.0, 4.0
@@ -86,13 +83,13 @@ def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     return _finish(coat, can, (first * left_first, rest * left_rest), dusty, rng)
 
 
-def _can(coat: Coat, rng: np.random.Generator) -> Can:
+def _can(coat: Coat, rng: np.random.Generator, *, wet_of_depth: float = 0.85) -> Can:
     low, high = np.percentile((coat.clean_mm - coat.brim_mm)[::3, ::3], [1.0, 99.0])
     u = rng.uniform(size=6).tolist()
     rubber = max(0.0, 2.0 * u[0] - 1.0)
     angle = 2.0 * np.pi * u[5]
     return Can(
-        wet_mm=float(np.clip(_WET_OF_DEPTH * (high - low) * (0.7 + 0.5 * u[1]), *WET_MM)),
+        wet_mm=float(np.clip(wet_of_depth * (high - low) * (0.7 + 0.5 * u[1]), *WET_MM)),
         solids=0.42 + 0.10 * u[2] + 0.25 * rubber,
         rubber=rubber,
         brushed=float(np.clip(2.0 * u[3] - 0.5, 0.0, 1.0)),
@@ -101,7 +98,9 @@ def _can(coat: Coat, rng: np.random.Generator) -> Can:
     )
 
 
-def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float) -> Field:
+def level_film(
+    top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float, pinned: float = 0.3
+) -> Field:
     """Level a wet film: Orchard's law for its surface, no paint lost, none below the ground.
 
     Args:
@@ -109,9 +108,10 @@ def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: flo
         wet: what is laid on, mm; its mean sets how far it levels.
         pitch_mm: of the grid.
         seconds_per_pa_s: time that it is fluid over its viscosity.
+        pinned: least share of the paint laid on that stays on an edge.
 
     Returns:
-        Film thickness, mm: at least `_PINNED` of what was laid on there, and of the same mean.
+        Film thickness, mm: at least `pinned` of what was laid on there, and of the same mean.
     """
     from scipy import fft
 
@@ -126,7 +126,7 @@ def level_film(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: flo
     fade = np.exp(-np.minimum((v[:, None] + u[None, :]) ** 2, np.float32(60.0)))
     film = fft.idctn(fft.dctn(top + wet) * fade) - top
     # where it would be thinner than the ground lets it, it is pinned; the rest gives what that holds back
-    least = np.float32(_PINNED) * wet
+    least = np.float32(pinned) * wet
     over = np.maximum(film - least, 0.0)
     spare = float(np.mean(wet - least, dtype=np.float64)) / max(float(np.mean(over, dtype=np.float64)), 1e-9)
     return np.asarray(least + np.float32(spare) * over, dtype=np.float32)

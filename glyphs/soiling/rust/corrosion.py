@@ -8,7 +8,7 @@
            '-' pit          '---------.       V pits       \\____/
                                         '----'  run together
 
-One account is kept: all rust there is was metal, `rust = RATIO * loss`, less what washes away or falls. The steel lost
+One account is kept: all rust there is was metal, `rust = ratio * loss`, less what washes away or falls. The steel lost
 follows a fractal field over a local time that starts in nests; hollows lose less, since the rust that packs them
 keeps the air out. Larger characters are taken to have lain out for longer, so that lengths go with their height.
 
@@ -31,7 +31,6 @@ Sources:
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -39,26 +38,30 @@ from glyphs.soiling.coat import Coat
 from glyphs.soiling.rust.bumps import Bumps, scatter_bumps, union_mm
 from glyphs.surface.noise import Field, share
 
-RATIO: Final = 3.0
-"""Volume of dry rust to that of its steel; most of it is goethite and lepidocrocite."""
-ADHERENT: Final = 0.21
-"""Share of the rust that no flake takes along."""
-_STAYS = 0.55
-"""Share of the rust that has neither washed nor fallen away where no flake is gone."""
-LAMINA: Final = 0.28
-"""Thickness of one, in depths of the marks: 0.02 to 0.12 mm."""
-_HURST = 0.6
-_EARLY = 0.7
-"""Earlier onset of rust in marks, standard deviations: cold work, and water that stands in them."""
-POWDER_MPA: Final = 8.0
-"""Hardness of the powdery outer layer, which crumbles under a fingernail, though its crystals are hard (Mohs 5)."""
-_FLAKE_MPA = 40.0
-_POWDER_FRICTION, _SCALE_FRICTION = 0.65, 0.45
 _ORANGE, _BROWN, _BLACK = (0.36, 0.125, 0.035), (0.150, 0.058, 0.024), (0.046, 0.033, 0.026)
 
 
-def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Let a part rust in the open, by the sea at worst; see `glyphs.soiling.soils.SoilModel`."""
+def rust(
+    coat: Coat,
+    amount: float,
+    *,
+    rng: np.random.Generator,
+    ratio: float = 3.0,
+    lamina: float = 0.28,
+    hurst: float = 0.6,
+    early: float = 0.7,
+) -> Coat:
+    """Let a part rust in the open, by the sea at worst; see `glyphs.soiling.soils.SoilModel`.
+
+    Args:
+        coat: the part.
+        amount: 0 to 1.
+        rng: the only source of randomness.
+        ratio: volume of dry rust to that of its steel; most of it is goethite and lepidocrocite.
+        lamina: thickness of one, in depths of the marks: 0.02 to 0.12 mm.
+        hurst: exponent of the fractal field of the loss.
+        early: earlier onset of rust in marks, standard deviations: cold work, and water that stands in them.
+    """
     from scipy.ndimage import gaussian_filter
 
     if amount <= 0.0:
@@ -66,10 +69,10 @@ def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     deep = mark_depth_mm(coat)
     of_part = rng.uniform((0.75, 0.6, 0.5, 0.5, 0.5), (1.25, 1.4, 1.5, 1.5, 1.5))
     age = float(min(amount * of_part[0], 1.0))
-    rough, mottle = _fractals(coat, 0.5, _HURST, rng)
+    rough, mottle = _fractals(coat, 0.5, hurst, rng)
     flaky, packs = _fractals(coat, 0.9, 1.0, rng)
     hollow = np.clip((coat.brim_mm - coat.clean_mm) / np.float32(deep), 0.0, 1.0)
-    late = np.float32(0.8) * packs[::-1, ::-1] + np.float32(0.6) * mottle - np.float32(_EARLY) * hollow
+    late = np.float32(0.8) * packs[::-1, ::-1] + np.float32(0.6) * mottle - np.float32(early) * hollow
     pits = draw_pits(coat, rng)
     blisters = _draw_blisters(coat, rng)
 
@@ -83,12 +86,12 @@ def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     steel = coat.z_mm + np.minimum(1.5 * time, 1.0) * (blunted - coat.z_mm) - loss - pit
 
     # the rust: in laminas, packed in hollows, in blisters, the top of it powder
-    scale, fallen = _scale(RATIO * loss, flaky, age * float(of_part[2]), LAMINA * deep)
+    scale, fallen = _scale(ratio * loss, flaky, age * float(of_part[2]), lamina * deep)
     packed = _pack_hollows(coat, steel + scale, time * np.float32(of_part[3]), packs)
     dome = union_mm(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
     dome, burst = _burst_blisters(dome, blisters, packs)
     thick = scale + packed + dome
-    soft, hardness = _yielding_layer(thick, time, rough, burst, fallen, deep)
+    soft, hardness = _yielding_layer(thick, time, rough, burst, fallen, deep, lamina_mm=lamina * deep)
     rusty = np.minimum(thick / np.float32(0.1 * deep), 1.0)
     done = replace(
         coat,
@@ -143,13 +146,22 @@ def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Fiel
     return np.asarray(np.float32(0.5 * deep) * time * uneven * (1.0 - 0.75 * hollow), dtype=np.float32)
 
 
-def _scale(made: Field, flaky: Field, spall: float, lamina_mm: float) -> tuple[Field, Field]:
+def _scale(
+    made: Field,
+    flaky: Field,
+    spall: float,
+    lamina_mm: float,
+    *,
+    stays: float = 0.55,
+    adherent: float = 0.21,
+) -> tuple[Field, Field]:
     """Scale left on the steel, mm, and laminas fallen (-1 at the edge of a flake: loose, lifted and next to go).
 
-    The outer laminas go first and leave terraces; what adheres stays.
+    The outer laminas go first and leave terraces. `adherent` is the share of the rust that no flake takes along,
+    `stays` that which has neither washed nor fallen away where no flake is gone.
     """
-    layers = made * np.float32(_STAYS / lamina_mm)
-    least = made * np.float32(ADHERENT / lamina_mm)
+    layers = made * np.float32(stays / lamina_mm)
+    least = made * np.float32(adherent / lamina_mm)
     weak = np.float32(3.6 * min(spall, 1.0) - 3.0) - flaky
     fallen = np.maximum(weak, 0.0)
     fallen *= 3.5
@@ -182,24 +194,33 @@ def _burst_blisters(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, 
 
 
 def _yielding_layer(
-    thick: Field, time: Field, rough: Field, burst: Field, fallen: Field, deep: float
+    thick: Field,
+    time: Field,
+    rough: Field,
+    burst: Field,
+    fallen: Field,
+    deep: float,
+    *,
+    lamina_mm: float,
+    powder_mpa: float = 8.0,
+    flake_mpa: float = 40.0,
 ) -> tuple[Field, Field]:
     """Thickness that yields, mm, and its hardness, MPa: powder, the soft core of a burst blister, a loose flake.
 
     Powder is the top of the rust and at most a third of it; what lies under it is compact and hard, and little powder
-    lies where flakes have gone.
+    lies where flakes have gone. It crumbles under a fingernail, though its crystals are hard (Mohs 5).
     """
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
     powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))
-    loose = np.minimum(thick, np.float32(LAMINA * deep)) * (fallen < 0.0)
-    mpa = np.where(loose > powder, np.float32(_FLAKE_MPA), np.float32(POWDER_MPA))
+    loose = np.minimum(thick, np.float32(lamina_mm)) * (fallen < 0.0)
+    mpa = np.where(loose > powder, np.float32(flake_mpa), np.float32(powder_mpa))
     return np.asarray(np.maximum(powder, loose), dtype=np.float32), mpa
 
 
-def _friction(soft: Field, deep: float) -> Field:
+def _friction(soft: Field, deep: float, *, powder: float = 0.65, scale: float = 0.45) -> Field:
     """Friction of rust: gritty powder drags more than bared scale."""
     dusty = np.minimum(soft / np.float32(0.02 * deep), 1.0)
-    return np.asarray(_SCALE_FRICTION + (_POWDER_FRICTION - _SCALE_FRICTION) * dusty, dtype=np.float32)
+    return np.asarray(scale + (powder - scale) * dusty, dtype=np.float32)
 
 
 def _rusty_look(

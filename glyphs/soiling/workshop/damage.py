@@ -11,8 +11,6 @@ from glyphs.soiling.strokes import across, drop, spread
 from glyphs.surface.noise import ramp, share
 
 _RUST = (0.30, 0.13, 0.05)
-_MOST_SCRATCHES_MM2 = 0.35
-_MOST_PITTED = 0.16
 
 
 def add_burr(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
@@ -39,16 +37,19 @@ def add_burr(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     return replace(coat, z_mm=coat.z_mm + rise).shaded(0.6 * shiny, roughness=0.2)
 
 
-def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Corrosion pits, 20 to 120 um deep, in clusters, with a rusty, rough skin around them."""
+def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator, most_pitted: float = 0.16) -> Coat:
+    """Corrosion pits, 20 to 120 um deep, in clusters, with a rusty, rough skin around them.
+
+    `most_pitted` is the share of the plate at amount 1.
+    """
     cluster = coat.noise(0.9 * coat.height_mm, rng)
     blob = coat.noise(rng.uniform(0.05, 0.09) * coat.height_mm, rng)
     ragged = coat.noise(0.1, rng)
     grain = rng.standard_normal(coat.shape, dtype=np.float32)
     deepest = rng.uniform(0.07, 0.12)
     rank = share((0.6 * cluster + 0.8 * blob + 0.12 * ragged) / np.float32(np.hypot(1.0, 0.12)))
-    edge = 1.0 - _MOST_PITTED * amount
-    depth = deepest * np.sqrt(np.clip((rank - edge) / (_MOST_PITTED * amount + 0.02), 0.0, 1.0))
+    edge = 1.0 - most_pitted * amount
+    depth = deepest * np.sqrt(np.clip((rank - edge) / (most_pitted * amount + 0.02), 0.0, 1.0))
     depth = np.where(depth > 0.0, depth + 0.02, 0.0) * (1.0 + 0.1 * ragged)
     depth = np.clip(depth, 0.0, 0.12).astype(np.float32)
     rust = ramp(rank, edge - 0.18 * amount, edge + 0.02)
@@ -62,9 +63,9 @@ def add_pits(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     return coat.shaded(0.85 * rust, albedo=skin * dark, roughness=0.8, reflectance=0.06)
 
 
-def add_scratches(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Narrow grooves, 5 to 40 um deep, in any direction, half of them along a common one."""
-    most = max(1, round(_MOST_SCRATCHES_MM2 * coat.area_mm2))
+def add_scratches(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2: float = 0.35) -> Coat:
+    """Narrow grooves, 5 to 40 um deep, in any direction, half of them along a common one; `most_a_mm2` at amount 1."""
+    most = max(1, round(most_a_mm2 * coat.area_mm2))
     # all are drawn and the first few taken, so that more is the same and some
     common = rng.uniform(0.0, np.pi)
     heading = np.where(

@@ -7,10 +7,7 @@ import numpy as np
 from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import ramp, share
 
-MOST_CAKED = 0.44
-"""Share of the plate caked at amount 1."""
 SOFTEST_MPA, HARDEST_MPA = 3.0, 30.0
-_MOST_STAINED = 0.97
 _RAGGED = np.float32(0.35)
 _COLOURS = (
     (0.022, 0.019, 0.016),  # carbon and oil
@@ -21,7 +18,14 @@ _COLOURS = (
 )
 
 
-def add_grime(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+def add_grime(
+    coat: Coat,
+    amount: float,
+    *,
+    rng: np.random.Generator,
+    most_caked: float = 0.44,
+    most_stained: float = 0.97,
+) -> Coat:
     """Cake grime into the hollows of some patches and smear it thinly over the land.
 
     ::
@@ -30,7 +34,8 @@ def add_grime(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
                  \\  .::::::.    /        little, to the brim, and in the middle slightly over it
                   \\::::::::::__/   between patches a residue stays in the corners
 
-    A patch is correlated noise over a threshold, so more grime means the same patches grown.
+    A patch is correlated noise over a threshold, so more grime means the same patches grown: at amount 1
+    `most_caked` and `most_stained` are the shares of the plate caked and stained.
     """
     size = coat.height_mm
     wide = coat.noise(rng.uniform(0.45, 1.1) * size, rng)
@@ -52,7 +57,7 @@ def add_grime(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     gloss = rng.uniform(0.45, 0.9)
 
     rank = share((wide + _RAGGED * ragged) / np.hypot(np.float32(1.0), _RAGGED))
-    edge = 1.0 - MOST_CAKED * amount
+    edge = 1.0 - most_caked * amount
     inside = np.clip((rank - edge) / 0.10, 0.0, 1.0).astype(np.float32)
     full = np.minimum(inside * (0.45 + 0.75 * ramp(rank, edge, edge + 0.25)), 1.0) * np.float32(brimming)
     residue = 0.36 * amount * np.clip(0.6 + 0.5 * ragged, 0.0, 1.5)
@@ -67,7 +72,7 @@ def add_grime(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     caked = ramp(fill, 0.004, 0.03)
     # a film of micrometres, which is seen but not felt: smears and spatter, denser near the patches
     film = share((smear + spattered * spatter) / np.hypot(np.float32(1.0), np.float32(spattered)))
-    bare = 1.0 - _MOST_STAINED * (1.0 - (1.0 - amount) ** 3)
+    bare = 1.0 - most_stained * (1.0 - (1.0 - amount) ** 3)
     opaque = np.clip(0.55 + 0.5 * amount + 0.22 * thin, 0.2, 0.98)
     stained = opaque * ramp(film + 0.25 * (rank - 0.5), bare - 0.4 * crisp, bare + 0.6 * crisp)
     cover = np.maximum(0.97 * caked, stained).astype(np.float32)
