@@ -1,9 +1,7 @@
-"""Expected texts of parts, and the comparison of readings with them."""
+"""Expected texts of parts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,34 +13,15 @@ if TYPE_CHECKING:
     from recognition.language.grammar import Grammar
 
 
-@dataclass(frozen=True)
-class Expected:
-    """Expected text of each part.
-
-    Attributes:
-        text: text of every part; empty if `by_part` is used.
-        by_part: text by name of the part.
-    """
-
-    text: str = ""
-    by_part: PartTexts = field(default_factory=PartTexts)
-
-    def of(self, part: str) -> str | None:
-        """Expected text of a part; None if unknown."""
-        return self.text or self.by_part.text_of(part)
-
-    def not_among(self, parts: Iterable[str]) -> tuple[str, ...]:
-        """Parts of the table that are not in `parts`."""
-        named = {self.by_part.name_of(part) for part in parts}
-        return tuple(name for name in self.by_part if name not in named)
-
-
-def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
+def load_expected(given: str, grammar: Grammar | None = None) -> str | PartTexts:
     """Load the value of `--verify`: a text, or the name of a CSV table with the columns part and text.
 
     Args:
         given: a name that ends in .csv, or the name of an existing file, is read as a table.
         grammar: grammar that every text must match.
+
+    Returns:
+        The text of every part, or the texts by part.
 
     Raises:
         FileError: no such table, or a text in it that does not fit the format.
@@ -58,14 +37,14 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
                 raise FileError(
                     path, f"{part} should read {text!r}, but {'; '.join(broken)}", "correct one of them"
                 )
-        return Expected(by_part=table)
+        return table
     if not given.strip():
         raise SettingsError(
             "--verify is empty", hint="give the text that the part should read, or a CSV table"
         )
     if grammar is not None and (broken := grammar.objections(given)):
         raise SettingsError(f"--verify is {given!r}, but {'; '.join(broken)}", hint="correct it or --format")
-    return Expected(given.strip())
+    return given.strip()
 
 
 def _is_file(name: str) -> bool:

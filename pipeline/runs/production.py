@@ -20,7 +20,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.truth import Accuracy, load_truth, read_order
+from pipeline.formats.truth import Accuracy, PartTexts, load_truth, read_order
 from pipeline.reading.expected import load_expected
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
@@ -90,7 +90,8 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     expected = load_expected(options.verify, serial_format(settings)) if options.verify is not None else None
     parts: Sequence[PartFiles] = found
     if expected is not None:
-        parts = [replace(p, expected=expected.of(p.name) or p.expected) for p in parts]
+        by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected
+        parts = [replace(p, expected=by_part(p.name) or p.expected) for p in parts]
     if executor.remote:
         parts = absolute(parts)
     order = RunOrder(
@@ -163,8 +164,12 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     _print_outputs(run, options, counts)
     if scores is not None:
         print(scores.describe())
-    if expected is not None and (missing := expected.not_among(part.name for part in parts)):
-        print(f"{len(missing)} parts of {options.verify} were not read: {visible(', '.join(missing[:5]))}")
+    if isinstance(expected, PartTexts):
+        read = {expected.name_of(part.name) for part in parts}
+        if missing := [name for name in expected if name not in read]:
+            print(
+                f"{len(missing)} parts of {options.verify} were not read: {visible(', '.join(missing[:5]))}"
+            )
     wanted = len(parts) if expected is not None else sum(bool(part.expected) for part in parts)
     return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0
 

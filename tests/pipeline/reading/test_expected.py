@@ -8,22 +8,19 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
-from pipeline.reading.expected import Expected, load_expected
+from pipeline.reading.expected import load_expected
 from recognition.language.grammar import Grammar
 
 
 def test_one_text_for_all_or_a_table(tmp_path: Path) -> None:
-    one = load_expected(" AB 18 ")
-    assert (one.of("a"), one.of("b")) == ("AB 18", "AB 18")
-    assert one.not_among([]) == ()
+    assert load_expected(" AB 18 ") == "AB 18"
     path = tmp_path / "wanted.csv"
     path.write_text("part,text\na.npz,AB18\nb,AB81\n", encoding="utf-8")
     table = load_expected(str(path))
-    assert (table.of("a"), table.of("folder/b"), table.of("c")) == ("AB18", "AB81", None)
-    assert table.not_among(["folder/b"]) == ("a",)
+    assert table == {"a": "AB18", "b": "AB81"}
     # a table by any other name is one too, a text with a point in it is none
-    assert load_expected(str(path.rename(tmp_path / "wanted"))).by_part == table.by_part
-    assert load_expected("A.B").text == "A.B"
+    assert load_expected(str(path.rename(tmp_path / "wanted"))) == table
+    assert load_expected("A.B") == "A.B"
 
 
 def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
@@ -41,7 +38,3 @@ def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
     path.write_text("part,text\na,AB18\nb,AB1\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"wanted\.csv: b should read 'AB1', but it does not fit mask:AA99"):
         load_expected(str(path), grammar)
-
-
-def test_a_text_that_is_empty_is_none() -> None:
-    assert Expected().of("a") is None
