@@ -41,11 +41,8 @@ from glyphs.soiling.grids import coarse_noise, stretch
 from glyphs.surface.noise import Field, ramp, share
 
 LEAST_MPA, YOUNG_MPA, OLD_MPA = 0.1, 0.5, 30.0
-RIDGE_PERIOD_MM = 0.5
 OILY_FRICTION, DRY_FRICTION = 0.15, 0.6
 _GREASE, _DUST = (0.035, 0.028, 0.022), (0.180, 0.158, 0.128)
-_HIDING_MM = 0.012
-"""Thickness at which grime hides 63 % of the metal."""
 _ONSETS = (0.0, 0.05, 0.15, 0.30)
 """Amounts at which the layers begin; the last one settles after wiping."""
 
@@ -209,7 +206,7 @@ def _stroke(coat: Coat, rng: np.random.Generator) -> Field:
     return np.asarray(streaks * inside)
 
 
-def _finger(coat: Coat, rng: np.random.Generator) -> Field:
+def _finger(coat: Coat, rng: np.random.Generator, *, ridge_period_mm: float = 0.5) -> Field:
     """Prints of the ridges of one fingertip, 0 to 1; 12 x 16 mm of them, where the grid resolves them."""
     u, v = _turned_axes(coat, rng)
     firm = np.float32(np.clip(rng.uniform(-0.3, 1.2), 0.0, 1.0))
@@ -217,8 +214,8 @@ def _finger(coat: Coat, rng: np.random.Generator) -> Field:
     if firm == 0.0:
         return np.zeros(coat.shape, dtype=np.float32)
     around = np.hypot(u - core_u, 0.6 * (v - core_v)) + 0.35 * np.sin(0.8 * u + 0.5 * v + bend)
-    ridges = 0.5 + 0.5 * np.cos(2 * float(np.pi) / RIDGE_PERIOD_MM * around + phase)
-    carried = min(1.0, max(0.0, RIDGE_PERIOD_MM / coat.pitch_mm - 3.0))
+    ridges = 0.5 + 0.5 * np.cos(2 * float(np.pi) / ridge_period_mm * around + phase)
+    carried = min(1.0, max(0.0, ridge_period_mm / coat.pitch_mm - 3.0))
     inside = 1.0 - ramp(np.hypot(u / 8.0, v / 6.0), np.float32(0.75), np.float32(1.0))
     return np.asarray(firm * inside * (0.3 + 0.7 * carried * ridges))
 
@@ -247,11 +244,11 @@ def _roughen(coat: Coat, cake: _Cake, site: _Site, dry: Field, *, rng: np.random
     return replace(cake, built_mm=np.maximum(built, 0.0))
 
 
-def _finish(coat: Coat, cake: _Cake, old: Field, dry: Field) -> Coat:
-    """Finish the coat: top, yielding thickness, friction and look."""
+def _finish(coat: Coat, cake: _Cake, old: Field, dry: Field, *, hiding_mm: float = 0.012) -> Coat:
+    """Finish the coat: top, yielding thickness, friction and look; `hiding_mm` of grime hides 63 % of the metal."""
     solid = cake.solid_mm
     thickness = solid + cake.void_mm
-    cover = 1.0 - np.exp(solid / np.float32(-_HIDING_MM))
+    cover = 1.0 - np.exp(solid / np.float32(-hiding_mm))
     # a roof over as much void as a bridge has yields at an eighth of what the solid cake does
     part_void = cake.void_mm / np.maximum(thickness, np.float32(1e-6))
     yields = (

@@ -40,14 +40,6 @@ SAND_MM = (0.05, 0.5)
 HARDNESS_MPA = (1.0, 20.0)
 CRACKING_MM = (0.015, 0.05)
 """Thickness at which a film begins to crack, and at which it does everywhere."""
-SPACING = 7.0
-"""A plate wider than this many thicknesses cracks in two."""
-SHRINKAGE = 0.08
-"""Width of the cracks around a plate, share of the plate's width."""
-CURLED = 0.25
-"""Share of a plate's width, from its edge, that curls up."""
-OPAQUE_MM = 0.025
-"""Thickness at which a film of mud hides two thirds of what it lies on."""
 _DRY_ALBEDO = np.array([0.40, 0.325, 0.235], dtype=np.float32)
 _SAND_ALBEDO = np.array([0.52, 0.47, 0.38], dtype=np.float32)
 
@@ -174,8 +166,21 @@ def _crumbs(coat: Coat, rng: np.random.Generator) -> Field:
     return np.asarray(np.clip(1.0 + 0.08 * fine.noise(length, length, rng), 0.6, 1.4), dtype=np.float32)
 
 
-def _cracks(coat: Coat, grid: Grid, crust_mm: Field, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Desiccation cracks: how open a sample lies (0 to 1), and how far up a plate's edge curls there (0 to 1)."""
+def _cracks(
+    coat: Coat,
+    grid: Grid,
+    crust_mm: Field,
+    rng: np.random.Generator,
+    *,
+    spacing: float = 7.0,
+    shrinkage: float = 0.08,
+    curled: float = 0.25,
+) -> tuple[Field, Field]:
+    """Desiccation cracks: how open a sample lies (0 to 1), and how far up a plate's edge curls there (0 to 1).
+
+    A plate wider than `spacing` thicknesses cracks in two. Of its width `shrinkage` is that of the cracks around it,
+    and `curled` what curls up from each edge.
+    """
     h = grid.height_mm
     rows, cols = grid.shape
     # bent, so that cracks are not straight
@@ -184,14 +189,14 @@ def _cracks(coat: Coat, grid: Grid, crust_mm: Field, rng: np.random.Generator) -
     x = np.float32(grid.pitch_mm) * np.arange(cols, dtype=np.float32)[None, :] + bent_x + ragged
     y = np.float32(grid.pitch_mm) * np.arange(rows, dtype=np.float32)[:, None] + bent_y + ragged[::-1, ::-1]
     crust = np.ascontiguousarray(crust_mm[:: grid.step, :: grid.step])
-    plate = np.float32(SPACING) * np.maximum(crust, np.float32(CRACKING_MM[0]))
+    plate = np.float32(spacing) * np.maximum(crust, np.float32(CRACKING_MM[0]))
     off = nearest_crack(x, y, plate, size_mm=grid.size_mm, finest_mm=0.15 * h, rng=rng)
     # cracks finer than the grid are as wide as it, and less deep
-    half, least = np.float32(0.5 * SHRINKAGE) * plate, np.float32(0.6 * grid.pitch_mm)
+    half, least = np.float32(0.5 * shrinkage) * plate, np.float32(0.6 * grid.pitch_mm)
     inside = grid.whole(np.maximum(half, least) - off, coat.shape)
     deep = grid.whole(ramp(crust, *CRACKING_MM) * np.minimum(half / least, 1.0), coat.shape)
     gap = np.clip(inside * np.float32(1.0 / coat.pitch_mm) + 0.5, 0.0, 1.0) * deep
-    lift = np.maximum(1.0 - off / (CURLED * plate), 0.0)
+    lift = np.maximum(1.0 - off / (curled * plate), 0.0)
     return np.asarray(gap, dtype=np.float32), grid.whole(lift * lift, coat.shape)
 
 
@@ -223,8 +228,13 @@ def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
     return grains
 
 
-def _finish(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch) -> Coat:
-    """Finish the coat under mud and sand: the mud yields down to the sand in it, moist mud and curled rims first."""
+def _finish(
+    coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch, *, opaque_mm: float = 0.025
+) -> Coat:
+    """Finish the coat under mud and sand: the mud yields down to the sand in it, moist mud and curled rims first.
+
+    A film of `opaque_mm` hides two thirds of what it lies on.
+    """
     top = np.maximum(thick, sand)
     soft = top - sand
     grains = np.nonzero(sand)
@@ -238,7 +248,7 @@ def _finish(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batc
     hardness[stones] = STEEL_HARDNESS_MPA
     yields = soft + coat.soft_mm
     yields[grains] = soft[grains]
-    cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / OPAQUE_MM)), dtype=np.float32)
+    cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / opaque_mm)), dtype=np.float32)
     mu = np.float32(np.tan(np.radians(25.0 + 8.0 * batch.moisture)))
     earth = _DRY_ALBEDO * np.float32(1.0 - 0.5 * batch.moisture)
     tone = 0.92 + 0.12 * lift - 0.45 * gap

@@ -9,8 +9,6 @@ from glyphs.soiling.grids import blur, resize
 from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
-DENT_ASPECT = 0.16
-"""Depth of a shot's dent over its width, at most."""
 MOST_HITS = 1.4
 """Area of all dents over the part's at most: they cover 1 - exp(-1.4), three quarters of it."""
 
@@ -51,17 +49,18 @@ def _draw_metal_from(z: Field, gain: Field, width: float) -> Field:
     return z + gain - resize(sunk, z.shape)
 
 
-def dimples(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
-    """Dents of shot so far, mm deep: caps at random, of all that hit one place the deepest."""
+def dimples(coat: Coat, amount: float, rng: np.random.Generator, *, aspect: float = 0.16) -> Field:
+    """Dents of shot so far, mm deep: caps at random, of all that hit one place the deepest.
+
+    `aspect` is the depth of a dent over its width, at most.
+    """
     rows, cols = coat.shape
     typical = rng.uniform(0.05, 0.14) * coat.height_mm / coat.pitch_mm
     count = int(MOST_HITS * rows * cols / (0.25 * np.pi * typical**2))
     half = np.maximum(0.5 * typical * rng.lognormal(-0.04, 0.28, count), 0.8)
     at = np.rint(rng.random((count, 2)) * (rows - 1, cols - 1)).astype(np.intp)
     grown = np.clip((amount - rng.uniform(0.0, 0.9, count)) / 0.1, 0.0, 1.0)
-    tops = (grown * rng.uniform(0.4, 1.0, count) * DENT_ASPECT * 2.0 * half * coat.pitch_mm).astype(
-        np.float32
-    )
+    tops = (grown * rng.uniform(0.4, 1.0, count) * aspect * 2.0 * half * coat.pitch_mm).astype(np.float32)
     reach = np.ceil(half).astype(np.intp)
     edge = int(reach.max())
     wide = cols + 2 * edge

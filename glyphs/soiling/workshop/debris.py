@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from glyphs.soiling.coat import STEEL_FRICTION, STEEL_HARDNESS_MPA, Coat
 from glyphs.soiling.strokes import across, along, drop, spread
 
-MOST_PER_MM2 = 0.28
 LOWEST_MM, HIGHEST_MM = 0.05, 0.4
 _TINTS = ((0.34, 0.34, 0.34), (0.36, 0.31, 0.22), (0.20, 0.22, 0.32), (0.16, 0.15, 0.14))
 
 
-def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2: float = 0.28) -> Coat:
     """Curls, slivers and grains, 0.05 to 0.4 mm high, resting on the highest points beneath them.
 
     ::
@@ -24,7 +23,7 @@ def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         _/        \\_____o_   a grain lies wherever it fell
           \\______/
     """
-    most = max(1, round(MOST_PER_MM2 * coat.area_mm2))
+    most = max(1, round(most_a_mm2 * coat.area_mm2))
     kinds = rng.choice(3, size=most, p=_mix(rng))
     # one stream a piece, so that more swarf is the same pieces and some
     streams = rng.spawn(most)
