@@ -13,11 +13,6 @@ import numpy as np
 from whisker_array.identification.bench import BENCH_GAIN, OF_GAUGE, Unknown, of_whisker
 from whisker_array.identification.fit import Identified
 
-UNTOLD = 0.7
-"""Share of the standard deviation before, above which a number counts as not determined."""
-_SHARED = 0.25
-_PART = 0.3
-"""Least part of a unit direction, from which a number counts as one of those that share it."""
 GAINS = "gains"
 
 
@@ -34,14 +29,22 @@ class Remedy:
     sd: dict[Unknown, float]
 
 
-def undetermined(found: Identified) -> tuple[Unknown, ...]:
-    """Numbers that stay as they were known before."""
-    names = [name for k, name in enumerate(Unknown) if found.sd[k] > UNTOLD * found.before[k]]
+def undetermined(found: Identified, *, untold: float = 0.7) -> tuple[Unknown, ...]:
+    """Numbers whose standard deviation stays above `untold` of what it was before."""
+    names = [name for k, name in enumerate(Unknown) if found.sd[k] > untold * found.before[k]]
     return tuple(names)
 
 
-def confounded(found: Identified) -> tuple[tuple[str, ...], ...]:
-    """Numbers of which only a combination is known; the gains as one."""
+def confounded(
+    found: Identified, *, open_share: float = 0.25, least_part: float = 0.3
+) -> tuple[tuple[str, ...], ...]:
+    """Numbers of which only a combination is known; the gains as one.
+
+    Args:
+        found: what was identified.
+        open_share: of the standard deviation before, above which a combination counts as open.
+        least_part: of a unit direction, from which a number counts as one of those that share it.
+    """
     scaled = found.covariance / np.outer(found.before, found.before)
     own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
     felt = [*range(len(Unknown)), *(i for one in own for i in one)]
@@ -49,12 +52,12 @@ def confounded(found: Identified) -> tuple[tuple[str, ...], ...]:
     names = [*(name.value for name in Unknown), *(name for _ in own for name in (GAINS, *OF_GAUGE[1:]))]
     groups: list[tuple[str, ...]] = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
-        if value < _SHARED**2:
+        if value < open_share**2:
             break
         weight: dict[str, float] = {}
         for name, part in zip(names, vector, strict=True):
             weight[name] = weight.get(name, 0.0) + float(part**2)
-        group = tuple(name for name, share in weight.items() if share > _PART**2)
+        group = tuple(name for name, share in weight.items() if share > least_part**2)
         if len(group) > 1 and not any(set(group) <= set(other) for other in groups):
             groups.append(group)
     return tuple(groups)

@@ -21,11 +21,6 @@ from glyphs.ranges import freeze_arrays, require_not_negative, require_positive,
 from glyphs.surface.display import OneLine
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
-NOISE = 2e-4
-"""Rms noise of one sample, of the largest load, as recorded of whiskers."""
-DRIFT_A_MINUTE = 3e-3
-"""Walk of the zero in a minute, rms, of the largest load, as recorded of whiskers."""
-
 
 class SensorError(MarksError):
     """A sensor chain, signal or lead-in that cannot be used."""
@@ -124,6 +119,8 @@ def draw_sensor_chain(
     vibration: float = 0.002,
     adc_bits: int | None = 16,
     memory: bool = True,
+    noise: float = 2e-4,
+    drift_a_minute: float = 3e-3,
 ) -> SensorChain:
     """A chain as it comes from the bench: every whisker a little different, by the generator.
 
@@ -134,11 +131,13 @@ def draw_sensor_chain(
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm). The defaults below scale with it.
         gain_sd: standard deviation of the gain about 1; draws are kept within 3.
         offset_sd_n_mm: standard deviation of the offset, N mm; None: 1 % of full scale.
-        noise_n_mm: rms noise, N mm; None: `NOISE` of full scale, which is taken for the largest load.
-        drift_n_mm_per_sqrt_s: random walk, N mm per root second; None: `DRIFT_A_MINUTE` of full scale.
+        noise_n_mm: rms noise, N mm; None: `noise` of full scale, which is taken for the largest load.
+        drift_n_mm_per_sqrt_s: random walk, N mm per root second; None: `drift_a_minute` of full scale.
         vibration: rms vibration of the base as a share of the preload.
         adc_bits: converter, None for none.
         memory: whether the gauges creep and lag, as `draw_memory` draws it.
+        noise: rms of one sample, of the largest load, as recorded of whiskers.
+        drift_a_minute: walk of the zero in a minute, rms, of the largest load, as recorded of whiskers.
 
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
@@ -147,13 +146,13 @@ def draw_sensor_chain(
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
     require_not_negative(SensorError, offset_sd_n_mm=offset_sd_n_mm)
     offset_sd = 0.01 * full_scale_n_mm if offset_sd_n_mm is None else offset_sd_n_mm
-    walk = DRIFT_A_MINUTE / math.sqrt(60.0) * full_scale_n_mm
+    walk = drift_a_minute / math.sqrt(60.0) * full_scale_n_mm
     # of a generator of its own: the same seed gives the same gains, offsets and noise with memory and without
     remembering = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
         offset_n_mm=offset_sd * rng.standard_normal(n_whiskers),
-        noise_n_mm=NOISE * full_scale_n_mm if noise_n_mm is None else noise_n_mm,
+        noise_n_mm=noise * full_scale_n_mm if noise_n_mm is None else noise_n_mm,
         drift_n_mm_per_sqrt_s=walk if drift_n_mm_per_sqrt_s is None else drift_n_mm_per_sqrt_s,
         memory=draw_memory(n_whiskers, rng=remembering, largest_n_mm=full_scale_n_mm) if memory else None,
         vibration=vibration,
