@@ -1,11 +1,11 @@
-"""Active touch as an animation: lines felt one pass after the other, posteriors growing, the stop.
+"""Active touch as an animation: lines felt one pass after the other, the confidence, the stop.
 
     +---------------------------------------+
     |  the part, lines felt; the last bright |   above: the surface under the whiskers
     +---------------------------------------+
     |  the edge map of the lines so far      |   middle
     +---------------------------------------+
-    |  K   X   4 ...  a bar a place          |   below: posterior of each place; why it stopped
+    |  confidence of the text read so far    |   below, over stage time; why it stopped
     +---------------------------------------+
 
 A frame a pass and a longer one at the end. One palette for all frames keeps the file small.
@@ -14,7 +14,6 @@ A frame a pass and a longer one at the end. One palette for all frames keeps the
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +30,7 @@ from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.pictures import styled
 from pipeline.reading.simulated_scan import open_session
 from recognition.active.active_reader import scan_of
-from recognition.active.active_reading import ActiveReading, PassFelt
+from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.language.orientation import Orientation
 from recognition.reader import Reader
@@ -42,7 +41,7 @@ FORMAT, SEED, NUMBER, BUDGET_S = "AA999999", 11, 2, 60.0
 FRAME_MS, LAST_MS = 450, 4000
 _WIDTH_IN, _BARS_IN, _DPI, _COLOURS = 9.0, 1.35, 80, 64
 _STRONGEST_PERCENT = 99.0
-_OLD, _NEW, _SURE, _DOUBT, _QUIET = "#8a5a00", "#ffd400", "#1a7346", "#d97800", "#56636f"
+_OLD, _NEW, _NEWEST, _QUIET = "#8a5a00", "#ffd400", "#1a7346", "#56636f"
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,17 +128,18 @@ def _frame(part: FeltPart, n: int) -> Image.Image:
         _image(felt, value, edges.pitch_mm, edges.origin_mm, cmap="RdBu_r", limits=(-top, top))
     for axes in (surface, felt):
         axes.set(xlim=(0.0, width), ylim=(height, 0.0), xticks=(), yticks=(), aspect="auto")
-    # several passes may be felt before the posteriors are computed again
-    weighed = next((one for one in reversed(passes[: n + 1]) if one.places), passes[n])
-    _posteriors(below, weighed, width, sure_from=part.sure_from)
-    title = f"all right: {weighed.confidence:.3f}" if weighed.places else "nothing to be read yet"
+    looks = [one for one in passes[: n + 1] if one.text]
+    below.plot([one.stage_s for one in looks], [one.confidence for one in looks], "o-", color=_NEWEST)
+    below.axhline(part.sure_from, color=_QUIET, linewidth=0.8, linestyle="--")
+    below.set(
+        xlim=(0.0, 1.05 * passes[-1].stage_s), ylim=(0.0, 1.1), xlabel="seconds of stage time",
+        ylabel="confidence",
+    )  # fmt: skip
+    title = f"{looks[-1].text}: {looks[-1].confidence:.3f}" if looks else "nothing to be read yet"
     if last := n + 1 == len(passes):
         reading = part.found.reading
         title = f"{reading.text}: {reading.confidence:.3f}. Stopped: {part.found.stop.describe()}"
-    below.set_title(f"posterior of each place; {title}", weight="bold" if last else "normal")
-    # equal box aspects of equal widths: bars stand under their characters
-    for axes, aspect in zip((surface, felt, below), heights, strict=True):
-        axes.set_box_aspect(aspect)
+    below.set_title(title, weight="bold" if last else "normal")
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=_DPI)
     return Image.open(stream).convert("RGB")
@@ -157,20 +157,3 @@ def _image(
     (rows, cols), left, top = values.shape, origin_mm[0] - 0.5 * pitch_mm, origin_mm[1] - 0.5 * pitch_mm
     box = (left, left + cols * pitch_mm, top + rows * pitch_mm, top)
     axes.imshow(values, extent=box, cmap=cmap, vmin=limits[0], vmax=limits[1], interpolation="nearest")
-
-
-def _posteriors(axes: Axes, weighed: PassFelt, width_mm: float, *, sure_from: float) -> None:
-    axes.set(xlim=(0.0, width_mm), ylim=(-0.3, 1.62))
-    axes.set_axis_off()
-    axes.axhline(0.0, color=_QUIET, linewidth=0.8)
-    for k, place in enumerate(weighed.places):
-        x = place.middle_mm[0]
-        x = x if math.isfinite(x) else (k + 0.5) * width_mm / len(weighed.places)
-        sure = place.probability >= sure_from
-        colour = _SURE if sure else _DOUBT
-        axes.bar(x, place.probability, width=0.05 * width_mm, color=colour, alpha=0.85)
-        axes.text(
-            x, 1.08, place.char, ha="center", va="bottom", fontsize=19, family="monospace", color=colour
-        )
-        if place.rival and not sure:
-            axes.text(x, -0.27, f"or {place.rival}", ha="center", va="bottom", color=_QUIET)
