@@ -71,21 +71,10 @@ ROUNDS = (
 )
 """From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
 uncertain."""
-WIDE = 3.0
-"""Width of the cloud in standard deviations, as `MOST_TRACES` lines would leave them, however many there are: one
-that is narrower than contact is rough rests anywhere."""
-FINEST = 0.1
-"""Finest grid, share of a tip's radius: a finer one adds no detail."""
-AVERAGED = 2
-"""Rounds that are averaged at the end: the random rotation of a cloud moves what contact is rough in."""
-SETTLED = 0.05
-"""Most relative change of the misfit between the last two rounds of a settled fit."""
 FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
 """The loss is bounded little by little, or the first bench would choose what is to be explained: graduated
 non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020) 1127)."""
-_PROBE_SDS = 0.1
 _JUMPED = 0.02
-FEWEST_CLUSTERS = 6
 
 
 class IdentifyError(MarksError):
@@ -146,12 +135,12 @@ class Identified(OneLine):
         """A number and its standard deviation."""
         return self.bench[name], float(self.sd[list(Unknown).index(name)])
 
-    def sd_of(self, function: Callable[[Bench], float]) -> float:
-        """Standard deviation of whatever depends on the numbers, to first order."""
+    def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
+        """Standard deviation of whatever depends on the numbers, to first order, in steps of `probe_sds` of them."""
         at, gradient = self.bench.vector(), np.empty(self.before.size)
         for i, sd in enumerate(self.sd):
             step = np.zeros(at.size)
-            step[i] = _PROBE_SDS * sd
+            step[i] = probe_sds * sd
             up, down = (function(Bench.of_vector(at + s)) for s in (step, -step))
             gradient[i] = 0.0 if sd == 0.0 else (up - down) / (2.0 * step[i])
         return float(np.sqrt(gradient @ self.covariance @ gradient))
@@ -166,6 +155,11 @@ def identify(
     grid_mm: float = GRID_MM,
     tip_sd: float = GROUND_TIP,
     seed: int = 0,
+    fewest_clusters: int = 6,
+    finest: float = 0.1,
+    wide: float = 3.0,
+    averaged: int = 2,
+    settled: float = 0.05,
 ) -> Identified:
     """Find the bench that has made a recording over a piece of known relief.
 
@@ -175,9 +169,16 @@ def identify(
         heights: of the piece.
         whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
         only: numbers to be found; the others stay as drawn.
-        grid_mm: of the maps; those of large tips are coarser (`FINEST`).
+        grid_mm: of the maps; those of large tips are coarser (`finest`).
         tip_sd: how well the tip's radius is known before, in parts of itself.
         seed: turns the clouds.
+        fewest_clusters: of passes over the piece.
+        finest: grid, share of a tip's radius: a finer one adds no detail.
+        wide: width of the cloud in standard deviations, as `MOST_TRACES` lines would leave them, however many there
+            are: one that is narrower than contact is rough rests anywhere.
+        averaged: rounds at the end of which the mean is taken: the random rotation of a cloud moves what contact is
+            rough in.
+        settled: most relative change of the misfit between the last two rounds of a settled fit.
 
     Raises:
         IdentifyError: too few passes over the piece, or a signal that no such bench gives.
@@ -192,10 +193,10 @@ def identify(
     largest_n_mm = LARGEST_LANDS * abs(scan.touch.land_moment_n_mm())
     traces = traces_of(scan, about=nominal, largest_n_mm=largest_n_mm)
     clusters = {trace.cluster for trace in traces}
-    if len(clusters) < FEWEST_CLUSTERS:
+    if len(clusters) < fewest_clusters:
         raise IdentifyError(
             f"only {len(clusters)} of the passes can be used over the piece",
-            hint=f"record {FEWEST_CLUSTERS} or more",
+            hint=f"record {fewest_clusters} or more",
         )
     before = prior_sd(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
@@ -206,7 +207,7 @@ def identify(
     for along_x in {trace.plan.direction.along_x for trace in traces}:
         free[of_screw(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
-    grid_mm = max(grid_mm, FINEST * scan.touch.tip_radius_mm)
+    grid_mm = max(grid_mm, finest * scan.touch.tip_radius_mm)
 
     def lay_map(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
         forward = Forward(
@@ -244,14 +245,14 @@ def identify(
             coarse = around(lay_map(found, COARSER * each.coarser, forward.traces))
             by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
         repeated = fitted.scatter_covariance()
-        wide = WIDE * np.sqrt(len(forward.traces) / MOST_TRACES)
-        shrunk = np.minimum(1.0, before / (wide * np.sqrt(np.diag(repeated))))
-        cloud = wide**2 * repeated * np.outer(shrunk, shrunk)
+        width = wide * np.sqrt(len(forward.traces) / MOST_TRACES)
+        shrunk = np.minimum(1.0, before / (width * np.sqrt(np.diag(repeated))))
+        cloud = width**2 * repeated * np.outer(shrunk, shrunk)
         found = found.moved(step)
         rested.append(found.vector())
         left.append(fitted.rms_left)
-    found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
-    repeated = repeated + np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
+    found = Bench.of_vector(np.mean(rested[-averaged:], axis=0))
+    repeated = repeated + np.cov(rested[-averaged:], rowvar=False) / averaged
     return Identified(
         found,
         nominal,
@@ -262,7 +263,7 @@ def identify(
         forward.traces,
         tuple(forward.moments(found)),
         scatter,
-        bool(abs(left[-1] / left[-2] - 1.0) < SETTLED),
+        bool(abs(left[-1] / left[-2] - 1.0) < settled),
         whisker if isinstance(whisker, LShaped) else None,
     )
 
