@@ -235,15 +235,20 @@ def identify(
     from pipeline.reading.identified import identify_recording, table_of, write_found
     from pipeline.workers.options import in_a_worker
 
+    if figure is not None:
+        from pipeline.plots.pictures import check_picture
+
+        check_picture(figure)
     found, drawn = in_a_worker(identify_recording, recording, piece, whisker)
     print("\n".join(table_of(found)))
     if out is not None and drawn is not None:
         write_found(out, found, drawn)
         print(f"wrote {out}")
     if figure is not None:
-        from pipeline.plots.identified import draw_identified
+        from pipeline.plots.identified import identified_figure
+        from pipeline.plots.pictures import save_figure
 
-        draw_identified(found, figure)
+        save_figure(identified_figure(found), figure)
         print(f"wrote {figure}")
     return 0
 

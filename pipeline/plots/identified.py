@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from glyphs.atomic import replacing
 from pipeline.plots.pictures import BLUE, VERMILION, styled
 from whisker_array.identification.fit import Identified
 from whisker_array.identification.traces import Trace
 
 
 @styled
-def draw_identified(found: Identified, path: Path, *, most_lines: int = 4) -> None:
-    """Draw a line of the recording for each direction, up to `most_lines`, and the histogram of all residuals.
-
-    Raises:
-        FileError: it cannot be written.
-    """
+def identified_figure(found: Identified, *, most_lines: int = 4) -> Figure:
+    """Draw a line of the recording for each direction, up to `most_lines`, and the histogram of all residuals."""
     pairs = list(zip(found.traces, found.predicted, strict=True))
     by_way: dict[tuple[int, bool], tuple[Trace, NDArray[np.float64]]] = {}
     for pair in pairs:
@@ -41,5 +34,4 @@ def draw_identified(found: Identified, path: Path, *, most_lines: int = 4) -> No
     left = left[np.isfinite(left)] / found.scatter_n_mm
     histogram.hist(np.clip(left, -8.0, 8.0), bins=120, color="0.33", log=True)
     histogram.set(title="residuals, in standard deviations of a sample", ylabel="samples")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix[1:] or "svg")
+    return figure
