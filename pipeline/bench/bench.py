@@ -155,7 +155,7 @@ class Bench:
         with contextlib.suppress(StageError):  # the first error is the one to report
             self.stage.stop()
 
-    def calibrated(self, order: Pass) -> Calibration:
+    def calibrate(self, order: Pass) -> Calibration:
         """Gains, V per N mm as if `volt_per_n_mm` were 1, and offsets in V, from a pass over bare land.
 
         Raises:

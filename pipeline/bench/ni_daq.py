@@ -41,7 +41,7 @@ class NiDaq:
         self._settings = settings
         self._errors: tuple[type[Exception], ...] = (nidaqmx.errors.Error,)
         self._task: Any = None
-        with self._told():
+        with self._refusals_reported():
             self._task = nidaqmx.Task()
             rows = self._task.ai_channels
             for channels in (settings.channels, settings.sync_channel):
@@ -64,7 +64,7 @@ class NiDaq:
         Raises:
             StageError: the driver's.
         """
-        with self._told():
+        with self._refusals_reported():
             self._task.start()
 
     def stop(self) -> Record:
@@ -75,7 +75,7 @@ class NiDaq:
         """
         from nidaqmx.constants import READ_ALL_AVAILABLE
 
-        with self._told():
+        with self._refusals_reported():
             rows = np.asarray(
                 self._task.read(READ_ALL_AVAILABLE, timeout=self._settings.answer_s), dtype=np.float64
             )
@@ -89,14 +89,14 @@ class NiDaq:
         )
 
     def close(self) -> None:
-        """Let the task go."""
+        """Release the task."""
         if self._task is not None:
             with contextlib.suppress(*self._errors):
                 self._task.close()
             self._task = None
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _refusals_reported(self) -> Iterator[None]:
         try:
             yield
         except self._errors as error:

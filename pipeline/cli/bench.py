@@ -42,7 +42,7 @@ def _opened(settings: BenchSettings) -> Iterator[Bench]:
 
 
 def check(bench: Path) -> int:
-    """Ask stage and converter who they are; nothing moves.
+    """Ask stage and converter to identify themselves; nothing moves.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def calibrate(bench: Path) -> int:
     )
     with _opened(settings) as opened:
         opened.home()
-        found = opened.calibrated(order)
+        found = opened.calibrate(order)
     print("gains_known = true")
     print(f"volt_per_n_mm = [{', '.join(f'{g:.5g}' for g in found.gain)}]")
     return 0

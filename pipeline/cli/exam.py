@@ -69,8 +69,8 @@ def run(
         plans (touch that chooses its passes against uniform, random and whole plans; the report draws accepted serials
         against stage seconds).
     give
-        What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
-        format alone, or what the design says, unless given. Repeat it to read every part with each:
+        What the reader is given beside the part: font, height, format, several separated by commas, or nothing
+        (default: what the design says, else the format). Repeat it to read every part with each:
         --give format --give font,format.
     jobs
         Worker processes.
@@ -78,10 +78,10 @@ def run(
         Soils, separated by commas, each on parts of its own (default: workshop): caked, rust,
         paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
     dirt
-        How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
+        How dirty, 0 to 1, separated by commas (default: 0,0.3,0.6,0.9). Of --inputs: theirs, if known.
     font
         Built-in names or TTF/OTF files, separated by commas (default: gothic). Of --inputs: those that may be
-        theirs, all built-in ones unless given.
+        theirs (default: all built-in ones).
     format
         Masks of the serials, separated by commas (default: AA999999). Of --inputs: theirs, if known.
     height_mm
@@ -398,18 +398,18 @@ def _parts(
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
 
-    told = {name: value for name, value in flags.items() if value is not None}
+    given = {name: value for name, value in flags.items() if value is not None}
     words = {"severity": "dirt", "height_mm": "height-mm"}
     if (inputs is None) != (truth is None):
         raise UsageError("benchmark: --inputs and --truth go together")
-    if design is not None and (more := [*told, *(["inputs"] if inputs else [])]):
+    if design is not None and (more := [*given, *(["inputs"] if inputs else [])]):
         what = f"benchmark: --design says what the parts are, and so does --{words.get(more[0], more[0])}"
         raise UsageError(what, "leave one of them out")
     if inputs is not None and truth is not None:
         made = ["parts"] * (parts is not None) + ["give"] * bool(give)
-        if extra := [*made, *(name for name in told if name not in ("severity", "font", "format"))]:
+        if extra := [*made, *(name for name in given if name not in ("severity", "font", "format"))]:
             raise UsageError(f"benchmark: --{words.get(extra[0], extra[0])} is for parts that are made")
-        formats, severities = listed(str(told.get("format", ""))), _numbers(str(told.get("severity", "")))
+        formats, severities = listed(str(given.get("format", ""))), _numbers(str(given.get("severity", "")))
         if len(formats) > 1 or len(severities) > 1:
             raise UsageError("benchmark: a folder has one format and one dirt")
         known = Condition(severity=(*severities, None)[0], format=(*formats, "")[0])
@@ -418,10 +418,10 @@ def _parts(
         return DesignedParts(design_named(design).with_given(give), parts)
     levels: dict[str, tuple[str | float, ...]] = {
         n: _numbers(str(v)) if n == "severity" else listed(v) if isinstance(v, str) else (v,)
-        for n, v in told.items()
+        for n, v in given.items()
         if n != "seed"
     }
-    seed = int(told.get("seed", 1))
+    seed = int(given.get("seed", 1))
     return DesignedParts(of_flags(levels, parts=parts or 200, seed=seed, given=give or ("format",)))
 
 

@@ -94,7 +94,7 @@ _COMMANDS = (
     ("import", "Whisker", "whisker:import_traces", "Make a scan of traces recorded by others.", "traces out"),
     ("design", "Whisker", "design:design", "Find the whisker to build.", "height-mm alpha mu depth-mm out array"),
     ("figures", "Whisker", "whisker:figures", "Compute and draw the results of the paper.", "out mu"),
-    ("bench check", "Whisker", "bench:check", "Ask stage and converter who they are.", ""),
+    ("bench check", "Whisker", "bench:check", "Ask stage and converter to identify themselves.", ""),
     ("bench home", "Whisker", "bench:home", "Lift the comb and find the axes' ends.", ""),
     ("bench calibrate", "Whisker", "bench:calibrate", "Find the whiskers' gains on a bare plate.", ""),
     ("bench scan", "Whisker", "bench:scan", "Scan the part under the comb, or draw the moves.", "out dry-run active"),

@@ -59,7 +59,7 @@ def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, 
     file
         A height map, a scan or a photograph.
     out
-        Picture to write, .png, .svg or .pdf; FILE-inspect.png in the working folder unless given.
+        Picture to write, .png, .svg or .pdf (default: FILE-inspect.png in the working folder).
     """
     from pipeline.plots.pictures import check_picture
     from pipeline.workers.options import in_a_worker

@@ -67,7 +67,8 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     jobs
         Worker processes (default: one for each core).
     memory_gb
-        Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
+        Memory of each process, in GB; one that takes more is replaced (default: its share of
+        the machine).
     """
     from pipeline.workers.cluster import require_distributed
     from pipeline.workers.executors import cores

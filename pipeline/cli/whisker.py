@@ -175,7 +175,7 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
     recording
         The scan, .h5.
     out
-        Copy to write; NAME-calibrated.h5 beside the recording unless given.
+        Copy to write (default: NAME-calibrated.h5 beside the recording).
     in_place
         Write the calibration into the recording itself.
     """

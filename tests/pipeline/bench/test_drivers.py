@@ -85,8 +85,8 @@ def test_gains_found_on_bare_land_belong_to_their_whiskers() -> None:
     with opened() as (emulated, bench):
         bench.home()
         amplifier = emulated.world.amplifier
-        found = bench.calibrated(a_pass(length_mm=2.0, at_mm=(1.6, 5.0)))
-        turned = bench.calibrated(a_pass(180, length_mm=2.0, at_mm=(1.6, 5.0)))
+        found = bench.calibrate(a_pass(length_mm=2.0, at_mm=(1.6, 5.0)))
+        turned = bench.calibrate(a_pass(180, length_mm=2.0, at_mm=(1.6, 5.0)))
     # land before the first character; levelling leaves it a micrometre or two off, of a preload of 600
     assert found.gain == pytest.approx(amplifier.gain_v_per_n_mm, rel=0.01)
     assert turned.gain == pytest.approx(amplifier.gain_v_per_n_mm, rel=0.01)
