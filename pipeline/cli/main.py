@@ -216,6 +216,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         pipe is closed.
     """
     _open_streams()
+    # products of small matrices take longer to share among threads than to do; numpy is not loaded yet
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
         tell = None
