@@ -1,4 +1,4 @@
-"""Check that numbers are finite and within their range: one message for all."""
+"""Check that numbers are finite and in range, with one wording for all messages."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def require_range(
     hint: str = "",
     **numbers: float | tuple[float, ...] | None,
 ) -> None:
-    """Check numbers; values that are not numbers pass, and every member of a tuple is checked.
+    """Check that numbers are finite and in range. Every member of a tuple is checked; other types pass.
 
     Args:
         error: class of the error that is raised.
         least: smallest number allowed.
         most: largest number allowed.
         values: object whose attributes are checked.
-        names: of these attributes; default: all fields of a dataclass.
+        names: names of these attributes; default: all fields of a dataclass.
         hint: what to do; default: the range in words.
         numbers: further numbers by name.
 
@@ -88,10 +88,10 @@ def freeze_arrays(
         shapes: attributes and their shapes; the same letter stands for the same length.
         least: smallest number allowed.
         most: largest number allowed.
-        dtype: of the copies.
+        dtype: type of the copies.
 
     Raises:
-        MarksError: (as `error`) another shape, or numbers that are not finite or out of range.
+        MarksError: (as `error`) a shape is wrong, or a number is not finite or out of range.
     """
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():

@@ -11,8 +11,8 @@ _CHUNK = 1024  # points handled together: three float64 buffers of this length s
 
 
 @kernel(allow=FAST)
-def _least_squares(x, y, segments, out):  # type: ignore[no-untyped-def]
-    """The square of the distance of each point from the nearest segment, into `out`, infinite as yet."""
+def _least_squared_distance(x, y, segments, out):  # type: ignore[no-untyped-def]
+    """Write the squared distance of each point from the nearest segment into `out`, infinite at first."""
     n = x.size
     for start in range(0, n, _CHUNK):
         stop = min(start + _CHUNK, n)
@@ -35,19 +35,19 @@ def segment_distance(
 
     Args:
         x: (n,) coordinates, any unit.
-        y: (n,) the same.
-        segments: (m, 4) end points x0, y0, x1, y1; a segment of no length is a point.
+        y: (n,) coordinates in the same unit.
+        segments: (m, 4) end points x0, y0, x1, y1; a segment of zero length is a point.
 
     Returns:
         (n,) distances; infinity when there is no segment.
     """
     out = np.full(x.size, np.inf)
-    _least_squares(x, y, segments, out)
+    _least_squared_distance(x, y, segments, out)
     return np.asarray(np.sqrt(out))
 
 
 @kernel()
-def _wind(x, y, segments, out):  # type: ignore[no-untyped-def]
+def _count_windings(x, y, segments, out):  # type: ignore[no-untyped-def]
     n = x.size
     for start in range(0, n, _CHUNK):
         stop = min(start + _CHUNK, n)
@@ -69,9 +69,9 @@ def winding_number(
     """Winding number of closed polygons, given as directed segments (m, 4), about every point (n,).
 
     Returns:
-        (n,) int32. Upward edges count when the point lies strictly to their left, downward ones the reverse
-        (D. Sunday's rule), so a horizontal edge never counts twice.
+        (n,) int32. Upward edges count when the point lies strictly to their left, downward edges when it lies
+        strictly to their right (D. Sunday's rule), so a horizontal edge never counts twice.
     """
     out = np.zeros(x.size, np.int32)
-    _wind(x, y, segments, out)
+    _count_windings(x, y, segments, out)
     return out

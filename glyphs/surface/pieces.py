@@ -1,12 +1,12 @@
-r"""Test pieces: plates of known relief, over which a whisker and its bench are identified.
+r"""Test pieces: plates of known relief, from which a whisker and its bench are identified.
 
-    pits     one pit an angle, its four walls falling at that angle to a floor      ___      ______
+    pits     one pit per angle; its four walls fall at that angle to a floor        ___      ______
              (the paper's 30, 45 and 60 degrees, felt along x and along y)             \____/
-    grooves  the same across the whole plate, alike along y
-    ball     a cap of a ball of `radius_mm` that stands `depth_mm` over the land    _____,--.______
+    grooves  the same profile across the whole plate, constant along y
+    ball     a cap of a ball of `radius_mm` that stands `depth_mm` above the land   _____,--.______
     step     half of the plate lies `depth_mm` lower, behind a wall of the first angle
 
-The land is at 0; it reaches `land_mm` beyond the outermost relief, all around.
+The height of the land is 0. It extends `land_mm` beyond the outermost relief on all sides.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ class Piece(OneLine):
     """A test piece, in millimetres and degrees.
 
     Attributes:
-        kind: which relief.
-        angle_deg: of the walls, one pit or groove each; a step has the first one.
-        depth_mm: of floors below the land; how high a ball's cap stands.
+        kind: kind of relief.
+        angle_deg: angles of the walls, each with its own pit or groove; a step has the first one.
+        depth_mm: depth of floors below the land; height of a ball's cap.
         floor_mm: length and width of a floor.
-        width_mm: of the plate along y, where the relief does not settle it: grooves and steps.
-        radius_mm: of a ball.
-        land_mm: land between pieces of relief, and around them.
+        width_mm: width of the plate along y, for grooves and steps; otherwise it follows from the relief.
+        radius_mm: radius of a ball.
+        land_mm: width of the land between and around the relief.
 
     Raises:
-        MapError: an angle out of range, a length not positive, a cap higher than its ball.
+        MapError: an angle is out of range, a length is not positive, or a cap is higher than half its ball.
     """
 
-    # read from files as it is: unknown keys are errors
+    # pieces are read from files directly: unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     kind: PieceKind = PieceKind.PITS
@@ -74,7 +74,7 @@ class Piece(OneLine):
 
     @property
     def size_mm(self) -> tuple[float, float]:
-        """Along x and y."""
+        """Size along x and y."""
         if self.kind is PieceKind.BALL:
             side = 2.0 * (math.sqrt(2.0 * self.radius_mm * self.depth_mm - self.depth_mm**2) + self.land_mm)
             return side, side
@@ -92,7 +92,7 @@ class Piece(OneLine):
         """The relief on a grid.
 
         Raises:
-            MapError: a pitch that is not positive, or a map too large.
+            MapError: the pitch is not positive, or the map is too large.
         """
         require_positive(MapError, pitch_mm=pitch_mm)
         x_mm, y_mm = (
@@ -101,7 +101,7 @@ class Piece(OneLine):
         return HeightMap(self.height_mm(x_mm[None, :], y_mm[:, None]).astype(np.float32), pitch_mm)
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height over the land at places of the plate frame, which are broadcast."""
+        """Height above the land at points of the plate frame; x and y are broadcast."""
         x_mm, y_mm = np.broadcast_arrays(x_mm, y_mm)
         if self.kind is PieceKind.BALL:
             middle = 0.5 * self.size_mm[0]

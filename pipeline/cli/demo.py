@@ -20,7 +20,7 @@ PLATES: dict[str, dict[str, Any]] = {
     "round-roman": {"text": "TA19R645", "font": "timesr", "face": "round", "height_mm": 7.0},
     "raised": {"text": "HM52G793", "font": "futural", "face": "flat", "raised": True},
 }
-"""How each plate is stamped, by its name."""
+"""Stamping of each plate, by name."""
 SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)
 """Severity of the dirt on each part that the service reads."""
 FORMAT = "AA999999"
@@ -28,7 +28,7 @@ _SEED, _SERVED_SEED = 2024, 11
 
 
 def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = False) -> int:
-    """Stamp a few plates, scan them with simulated whiskers, read them, and draw what happened.
+    """Stamp a few plates, scan them with simulated whiskers, read them, and draw the results.
 
     The exit status is 1 if a serial was not read correctly.
 
@@ -40,7 +40,7 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
         Show the service instead: dirty parts pass its camera, and where the camera is unsure, its stage scans
         them. The exit status is then 1 if it accepted a wrong serial.
     stay
-        With --service: leave it running until Ctrl-C, for a look at the operator's page.
+        With --service: keep it running until Ctrl-C, so that you can see the operator's page.
     """
     if stay and not service:
         raise UsageError("demo: --stay goes with --service")
@@ -54,7 +54,7 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
 def _read(out: Path) -> int:
     """Stamp, scan, record, calibrate and read the plates, one by one, and draw them.
 
-    The reader knows neither font nor height, only that a serial has eight letters or figures.
+    The reader knows neither font nor height, only that a serial has eight letters or digits.
     """
     from glyphs.part import stamp
     from pipeline.benchmark.report.charts import data_uri
@@ -102,7 +102,7 @@ def _read(out: Path) -> int:
 
 
 def _serve(out: Path, *, stay: bool) -> int:
-    """Send each part's photograph to a service, have it touched where the camera is unsure, and print both."""
+    """Send each photograph to a service, have the part touched if the camera is unsure, and print both readings."""
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
     from glyphs.soiling.soiled import Soiling
@@ -129,7 +129,7 @@ def _serve(out: Path, *, stay: bool) -> int:
     folders = ("--stage.folder", str(folder), "--camera.folder", str(folder))
     ended: list[tuple[PartRecord, str]] = []
     with service_process(out / "service", *folders, *reading) as service, Client(service.url) as client:
-        print(f"it answers at {service.url}", flush=True)
+        print(f"the service answers at {service.url}", flush=True)
         for number, (severity, truth) in enumerate(zip(SEVERITIES, truths, strict=True)):
             name = f"part-{number}"
             print(f"{name}  stamped {truth}, dirt {severity:.1f}")

@@ -82,7 +82,7 @@ def add(
     days: Days = None,
     at: AtStore = STORE,
 ) -> int:
-    """Make a token and print its secret, once: the store keeps only its hash.
+    """Make a token and print its secret once: the store keeps only its hash.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def add(
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
         secret = opened.add_token(name, [Scope(s) for s in scope], expires_at=expires_at)
-    # the secret alone on the standard output, to be piped to where it is needed
+    # only the secret goes to the standard output, so that it can be piped
     until = "" if expires_at is None else f" until {expires_at:%Y-%m-%d}"
     print(f"token {name} for {', '.join(sorted(set(scope)))}{until}; keep it now:", file=sys.stderr)
     print(secret)
@@ -111,7 +111,7 @@ def list_tokens(*, at: AtStore = STORE) -> int:
         found = opened.tokens()
     for token in found:
         scopes = ", ".join(sorted(token.scopes))
-        print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_standing(token)}")
+        print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_status(token)}")
     if not found:
         print("no tokens; make one with `tactile-marks tokens add NAME --scope read`", file=sys.stderr)
     return 0
@@ -139,15 +139,15 @@ def backup(
 ) -> int:
     """Copy the store and its files, while the service runs.
 
-    The folder of the backup appears when all is in it. Exit status: 1 where a file of the service's was missing or
-    damaged; the backup is made all the same, and says so.
+    The folder of the backup appears when it is complete. Exit status: 1 if a file of the service was missing or
+    damaged; the backup is still made, and says so.
 
     Parameters
     ----------
     to
         New folder for the backup.
     previous
-        Backup on the same disk: files that it has are linked to it, and take no room twice.
+        Earlier backup on the same disk: files that it holds are linked, and take no more room.
     """
     with at.opened(as_it_is=True) as opened:
         from pipeline.store.backup import back_up
@@ -163,7 +163,7 @@ def restore(
     *,
     at: AtStore = STORE,
 ) -> int:
-    """Bring a backup back, into a store without any row: SQLite or PostgreSQL, whatever it was taken from.
+    """Restore a backup into an empty store: SQLite or PostgreSQL, whichever it was made from.
 
     Parameters
     ----------
@@ -172,12 +172,12 @@ def restore(
     """
     with at.opened() as opened:
         from pipeline.common.private import private_folder
-        from pipeline.store.backup import restore as bring_back
+        from pipeline.store.backup import restore as restore_backup
 
         private_folder(at.settings.folder)
-        back = bring_back(backup, opened, at.evidence)
-    print(f"restored {back.rows['parts']:,} parts as they were on {back.made_at[:16].replace('T', ' ')} UTC")
-    return _report_lost(back.lost)
+        made = restore_backup(backup, opened, at.evidence)
+    print(f"restored {made.rows['parts']:,} parts as they were on {made.made_at[:16].replace('T', ' ')} UTC")
+    return _report_lost(made.lost)
 
 
 def check(
@@ -187,28 +187,28 @@ def check(
     json_output: Annotated[bool, Parameter(name="--json", negative="")] = False,
     at: AtStore = STORE,
 ) -> int:
-    """Look through the store and its files, while the service runs, and say what is wrong and what to do.
+    """Check the store and its files while the service runs; say what is wrong and what to do.
 
-    Exit status: 1 where something is to be done.
+    Exit status: 1 if there is something to do.
 
     Parameters
     ----------
     files
-        Read every file, and compare it with its hash; else only see that it is there.
+        Read every file and compare it with its hash; otherwise only check that it exists.
     against
-        A backup of this store: whatever it holds must still be there, unchanged.
+        A backup of this store: everything in it must still be in the store, unchanged.
     json_output
         Print JSON.
     """
     with at.opened(as_it_is=True) as opened:
-        from pipeline.store.check import check as look_through
+        from pipeline.store.check import check as check_store
 
-        report = look_through(opened, at.evidence, read_files=files, against=against)
+        report = check_store(opened, at.evidence, read_files=files, against=against)
     print(_as_json(report) if json_output else "\n".join(_lines(report)))
     return 0 if report.well else FAILED
 
 
-def _standing(token: TokenRecord) -> str:
+def _status(token: TokenRecord) -> str:
     if token.revoked_at is not None:
         return f"revoked {token.revoked_at:%Y-%m-%d}"
     if token.expires_at is None:
@@ -227,7 +227,7 @@ def _report_lost(lost: Sequence[object]) -> int:
 def _lines(report: CheckReport) -> list[str]:
     lines = [f"{report.parts:,} parts and {report.files:,} files are as they were written"]
     if report.counts:
-        lines = [f"{report.parts:,} parts looked at, {report.files:,} files whole"]
+        lines = [f"{report.parts:,} parts checked, {report.files:,} files intact"]
     for fault, n in report.counts.items():
         lines.append(f"{fault.value}: {n:,}; {fault.todo}")
         of_kind = [found for found in report.findings if found.fault is fault]

@@ -1,12 +1,12 @@
-"""Heights in text: columns x y z, or a matrix of heights with what its heading says of it.
+"""Heights in text files: columns x y z, or a matrix of heights with a heading that describes it.
 
 text --layout of the first lines--> head | body --numpy--> NumberTable --> RawMap
 
-Any delimiter is read, a decimal point or comma, headings, and words for missing values.
+Any delimiter, a decimal point or comma, headings, and words for missing values are read.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
 Surfer and plain `key = value unit` lines. The first row of a matrix is the top one,
-unless a column of y says otherwise; grids of ESRI, Gwyddion and Wyko are always written so.
+unless a column of y says otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
-# what stands for a missing value: two words, the NaN of Microsoft's C, and what else a cell may hold
+# missing values: phrases, the NaN of Microsoft's C, and other contents of a cell
 _PHRASE = re.compile(
     r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b|(?<=[\s;,])#[a-z][\w/!?]*"
 )
@@ -47,13 +47,13 @@ _IS_MISSING = re.compile(
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of the numbers of a text.
+    """Layout of the numbers in a text.
 
     Attributes:
         delimiter: between columns; None for blanks and tabs.
         comma: the decimal sign is a comma.
-        columns: of numbers.
-        first_line: of the numbers, from 0.
+        columns: number of columns.
+        first_line: first line of the numbers, from 0.
     """
 
     delimiter: str | None
@@ -62,7 +62,7 @@ class Layout:
     first_line: int
 
     def cells(self, line: str) -> list[str]:
-        """The columns of a line; an empty last column is dropped where the table has one column less."""
+        """The columns of a line; an empty last cell is dropped if the table has one column fewer."""
         line = _C_NAN.sub("nan", _PHRASE.sub("nan", line.strip("\r\n ")))
         cells = line.split(self.delimiter)
         ends = self.delimiter is not None and not cells[-1].strip() and len(cells) != self.columns
@@ -75,7 +75,7 @@ class NumberTable:
 
     Attributes:
         head: lines before the numbers.
-        names: of the columns, in small letters; empty where the last line of the head does not name them all.
+        names: names of the columns, in small letters; empty if the last line of the head does not name them all.
         rows: (n, columns), NaN where a value is missing.
     """
 
@@ -88,7 +88,7 @@ _LAYOUTS = ((";", True), (";", False), ("\t", True), ("\t", False), (None, True)
 
 
 def is_number_table(path: Path) -> bool:
-    """Whether a file on this machine is text with a matrix of numbers or columns x, y, z."""
+    """Whether a local file is text with a matrix of numbers or columns x, y, z."""
     try:
         with path.open("rb") as stream:
             start = stream.read(_SNIFF_BYTES)
@@ -104,10 +104,10 @@ def is_number_table(path: Path) -> bool:
 
 
 def read_number_table(path: Path) -> NumberTable:
-    """The numbers of a text file.
+    """Read the numbers of a text file.
 
     Raises:
-        DataError: no text, no table of numbers, or rows of different lengths.
+        DataError: the file holds no table of numbers, too many numbers, or rows of different lengths.
     """
     text = _decoded(path.read_bytes())
     sample = text[:_SNIFF_BYTES].splitlines()
@@ -123,14 +123,14 @@ def read_number_table(path: Path) -> NumberTable:
 
 
 def _decoded(data: bytes) -> str:
-    """The text, with one kind of line ends and without quotes."""
+    """Decode the text, with one kind of line ends and without quotes."""
     text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text.replace('","', ";").replace('"', "") if '"' in text[:_SNIFF_BYTES] else text
 
 
 def _layout(lines: Sequence[str]) -> Layout | None:
-    """The layout in which most lines are numbers, as many a line; None where there is none with two columns."""
+    """The layout that finds most numbers, with as many in each line; None if no line has two columns."""
     found: list[tuple[int, Layout]] = []
     for delimiter, comma in _LAYOUTS:
         counts = [_count(line, Layout(delimiter, comma, 0, 0)) for line in lines]
@@ -140,7 +140,7 @@ def _layout(lines: Sequence[str]) -> Layout | None:
 
 
 def _count(line: str, layout: Layout) -> int:
-    """Columns of a line of numbers; 0 of any other."""
+    """Number of columns of a line of numbers; 0 for any other line."""
     if line[:1] in ("#", "%"):
         return 0
     number = _COMMA_NUMBER if layout.comma else _NUMBER
@@ -152,7 +152,7 @@ def _count(line: str, layout: Layout) -> int:
             numbers += 1
         elif not _IS_MISSING.fullmatch(cell):
             return 0
-    # with a comma nothing else tells a decimal from two columns
+    # where a comma is read, only this tells a decimal comma from a delimiter
     return len(cells) if 2 * numbers >= len(cells) else 0
 
 
@@ -174,7 +174,7 @@ def _numbers(body: str, layout: Layout) -> NDArray[np.float64]:
 
 
 def _numbers_and_words(body: str, layout: Layout) -> NDArray[np.float64]:
-    """The first block of numbers, up to the head of another channel; slower, for words and gaps are taken as NaN."""
+    """Read the first block of numbers, up to the head of another channel; words and gaps become NaN, which is slow."""
     numbers, width = array("d"), layout.columns
     for n, line in enumerate(body.split("\n"), start=layout.first_line + 1):
         cells = layout.cells(line)
@@ -200,12 +200,12 @@ def _number(cell: str) -> float:
         return float("nan")
 
 
-# columns of a list of points, at most: x y z, intensity, colour, normal; rows for each column from which it is one
+# most columns of a list of points (x y z, intensity, colour, normal); rows per column that make a table such a list
 _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
-# characters of a heading that are looked at
+# characters of a heading that are searched
 _MOST_HEAD = 10_000
-# what stands before a key of a heading, and the keys of each fact as programs and languages spell them
+# text before a key of a heading, and the keys as different programs and languages spell them
 _LINE = r"(?im)^(?:[^\w\n]|_)*"
 _EACH = "(?:pitch|step|spacing|increment|scale)"
 _PITCH_KEYS = (
@@ -227,10 +227,10 @@ _AXIS = re.compile(
 
 
 def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of a text file.
+    """Read the heights of a text file.
 
     Raises:
-        DataError: it holds none.
+        DataError: the file holds no heights.
     """
     table = read_number_table(path)
     if (named := _named_columns(table)) is not None:
@@ -240,7 +240,7 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
 
 
 def _named_columns(table: NumberTable) -> tuple[list[int], float | None, float | None] | None:
-    """Columns of x, y and z, and millimetres in one of z and of x, of a table that names them."""
+    """Columns of x, y and z, and the units of z and x in mm; None if the table does not name them."""
     found: dict[str, tuple[int, float | None]] = {}
     for column, name in enumerate(table.names):
         if axis := _AXIS.fullmatch(name.strip("\"'# ")):
@@ -282,13 +282,13 @@ def _matrix(table: NumberTable) -> RawMap:
         z, x_step, y_step = axes
         return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
     x_pitch, y_pitch, xy_mm = _stated_pitches(head, *z.shape)
-    # an ESRI grid and an export of Gwyddion have their top row first by definition
+    # ESRI grids and exports of Gwyddion have their top row first by definition
     stated = "ncols" in head.lower() or _in_head(head, _SIZE_KEYS[0]) is not None
     return RawMap(z, x_pitch, y_pitch, z_mm, xy_mm, rows_stated=stated)
 
 
 def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, float | None, float | None]:
-    """Distances of columns and rows that a heading states, and millimetres in one of them, if it says the unit."""
+    """Column and row pitch that a heading states, and their unit in mm; None for what it does not state."""
     width, height = (_in_head(head, keys) for keys in _SIZE_KEYS)
     x, y = (_in_head(head, keys) for keys in _PITCH_KEYS)
     if width and height:
@@ -307,7 +307,7 @@ def _unit_in(head: str, keys: str) -> str:
 
 
 def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
-    """A length that a heading states, and millimetres in one of it, if it says the unit."""
+    """A length that a heading states, and its unit in mm (None without a unit)."""
     before, after = rf"(?:[\[(]\s*(?P<before>{_UNIT})\s*[\])])?", rf"[ \t;,\[(]*(?P<after>{_UNIT})?"
     found = re.search(rf"{_LINE}(?:{keys})[ \t]*{before}{_VALUE}{after}", head)
     if found is None or (value := float(found["value"].replace(",", "."))) <= 0.0:
@@ -316,7 +316,7 @@ def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
-    """A line of the file is a column of the map, from the lowest row up; heights in wavelengths or nanometres."""
+    """Wyko: a line of the file is a column of the map, from the lowest row up; heights in wavelengths or nm."""
     number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
     stated = {
         key: float(found[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")

@@ -1,4 +1,4 @@
-"""Table of the readings on the terminal: serials in full, remarks on a line of their own."""
+"""Table of the readings on the terminal: whole serials, with remarks on their own lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.common.row import row_of, state_text
 
 _RIGHT = ("confidence", "depth mm", "seconds")
 _SPARE = ("seconds", "source", "depth mm", "grade", "confidence")
-"""Columns to leave out where the terminal is narrow, in this order."""
+"""Columns that a narrow terminal leaves out, in this order."""
 _COLOUR = {
     **dict.fromkeys(("accept", "confirmed"), "green"),
     **dict.fromkeys(("review", "undecided"), "yellow"),
@@ -25,33 +25,33 @@ _SHORT_NAME = 8
 
 
 def print_table(records: Sequence[ReadingRecord]) -> None:
-    """Print a row a part: as wide as the terminal, elsewhere as wide as they are, for a script reads them."""
+    """Print one row per part: cut to the width of a terminal, in full if a script reads them."""
     from rich.console import Console
     from rich.text import Text
 
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     for line in table_lines(records, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
         text = Text(line)
-        # words of the program, which stand apart from what is read
+        # colours the program's own words: two blanks set them apart from what was read
         for word, colour in _COLOUR.items():
             text.highlight_regex(rf"(?<=  ){word}(?=  |$)", colour)
         console.print(text)
 
 
 def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[str]:
-    """Lay the table out.
+    """Lay out the table.
 
     Args:
-        records: of the parts.
+        records: one for each part.
         width: columns of the terminal; None: as many as are needed.
     """
     cells = [_cells(record) for record in records]
-    # of a column that says nothing of any part only those stay that everybody looks for
+    # a column that is empty for all parts is left out, unless everybody looks for it
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
     if width is not None:
         shown = _fitting(shown, widths, width)
-        # a name too long for its column stands on a line of its own, above its row
+        # a name too long for its column has its own line above its row
         room = width - _total(shown, {**widths, "part": 0})
         fitting = [n for c in cells if (n := cell_len(c["part"])) <= room]
         widths["part"] = max(cell_len("part"), *fitting, 0)
@@ -80,7 +80,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that there is room for: without the spare ones if then all names fit, or as many as a short one."""
+    """The columns that fit: without two spare ones if all names then fit, else with room for a short name."""
     for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
         for count in range(len(spare) + 1):
             kept = [h for h in headings if h not in spare[:count]]
@@ -111,10 +111,10 @@ def _cells(record: ReadingRecord) -> dict[str, str]:
 
 
 def notes(record: ReadingRecord) -> str:
-    """Notes for a person on a part that was read."""
+    """Notes on a reading, for a person."""
     found = list(record.messages)
-    if not record.verdict:  # a verification names its places itself
-        # a place that the messages ask about is not asked about twice
+    if not record.verdict:  # a verification names its own places
+        # do not name a place again that the messages ask about
         asked = {k for reason in record.reasons for k in reason.places}
         states = (
             f"place {k}: {_state(c)}"

@@ -1,16 +1,16 @@
-"""The way of a part through the service: received, read, decided, kept, answered.
+"""The path of a part through the service: receive, read, decide, keep, answer.
 
     receive   files in one work folder; a request that is sent again finds its part
     read      a worker reads the files, or feels the part pass by pass
     decide    one state: accepted, review, touch needed, shadow
     keep      files in the evidence folder, then one transaction: part, readings, outbox
-    answer    metrics, log, OPC UA; the stored record is what is answered and published
+    answer    metrics, log, OPC UA; the stored record is both answered and published
 
-* Nothing is answered before it is on the disk.
-* A request that fails, by a bad file or a lost machine, leaves no part; sent again with its idempotency key, it makes
-  one part.
-* A part of which the camera is unsure waits for touch (`touch_queue`); without a stage a person gets it.
-* In shadow mode nothing is decided, felt by the stage, or published; the reading does not know the text expected.
+* A request is answered only after its part is on the disk.
+* A request that fails because of a bad file or a lost machine leaves no part. Sent again with its idempotency
+  key, it makes one part.
+* If the camera is unsure, the part waits for touch (`touch_queue`); without a stage it goes to a person.
+* In shadow mode nothing is decided, felt by the stage, or published; the reader does not know the expected text.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ if TYPE_CHECKING:
 
 
 class Intake:
-    """Takes parts in.
+    """Receive parts, have them read, decide their state and keep them.
 
     Attributes:
         on_result: called when the outbox has something new.
         on_part: called with every part that was read.
         draining: the service is stopping and accepts no more parts.
-        policy: rules of review by people.
+        policy: rules for review by people.
         targets: targets of results: webhook, mqtt; none in shadow mode.
     """
 
@@ -79,11 +79,11 @@ class Intake:
         targets: Sequence[str] = (),
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
     ) -> None:
-        """Make the intake of a service; `watch` finds the drift watch of a job that is certified.
+        """Make the intake of a service; `watch` returns the drift watch of a certified job.
 
         Raises:
-            FileError: an unreadable production order, no such folder of stage or camera.
-            SettingsError: no such driver of stage or camera.
+            FileError: the production order is unreadable, or a folder of stage or camera does not exist.
+            SettingsError: a driver of stage or camera does not exist.
         """
         stage, serials = settings.stage, settings.serials
         self._settings = settings
@@ -126,22 +126,22 @@ class Intake:
         """Read a new part.
 
         Args:
-            new: its data.
-            sent: photographs, a recording or height map, in the request's work folder.
+            new: data of the part.
+            sent: photographs, a recording or a height map, in the request's work folder.
             idempotency: key of the request.
 
         Raises:
-            Problem: nothing to read, unusable files, a full queue, a key of another request.
+            Problem: nothing to read, unusable files, a full queue, or a key that another request has used.
         """
         if not sent:
             raise Problem(
-                422, "there is neither photo nor scan; send one of them, or both, as multipart/form-data"
+                422, "there is neither photo nor scan; send one or both of them as multipart/form-data"
             )
         if new.job and new.database:
-            raise Problem(422, "there are job and database; a job says what to read with, send one of them")
+            raise Problem(422, "there are job and database; send only one, as a job has its own settings")
 
         async def work() -> PartRecord:
-            self._refuse_at_the_end()
+            self._refuse_if_draining()
             part_id = new_part_id()
             done = await self._read(new, sent)
             decision = self._decide(done, new)
@@ -163,8 +163,10 @@ class Intake:
         received = await self._requests.carry_out(idempotency, work)
         part = received.part
         if part.touch is not None and part.touch.by_stage and not self.draining:
-            # also where the request was sent again because the service was killed here
-            with contextlib.suppress(Problem):  # noted in its history; it still waits, and is tried again
+            # also if this is a retry because the service was killed at this point
+            with contextlib.suppress(
+                Problem
+            ):  # its history notes it; the part still waits, and touch is tried again
                 part = await self.touching.attempt(part)
         return replace(received, part=part)
 
@@ -174,7 +176,7 @@ class Intake:
         """Read a part again with its scan, fused with the camera's reading.
 
         Raises:
-            Problem: as `receive`; no such part, or a reviewed one.
+            Problem: as `receive`; the part does not exist, or a person has reviewed it.
         """
 
         async def work() -> PartRecord:
@@ -189,12 +191,12 @@ class Intake:
         """Have the service's stage feel a part, and read it again.
 
         Raises:
-            Problem: as `add_scan`; a stage that cannot feel it.
+            Problem: as `add_scan`; the stage cannot feel the part.
         """
         part = await self._unreviewed(part_id)
         if part.touch is None or part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        self._refuse_at_the_end()
+        self._refuse_if_draining()
         if not part.touch.by_stage and self.stage.there:
             part = await asyncio.to_thread(
                 self.store.ask_for_touch, part.id, line=self._settings.line, until=self.touching.until()
@@ -202,12 +204,12 @@ class Intake:
         return await self.touching.attempt(part)
 
     async def trigger(self, name: str, job: str = "") -> PartRecord:
-        """Photograph and read the part under the camera by a job; feel it if the camera is unsure.
+        """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
 
         Raises:
-            Problem: as `receive`; no photograph.
+            Problem: as `receive`; the camera gives no photograph.
         """
-        self._refuse_at_the_end()
+        self._refuse_if_draining()
         with self.work_folder() as folder:
             try:
                 photos = await self.camera.take(name, folder)
@@ -227,7 +229,7 @@ class Intake:
             )
         return part
 
-    def _refuse_at_the_end(self) -> None:
+    def _refuse_if_draining(self) -> None:
         if self.draining:
             raise stopping()
 
@@ -250,7 +252,7 @@ class Intake:
             height_map=by_kind.get(EvidenceKind.HEIGHT_MAP),
             earlier_photos=earlier_photos,
             part_name=part.name,
-            expected="" if self._hidden(part) else part.expected,
+            expected="" if self._in_shadow(part) else part.expected,
             names={upload.path: upload.name for upload in sent},
         )
         return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
@@ -259,10 +261,10 @@ class Intake:
         """Have the stage feel a part, and read it.
 
         Raises:
-            Problem: it could not be felt; its history says why.
+            Problem: the part could not be felt; its history says why.
         """
         if part.plan is None:
-            raise ValueError(f"the part {part.id} has no plan of what to feel")
+            raise ValueError(f"the part {part.id} has no plan for touch")
         order = ScanOrder(part_name=part.name, plan=part.plan)
         read = partial(self._read, part, earlier_photos=await self._photos_of(part))
         with self.work_folder() as folder:
@@ -290,14 +292,17 @@ class Intake:
 
     def _note_failure(self, part: PartRecord, why: str) -> None:
         *_, last = self.store.history(part.id)
-        if (last.kind, last.data) != ("touch_failed", {"why": why}):  # once, however often it is tried
+        if (last.kind, last.data) != (
+            "touch_failed",
+            {"why": why},
+        ):  # noted once, however often touch is tried
             self.store.note_event(part.id, "touch_failed", {"why": why})
 
     # ----------------------------------------------------------------------------------------------------- decide
 
     def _decide(self, done: Done, part: NewPart | PartRecord) -> Decision:
-        """The only place where a state is given; the store's rules of serials may still send a part to a person."""
-        if self._hidden(part):
+        """Decide the state of a part, only here; the store's serial rules may still send it to a person."""
+        if self._in_shadow(part):
             return Decision(PartState.SHADOW, compared(done.readings[-1], part.expected))
         if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):
             return Decision(done.state)
@@ -306,8 +311,8 @@ class Intake:
         wait = TouchWait(part.touch is Touch.STAGE, self.touching.until())
         return Decision(PartState.TOUCH_NEEDED, plan=done.plan, touch=wait)
 
-    def _hidden(self, part: NewPart | PartRecord) -> bool:
-        """Whether a part is in shadow mode; one that was read so stays so."""
+    def _in_shadow(self, part: NewPart | PartRecord) -> bool:
+        """Whether a part is in shadow mode; a part that was read in shadow mode stays in it."""
         return self._settings.shadow or (isinstance(part, PartRecord) and part.shadow is not None)
 
     async def _give_up_touch(self, part: PartRecord, why: str) -> None:
@@ -316,7 +321,7 @@ class Intake:
 
     def targets_of(self, part: PartRecord) -> tuple[str, ...]:
         """Targets of a part's results; empty in shadow mode."""
-        return () if self._hidden(part) else self.targets
+        return () if self._in_shadow(part) else self.targets
 
     # ------------------------------------------------------------------------------------------------------- keep
 
@@ -367,12 +372,12 @@ class Intake:
 
 
 def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
-    """The record of a file that is kept: `kept` is its hash and length."""
+    """The record of a kept file; `kept` is its hash and length."""
     return EvidenceRecord(file.kind, *kept, file.name, file.media_type)
 
 
 def _stage_problem(error: StageError) -> Problem:
-    """The answer to a fault of stage or camera: a driver that does not answer is not the caller's mistake."""
+    """The answer to a fault of stage or camera; if a driver does not answer, that is not the caller's mistake."""
     if isinstance(error, StageDownError):
         return Problem(503, str(error), headers={"Retry-After": "30"})
     return Problem(422, str(error))

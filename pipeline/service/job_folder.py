@@ -1,12 +1,12 @@
 """The jobs that a service knows: the files of one folder, by name.
 
-    jobs/housing-left.toml --checked with all that it names--> settings of reading for parts of job housing-left
+    jobs/housing-left.toml --checked with all files that it names--> reading settings for parts of job housing-left
 
-* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service runs. A file
-  that was there within the last hour may come back: until then a request that names it is asked to retry.
-* A job that cannot be used affects only its own parts: their requests are asked to retry. A job that is spoilt later
-  keeps its previous settings. The log and the list say so.
-* Jobs that come or change while the service runs are checked by a worker process, within its limits.
+* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service runs. A
+  file that was there within the last hour may come back: until then, requests that name it are asked to retry.
+* A job that cannot be used affects only its own parts: their requests are asked to retry. If a working job's file
+  becomes unusable, the job keeps its previous settings. The log and the list say so.
+* Jobs that are added or changed while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
 """
 
@@ -38,12 +38,12 @@ _State = tuple[int, int]
 
 @dataclass(frozen=True)
 class JobAnswer:
-    """A job as the list has it.
+    """A job as the list shows it.
 
     Attributes:
-        name: that requests call it by.
-        settings: of reading, as its file has them; of files the names.
-        problem: why the file cannot be used as it is now; empty where it can.
+        name: name that requests use.
+        settings: reading settings as its file states them; files by name only.
+        problem: why the file cannot be used as it is now; empty if it can.
     """
 
     name: str
@@ -53,7 +53,7 @@ class JobAnswer:
 
 @dataclass(frozen=True)
 class _Known:
-    """A file as it was last looked at; the job is of the last look that found one."""
+    """A file at its last check; the job is from the last check that found a usable one."""
 
     state: _State
     job: JobFile | None
@@ -61,7 +61,7 @@ class _Known:
     problem: str = ""
 
 
-def _called_here(function: Callable[..., Any], *arguments: Any) -> Any:
+def _call_here(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
@@ -73,7 +73,7 @@ class JobFolder:
         own: settings of parts that name no job.
         databases: glyph databases that a job may name.
         lock: held while a job is changed from its present content; reading parts does not need it.
-        call: has a worker call a function, as `call(check_job, path, written)`; raises Problem where it cannot.
+        call: calls a function in a worker, as `call(check_job, path, written)`; raises Problem if it cannot.
     """
 
     def __init__(
@@ -83,15 +83,15 @@ class JobFolder:
         own: ReadSettings,
         databases: GlyphDatabases | None = None,
         needed: str = "",
-        call: Callable[..., Any] = _called_here,
+        call: Callable[..., Any] = _call_here,
     ) -> None:
-        """Take the folder, and check every job in it.
+        """Open the folder and check every job in it.
 
         Args:
             folder: folder of the files; it need not exist.
             own: settings of parts that name no job.
             databases: glyph databases that a job may name (default: those in the jobs' folder).
-            needed: job that the service's own settings name: if its file is away, it is expected to come back.
+            needed: job that the service's own settings name; if its file is missing, it is expected to come back.
             call: calls a function in a worker (default: in this process).
 
         Raises:
@@ -99,21 +99,21 @@ class JobFolder:
         """
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
-        # the service's own settings are the job without a name; each change is one step of the dict, so threads need
-        # no lock
+        # the service's own settings are the job without a name; each change is one operation of the dict, so threads
+        # need no lock
         self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
         self._recent, self._needed = RecentFiles(folder, SUFFIX, "job", needed=needed), needed
         self.lock = threading.RLock()
-        self.call = _called_here  # workers start later
+        self.call = _call_here  # workers start later
         for name in self._recent.files():
-            self._look(name)
+            self._refresh(name)
         self.call = call
 
     def settings(self, name: str) -> ReadSettings:
-        """Settings of reading of a job.
+        """Reading settings of a job.
 
         Raises:
-            OwnProblem: its file is away, or cannot be used.
+            OwnProblem: its file is missing or cannot be used.
             Problem: no job has that name.
         """
         return self._job(name).settings
@@ -124,7 +124,7 @@ class JobFolder:
         return None if known is None else known.watch
 
     def drifts(self) -> dict[str, str | None]:
-        """Difference of each certified job's parts from the certified ones; None if too few were read to tell."""
+        """Drift message of each certified job, empty without drift; None if too few parts were read to tell."""
         watches = {name: known.watch for name, known in sorted(self._known.copy().items())}
         return {
             name: watch.message() if watch.parts >= EVERY else None
@@ -134,14 +134,14 @@ class JobFolder:
 
     @property
     def drift(self) -> str:
-        """Difference of parts from the certified ones; empty without any."""
+        """Drift messages of all certified jobs; empty without drift."""
         return "; ".join(f"job {name}: {why}" if name else why for name, why in self.drifts().items() if why)
 
     def listed(self) -> list[JobAnswer]:
         """Every job, by name."""
         found = []
         for name in self._recent.files():
-            if (known := self._look(name)) is not None:
+            if (known := self._refresh(name)) is not None:
                 written = {} if known.job is None else known.job.written
                 shown = {key: Path(value).name if key in FILES else value for key, value in written.items()}
                 found.append(JobAnswer(name, shown, known.problem))
@@ -151,7 +151,7 @@ class JobFolder:
         """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
 
         Raises:
-            Problem: a file that cannot be used.
+            Problem: the file cannot be used.
         """
         if name not in self._recent.files():
             return None
@@ -160,13 +160,13 @@ class JobFolder:
         return {**job.written, **lines}
 
     def settings_of(self, written: Any) -> ReadSettings:
-        """Settings as a request has them, checked.
+        """Check the settings of a request and return them.
 
         Raises:
-            Problem: they cannot be.
+            Problem: they are not valid.
         """
         if not isinstance(written, dict):
-            raise Problem(422, "the body is no JSON object of settings")
+            raise Problem(422, "the body is not a JSON object of settings")
         try:
             settings: ReadSettings = self.call(read_settings, written)
         except MarksError as error:
@@ -174,30 +174,31 @@ class JobFolder:
         return settings
 
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
-        """Write a job; whether it is a new one.
+        """Write a job, and return whether it is new.
 
         Args:
-            name: of the job.
-            written: settings, as they are to stand in the file.
+            name: name of the job.
+            written: settings for the file.
 
         Raises:
-            OwnProblem: a file that it names cannot be used.
-            FileError, OSError: its own cannot be written.
-            Problem: the settings cannot be.
+            OwnProblem: a file that the job names cannot be used.
+            FileError, OSError: the job's own file cannot be written.
+            Problem: the name or the settings are not valid.
         """
         if re.fullmatch(NAME, name) is None:
             raise Problem(
-                422, f"{name[:100]!r} is no name for a job; write letters, digits, _, - and ., a letter first"
+                422,
+                f"{name[:100]!r} is no name for a job; use letters, digits, _, - and ., and begin with a letter",
             )
         path = self.folder / f"{name}{SUFFIX}"
         with self.lock:
             new = not path.exists()
             try:
-                job, watch = _checked(path, written, call=self.call)
+                job, watch = _check(path, written, call=self.call)
             except OwnFileError as error:
-                raise OwnProblem(self._unplaced(error)) from error
+                raise OwnProblem(self._without_folders(error)) from error
             except MarksError as error:
-                raise Problem(422, self._unplaced(error)) from error
+                raise Problem(422, self._without_folders(error)) from error
             text = job_text(written, job.settings.line)
             self.folder.mkdir(exist_ok=True)
             with replacing(path) as temporary:
@@ -209,19 +210,17 @@ class JobFolder:
         return new
 
     def delete(self, name: str) -> None:
-        """Take a job away.
+        """Delete a job.
 
         Raises:
-            Problem: 404, there is none; 409, the watched folder is read by it.
+            Problem: 404, it does not exist; 409, the watched folder uses it.
             OSError: its file cannot be removed.
         """
         path = self._recent.files().get(name)
         if path is None:
             raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
         if name == self._needed:
-            raise Problem(
-                409, f"the watched folder is read by the job {name}; set watch.job to another first"
-            )
+            raise Problem(409, f"the watched folder uses the job {name}; set watch.job to another first")
         with self.lock:
             path.unlink(missing_ok=True)
             self._recent.forget(name)
@@ -231,14 +230,14 @@ class JobFolder:
     def _job(self, name: str) -> JobFile:
         if name:
             self._recent.find(name)
-        known = self._look(name) if name else self._known[name]
+        known = self._refresh(name) if name else self._known[name]
         if known is None or known.job is None:
             why = "its file is gone" if known is None else known.problem
             raise OwnProblem(f"the job {name} cannot be used: {why}")
         return known.job
 
-    def _look(self, name: str) -> _Known | None:
-        """A job as it now is; None where there is none."""
+    def _refresh(self, name: str) -> _Known | None:
+        """Check a job again if its file has changed; None if there is none."""
         path = self.folder / f"{name}{SUFFIX}"
         before = self._known.get(name)
         try:
@@ -249,13 +248,13 @@ class JobFolder:
         if before is not None and before.state == state:
             return before
         try:
-            job, watch = _checked(path, call=self.call)
+            job, watch = _check(path, call=self.call)
         except Problem:
             if before is None:
                 raise
-            return before  # no worker has looked at it: the next look may find one
+            return before  # no worker could check it; the next check may succeed
         except MarksError as error:
-            problem = self._unplaced(error)
+            problem = self._without_folders(error)
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
             kept = (None, None) if before is None else (before.job, before.watch)
             found = _Known(state, *kept, problem)
@@ -265,20 +264,20 @@ class JobFolder:
         self._known[name] = found
         return found
 
-    def _unplaced(self, error: MarksError) -> str:
+    def _without_folders(self, error: MarksError) -> str:
         # do not disclose paths of the server
-        said = str(error)
+        text = str(error)
         for folder in (self.folder, self.databases.folder):
-            said = said.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")
-        return said
+            text = text.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")
+        return text
 
 
-def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:
-    """The job of a file, or of keys that are to stand in it; what watches its parts.
+def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:
+    """Check a file, or the keys that are to be written to it; return its job and drift watch.
 
     Raises:
-        FileError: it cannot be used, for whatever reason: one job may not cost the others.
-        Problem: no worker has looked at it.
+        FileError: it cannot be used, for any reason: one bad job must not affect the others.
+        Problem: no worker has checked it.
     """
     try:
         job: JobFile = call(check_job, path, *(keys or read_keys(path)))
@@ -287,7 +286,7 @@ def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile,
         raise
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
-        raise FileError(path, describe_fault(error), "take it away, and report it") from error
+        raise FileError(path, describe_fault(error), "remove it and report this") from error
 
 
 def _state_of(path: Path) -> _State:

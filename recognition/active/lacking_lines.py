@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from recognition.active.moves import Way
 from recognition.decision.reading import Reading
-from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.language.box import Box
 from whisker_array.estimation.edges import UNUSABLE
 from whisker_array.scan.scan import Scan
@@ -72,7 +72,7 @@ def review_lacking_lines(reading: Reading, scan: Scan) -> Reading:
         replace(place, untold=f"too few lines {lacking[k]} were felt over it") if k in lacking else place
         for k, place in enumerate(reading.trace.strokes)
     )
-    return strokes_asked(reading.with_trace(strokes=strokes))
+    return add_stroke_findings(reading.with_trace(strokes=strokes))
 
 
 def _axis(one: LackingLines) -> str:

@@ -23,7 +23,7 @@ from recognition.decision.reading_of_line import (
     doubts_of_lines,
 )
 from recognition.decision.score import log_odds, score_of, with_score
-from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.lattice import Lattice
@@ -160,7 +160,7 @@ def _reading(
     if tactile.trace.felt_line is not None:
         slope = score_of("fused").slope
         made = made.with_trace(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
-    return strokes_asked(made)
+    return add_stroke_findings(made)
 
 
 def _orientation_doubts(

@@ -3,8 +3,8 @@
 flags --importance--> the first two --findings: places and numbers--> words
 rules of the mark, what happened to the scan, notes ----------------> all of them, after these
 
-A finding says what a flag means on this part, and stands in place of the flag's general words. Rules for the mark were
-asked for, so each that is broken is named.
+A finding says what a flag means on this part and replaces the flag's general words. The user asked for the rules of
+the mark, so every broken rule is named.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ IMPORTANCE = (
     ReadingFlag.FOREIGN_SHAPES,
     ReadingFlag.NOT_CERTIFIED,
 )
-"""Doubts about a serial; of those that a reading has, the first count."""
+"""Doubts about a serial, most important first; a reading names its first `MOST_REASONS`."""
 MOST_REASONS = 2
 MOST_DOUBTS = 2
-"""Places that low confidence asks about."""
+"""Most places that are named for low confidence."""
 MOST_NAMED = 3
-"""Characters that are named one by one."""
+"""Most characters that are named one by one."""
 DOUBTED = 0.05
-"""Probability of a second candidate from which a person is asked about it."""
+"""Probability of a second candidate from which its place is asked about."""
 COUNT_SHARE = 0.9
-"""Share of the product of the characters' confidences, below which their number is in doubt."""
+"""The number of characters is in doubt below this share of the product of their confidences."""
 
 
 def reasons_of(reading: Reading) -> tuple[Finding, ...]:
@@ -65,7 +65,7 @@ def reasons_of(reading: Reading) -> tuple[Finding, ...]:
     scan = _findings(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
     named = [one for found in reasons[:MOST_REASONS] for one in found]
     beside = (
-        f"another line reads “{line.text}”, which is not what the serial's format allows"
+        f"another line reads “{line.text}”, which does not fit the serial's format"
         for line in reading.others
         if not line.name and not line.may_be_serial
     )
@@ -77,19 +77,19 @@ def reasons_of(reading: Reading) -> tuple[Finding, ...]:
 
 
 def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
-    """Return the findings of a flag, or of several that mean one reason; empty where none is set."""
+    """Return the findings of a flag, or of several flags that give one reason; empty if none is set."""
     if not reading.flags & flag:
         return ()
     found = tuple({finding.text: finding for finding in reading.findings if finding.flag & flag}.values())
     if flag & ReadingFlag.LOW_CONFIDENCE:
-        found = (*found, *_doubts(reading, said=bool(found)))
+        found = (*found, *_doubts(reading, explained=bool(found)))
         if found:
             return found
     return (*_merge(found), *(flag & reading.flags & ~flags_of(reading.findings)).findings())
 
 
 def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings at several places with one explanation as one: "P or W at place 1, 3 or 2 at place 3: ..."."""
+    """Merge findings with the same explanation: "P or W at place 1, 3 or 2 at place 3: ..."."""
     made: dict[str, Finding] = {}
     for finding in findings:
         head, colon, why = finding.text.partition(": ")
@@ -101,8 +101,8 @@ def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(made.values())
 
 
-def _doubts(reading: Reading, *, said: bool) -> Iterator[Finding]:
-    """Name the doubtful characters: rivals, unreadable places, their number; else the least sure one."""
+def _doubts(reading: Reading, *, explained: bool) -> Iterator[Finding]:
+    """Name the doubtful characters: rivals, unreadable places, their number; else the least certain one."""
     low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
@@ -112,7 +112,7 @@ def _doubts(reading: Reading, *, said: bool) -> Iterator[Finding]:
     if unread:
         text = f"no character can be made out: {_ranges(unread)} (look at the part)"
         yield Finding(low, text, tuple(unread))
-    if rivals or unread or said or not places:
+    if rivals or unread or explained or not places:
         return
     if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
         yield Finding(low, f"{why}: are there {len(places)} characters?")
@@ -136,14 +136,14 @@ def _rivals(reading: Reading) -> dict[int, str]:
 
 
 def places_text(reading: Reading, places: Sequence[int]) -> str:
-    """Characters and their places, from 0: "I at place 1, 7 at place 4"; of many the places alone."""
+    """Characters and their places, from 0: "I at place 1, 7 at place 4"; only the places if there are many."""
     if len(places) > MOST_NAMED:
         return _ranges([k + 1 for k in places])
     return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)
 
 
 def _ranges(places: Sequence[int]) -> str:
-    """Rising places in words: "place 3", "places 1, 2 and 4 to 8"."""
+    """Ascending places in words: "place 3", "places 1, 2 and 4 to 8"."""
     runs: list[list[int]] = []
     for k in places:
         if runs and k == runs[-1][-1] + 1:

@@ -1,6 +1,6 @@
-"""Doubts about the strokes of a reading: those that are missing, and those that leave two characters undecided.
+"""Doubts about the strokes of a reading: missing ones, and ones that leave two characters undecided.
 
-The prior does not count here: a J whose hook is filled looks like an I.
+The prior is ignored here: a J whose hook is filled looks like an I.
 """
 
 from __future__ import annotations
@@ -16,32 +16,36 @@ from recognition.decision.reasons import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes_felt import LIVE, RivalStrokes
 
-LEAST_STROKES, LEAST_FELT = 0.5, 0.4
-"""Share of a character's strokes that must be there: of the edges of a font that explains the marks, and of the depth
-of the strokes of whichever font suits best, which is not quite the part's."""
+LEAST_STROKES = 0.5
+"""Least share of a character's edges that must be there, in a font that explains the marks."""
+LEAST_FELT = 0.4
+"""Least share of the depth of a character's strokes that must be there, in the font that fits best, which is
+not quite the part's."""
 SUITED = 0.35
-"""Score of a font's character over the surface from which there is something in its shape, however shallow."""
+"""Template score of a character from which the surface shows its shape, however shallow."""
 ALL_THERE = 0.6
-"""Share of strokes felt, by their depth or by their edges, from which none is missing whatever the other says."""
+"""Share of strokes felt, by depth or by edges, from which none is missing, whatever the other share is."""
 LEAST_FOREIGN = 2
-"""Characters that must differ from the font that was named: one alone is a blow, or dots that fell otherwise."""
+"""Least number of characters that must differ from the named font: one alone is a blow, or misplaced dots."""
 OTHER_FONT = 0.06
-"""Mean score of a line by which another font must explain it better. Of 24 lines of the exam whose right font was named
-19 lie best in it, 3 better in another by less than this, and 2 by 0.08."""
+"""Mean score of a line by which another font must explain it better.
+
+Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another one better by less than this, and
+2 by 0.08."""
 TEXT_FELT = 0.35
-"""Share of strokes felt below which a line of which most cannot be read is none: dirt, and land."""
+"""Share of strokes felt below which a mostly unreadable line is not text but dirt or land."""
 READ_OPENLY = 0.5
-"""Belief in all that is read without the format, from which it is text although it does not fit the format."""
-LEFT = 0.002
-"""Belief that may be left in a live rival once strokes have spoken."""
-TOLD_HEIGHTS = 0.25
-"""Length of the strokes that tell two characters apart below which touch says nothing of them."""
+"""Posterior of the reading without the format from which it is text, although it does not fit the format."""
+RIVAL_LEFT = 0.002
+"""Most posterior that a live rival may keep once the strokes are weighed."""
+DISTINCT_HEIGHTS = 0.25
+"""Length of the strokes that differ between two characters, in character heights, below which touch cannot decide."""
 UNTOLD = 0.03
-"""Belief in a rival from which it is not excluded where touch says nothing."""
+"""Posterior from which a rival is not excluded if touch cannot decide."""
 HIDDEN_SHARE = 0.5
 """Share of a rival's strokes that could not be felt, from which the rival is not excluded."""
 HIDDEN_MARGIN = 2.5
-"""Nats from which a stroke of the other character was felt all the same: less than a piece of one."""
+"""Margin from which a stroke of the other character was felt after all, nats; a piece of a stroke gives more."""
 _REMEDIES = {
     Action.NONE: "look at the part",
     Action.CLEAN: "clean it and scan it again",
@@ -51,24 +55,24 @@ _REMEDIES = {
 }
 
 
-def strokes_asked(reading: Reading) -> Reading:
-    """The reading, with what is found of the strokes: most of a character missing, or a rival that they fit as well.
+def add_stroke_findings(reading: Reading) -> Reading:
+    """Add findings about the strokes: most of a character is missing, or they fit a rival as well.
 
     Args:
-        reading: with the grades of its marks, and the strokes in its trace.
+        reading: with grades of its marks, and with strokes in its trace.
     """
     reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
     felt = reading.strokes_felt
     if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT:
         return no_text(reading)
-    found = (*_places_cut(reading), *_missing(reading), *_undecided_strokes(reading))
+    found = (*_cut_characters(reading), *_missing(reading), *_undecided_strokes(reading))
     return reading.with_findings(*found)
 
 
 def no_text(reading: Reading) -> Reading:
-    """The reading of a part on which there is no text: without characters, and without doubts about them.
+    """The reading of a part without text: it has no characters, and no doubts about them.
 
-    What is surely read there, and is only no serial of the format, is named.
+    Text that is surely read but does not fit the format is named.
     """
     openly, bare = (
         reading.trace.open_lattice,
@@ -86,8 +90,8 @@ def no_text(reading: Reading) -> Reading:
     )
 
 
-def _places_cut(reading: Reading) -> Iterator[Finding]:
-    """Characters that lie over the edge of what was felt."""
+def _cut_characters(reading: Reading) -> Iterator[Finding]:
+    """Find characters that cross the edge of the area that was felt."""
     places = [k for k, place in enumerate(reading.trace.strokes) if not place.whole]
     if places:
         where = places_text(reading, places)
@@ -103,7 +107,7 @@ def _from_1(places: Iterable[int]) -> tuple[int, ...]:
 
 
 def only_whole(reading: Reading) -> Reading:
-    """The reading without grade and depth of characters that were not felt from edge to edge."""
+    """Remove the grade and depth of characters that were not felt from edge to edge."""
     places = reading.trace.strokes
     if all(place.whole for place in places):
         return reading
@@ -141,7 +145,7 @@ def _missing(reading: Reading) -> Iterator[Finding]:
 
 
 def _another_font(reading: Reading) -> bool:
-    """Whether the whole text lies better in what was felt in another font than in the one named."""
+    """Whether another font explains the whole text better than the named one."""
     line = reading.trace.felt_line
     scores = {} if line is None else line.by_font([c.char for c in reading.characters])
     named = scores.get(reading.font)
@@ -150,7 +154,7 @@ def _another_font(reading: Reading) -> bool:
 
 def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
-        rivals = [r for r in place.rivals if _stands(r)]
+        rivals = [r for r in place.rivals if _remains(r)]
         if place.untold:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
@@ -165,23 +169,23 @@ def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
             )
 
 
-def _stands(rival: RivalStrokes) -> bool:
+def _remains(rival: RivalStrokes) -> bool:
     """Whether a rival is not excluded."""
-    if rival.apart_heights < TOLD_HEIGHTS:
+    if rival.apart_heights < DISTINCT_HEIGHTS:
         return rival.belief >= UNTOLD
-    return (rival.belief >= LIVE and rival.excluded_nats < -math.log(LEFT)) or _hides(rival)
+    return (rival.belief >= LIVE and rival.excluded_nats < -math.log(RIVAL_LEFT)) or _is_hidden(rival)
 
 
-def _hides(rival: RivalStrokes) -> bool:
-    """Whether what the rival has more of could not be felt, and nothing else speaks against it."""
-    covered = rival.more_heights >= TOLD_HEIGHTS and rival.hidden >= HIDDEN_SHARE
+def _is_hidden(rival: RivalStrokes) -> bool:
+    """Whether the rival's additional strokes could not be felt, and nothing else excludes it."""
+    covered = rival.more_heights >= DISTINCT_HEIGHTS and rival.hidden >= HIDDEN_SHARE
     return covered and rival.margin < HIDDEN_MARGIN
 
 
 def _why(rival: RivalStrokes) -> str:
-    if rival.apart_heights < TOLD_HEIGHTS:
+    if rival.apart_heights < DISTINCT_HEIGHTS:
         return "touch hardly tells them apart (look at the part)"
-    if _hides(rival):
+    if _is_hidden(rival):
         return "the strokes that tell them apart are covered (clean it and scan it again)"
     if rival.margin < 0.0:
         return "the strokes that were felt fit both (look at the part)"

@@ -2,11 +2,11 @@
 
     place          1     2     3    ...        same    = product of b(e)            every character is the known one
     expected e     K     7     4               unknown = product of (b(e) + r) - same    none differs, not all read
-    belief b(e)   .99   .98   .01              differs = 1 - product of (b(e) + r)  one is readably another
+    belief b(e)   .99   .98   .01              differs = 1 - product of (b(e) + r)  one is clearly another
     nothing r     .00   .01   .01
 
-A dirty place speaks neither way; one character that is surely another refutes the whole. What else the part may bear
-is not held to any format: a wrong serial may break it. At prior 1/2 the lattice's beliefs are taken as they are.
+A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other texts need
+not fit the format: a wrong serial may break it. At prior 1/2 the lattice's posteriors are used unchanged.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
-CONFIRM_PROBABILITY, REFUTE_PROBABILITY = 0.99, 0.99
-"""Probability of "same" from which a serial is confirmed, and of "differs" from which it is refuted."""
+CONFIRM_PROBABILITY = 0.99
+"""Probability of "same" from which a serial is confirmed."""
+REFUTE_PROBABILITY = 0.99
+"""Probability of "differs" from which a serial is refuted."""
 MISSING_COST = math.log(1e-3)
-"""Log-belief that pays for a place or an expected character left over, when their numbers differ."""
+"""Log posterior of a place or an expected character that is left over, if their numbers differ."""
 
 
 class VerifyError(MarksError):
-    """An expected text that cannot be looked for."""
+    """An expected text that cannot be verified."""
 
 
 class Verdict(StrEnum):
@@ -47,12 +49,12 @@ class CharacterCheck:
     """One expected character, or one place that is left over.
 
     Attributes:
-        expected: the character known to stand there; empty for a place that is left over.
-        place: of the lattice, from 0; None for a character for which no place was found.
-        state: what is known of the place; the state's `char` is the best one.
-        probability: belief in the expected character (of a place left over, in nothing).
-        rival: best other character; empty when none has any belief.
-        rival_probability: belief in it.
+        expected: the expected character; empty for a place that is left over.
+        place: place in the lattice, from 0; None for a character without a place.
+        state: state of the place; its `char` is the best one.
+        probability: posterior of the expected character (of no character, for a place left over).
+        rival: best other character; empty if none is possible.
+        rival_probability: posterior of the rival.
     """
 
     expected: str
@@ -78,14 +80,14 @@ class Verification:
 
     Attributes:
         expected: the text, without blanks.
-        verdict: what to do with it.
-        probability: that the part has the expected text; 0 if the number of characters differs.
-        refutation: that at least one character is readably another.
-        rival: best other text of as many characters as were found (that the grammar allows, if one is given);
-            empty if none has any belief.
-        log10_odds: of the expected text against that rival, prior included; +inf without a rival.
-        characters: in the order of the text, places left over where they stand.
-        places: characters found.
+        verdict: the verdict on it.
+        probability: probability of the expected text; 0 if the number of characters differs.
+        refutation: probability that at least one character is clearly another.
+        rival: best other text with as many characters as were found (within the grammar, if one is given);
+            empty if none is possible.
+        log10_odds: odds of the expected text against that rival, with the prior; +inf without a rival.
+        characters: checks in the order of the text; places left over come where they were found.
+        places: number of characters found.
     """
 
     expected: str
@@ -122,23 +124,22 @@ def verify(
     confirm: float = CONFIRM_PROBABILITY,
     refute: float = REFUTE_PROBABILITY,
 ) -> Verification:
-    """Hold the beliefs of a line against the text that it should be.
+    """Compare the posteriors of a line with the text that is expected.
 
-    The lattice must have been made without knowing the text, of characters among which a wrong one may be: not of
-    the expected ones only.
+    The lattice must have been made without knowledge of the text, and must allow other characters than the
+    expected ones.
 
     Args:
-        lattice: beliefs of places.
-        expected: the text; blanks do not count.
+        lattice: posteriors of the places.
+        expected: the text; blanks are ignored.
         prior: probability of the text before the part was felt, between 0 and 1.
-        grammar: names the rival; the expected text must be of it.
-        confirm: least probability for CONFIRMED, which also needs every character read as expected or, where
-            it is not clearly read, at least not contradicted.
+        grammar: format of the rival; the expected text must fit it, too.
+        confirm: least probability for CONFIRMED; also, no character may contradict the expected one.
         refute: least refutation for REFUTED.
 
     Raises:
-        VerifyError: an empty text, one that breaks the grammar, one with characters that the lattice was not
-            asked for, a prior or a limit outside its range.
+        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice does not have; or
+            the prior or a limit is out of range.
     """
     text = "".join(expected.split())
     _check(lattice, text, prior, grammar, confirm, refute)
@@ -192,15 +193,15 @@ def _check(
     if not text:
         raise VerifyError("the expected text is empty", hint="give the serial that the part should read")
     if not 0.0 < prior < 1.0:
-        raise VerifyError(f"prior is {prior}", hint="it lies between 0 and 1, both left out")
+        raise VerifyError(f"prior is {prior}", hint="it must be above 0 and below 1")
     for name, limit in (("confirm", confirm), ("refute", refute)):
         if not 0.5 < limit <= 1.0:
-            raise VerifyError(f"{name} is {limit}", hint="it lies above 0.5 and is at most 1")
+            raise VerifyError(f"{name} is {limit}", hint="it must be above 0.5 and at most 1")
     unknown = sorted(set(text) - set(lattice.chars))
     if unknown and lattice.n_places:
         raise VerifyError(
             f"the expected text {text!r} has {' '.join(unknown)}, which was not looked for",
-            hint="read with a font and a format that have it",
+            hint="read with a font and a format that include it",
         )
     if grammar is not None and (broken := grammar.objections(text)):
         raise VerifyError(
@@ -230,15 +231,16 @@ def _best_rival(
 
 
 def _align(lattice: Lattice, text: str) -> list[tuple[int | None, str]]:
-    """Places and expected characters side by side, None and "" where one of them is left over.
+    """Align places with expected characters; None or "" stands for a missing partner.
 
-    One to one when they are as many; else the order-keeping pairing whose beliefs multiply to most.
+    If there are equally many, they are paired one to one; else by the alignment with the largest product of
+    posteriors.
     """
     n, m = lattice.n_places, len(text)
     if n == m:
         return list(enumerate(text))
     column = {c: k for k, c in enumerate(lattice.chars)}
-    # a pair is never worth less than leaving both over: so few are left over as must be
+    # a pair never costs more than leaving both over, so no more than necessary are left over
     worst = 2.0 * MISSING_COST
     best = np.full((n + 1, m + 1), -np.inf)
     best[:, 0] = MISSING_COST * np.arange(n + 1)

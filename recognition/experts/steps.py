@@ -1,6 +1,6 @@
-"""Posteriors step by step along a strip, and the posteriors of each place that follow from them.
+"""Posteriors at each step along a strip, and the posteriors of each place that follow from them.
 
-strip (28 columns to a character height) --recogniser--> Steps --places of the format--> PlaceBelief
+strip (28 columns per character height) --recogniser--> Steps --places of the format--> PlaceBelief
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ Floats = NDArray[np.float64]
 EXPERTS = ("network", "templates")
 """Experts on a place: the recogniser, and templates of fonts."""
 FLOOR = 1e-6
-"""Probability that a step leaves to everything: no character is ruled out by one network."""
+"""Least probability of each character at a step: no single network rules a character out."""
 
 RARE = 0.1
-"""Prior of a sign against a letter or figure: an eighth of real markings hold one at all."""
+"""Prior of a sign relative to a letter or digit: only an eighth of real markings contain a sign."""
 SHOWN = math.log(1e-4)
-"""Logarithm of the belief that a character reaches at some step, or it is taken to stand nowhere."""
+"""Log posterior that a character must reach at some step, else it counts as absent from the line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Beliefs along a line.
+    """Posteriors along a line.
 
     Attributes:
-        log_blank: (steps,) natural logarithms: no new character.
-        log_chars: (steps, C) of each of `chars`.
-        chars: which.
-        columns: (steps,) of the strip, where each step's middle lies.
+        log_blank: (steps,) log posterior of no new character.
+        log_chars: (steps, C) log posterior of each of `chars`.
+        chars: the C characters.
+        columns: (steps,) column of the strip at the middle of each step.
         gap: (steps,) probability of a word gap, which `log_blank` includes; None where it was not computed.
-        small: (steps,) belief in small letters, which `log_chars` counts as their capitals; None likewise.
-        view: number of the view that was looked at, of several of one part.
+        small: (steps,) posterior of small letters, which `log_chars` counts as capitals; None if not computed.
+        view: number of the view, if the part has several.
         expert: one of `EXPERTS`.
     """
 
@@ -69,8 +69,8 @@ class Steps:
         """Make steps from probabilities, (steps,) and (steps, C).
 
         Args:
-            blank, shares, chars, columns, gap, small: as the class has them, not yet logarithms.
-            rare: signs that are rare on parts, where no format asks for them.
+            blank, shares, chars, columns, gap, small: as the attributes, but not yet logarithms.
+            rare: signs that are rare on parts, if no format asks for them.
             expert: one of `EXPERTS`.
         """
         prior = np.array([RARE if char in rare else 1.0 for char in chars])
@@ -78,11 +78,11 @@ class Steps:
         return cls(np.log(blank + FLOOR), log_chars, chars, columns, gap, small, expert=expert)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
-        """Return the posteriors of so many places with these allowed characters; None where they have no room."""
+        """Return the posteriors of places, given the characters allowed at each; None if there is no room."""
         if not allowed:
             return None
         table = np.array([[c in place for c in self.chars] for place in allowed], dtype=np.bool_)
-        # most characters show nowhere along the line; sums over them are much work for nothing
+        # most characters appear nowhere along the line; sums over them would be wasted work
         shown = self.log_chars.max(axis=0) > SHOWN
         shown |= (table & ~(table & shown).any(axis=1, keepdims=True)).any(axis=0)
         found = place_belief(self.log_blank, self.log_chars[:, shown], table[:, shown])

@@ -1,7 +1,7 @@
-"""The reader of photographs: how a picture becomes a reading.
+"""The reader of photographs: from a picture to a reading.
 
-photograph --codes filled, pixels enough--> view --LineReader--> line and beliefs --format--> Reading --codes--> Reading
-                                            \\-> the same without stains, where that is surer -^
+photograph --codes removed, shrunk--> view --LineReader--> posteriors --format--> Reading --codes--> Reading
+                                      \\-> the same without stains, used if clearly surer -^
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
 CLEARLY_NATS = 0.5
-"""Log odds by which a reading without stains must be surer than the photograph's own."""
+"""Log odds by which a reading without stains must exceed that of the photograph itself, nats."""
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -43,14 +43,14 @@ class VisionReader:
     """Reads photographs, one after the other."""
 
     def __init__(self, settings: ReaderSettings | None = None) -> None:
-        """Prepare.
+        """Prepare the reader.
 
         Args:
-            settings: as of the reader by touch; fonts, `fidelity` and `depth_rules` are of no account here.
+            settings: as for the reader by touch; `fidelity` and `depth_rules` are ignored.
 
         Raises:
-            FontError: as of the reader by touch.
-            MarksError: experts of touch alone.
+            FontError: as for the reader by touch.
+            MarksError: `experts` lacks the network, without which no photograph is read.
         """
         self.settings = (settings if settings is not None else ReaderSettings()).of("vision")
         if self.settings.experts and "network" not in self.settings.experts:
@@ -77,18 +77,18 @@ class VisionReader:
         }
 
     def read_photo(self, photo: Photo, *, about: TextLine | None = None) -> Reading:
-        """Read a photograph, at no more pixels than its characters need.
+        """Read a photograph, with no more pixels than its characters need.
 
         Args:
-            photo: of a part.
-            about: where the line lies, if it is known (felt by touch, or by the stage).
+            photo: photograph of a part.
+            about: where the line lies, if touch or the stage has found it.
         """
         codes = codes_of(shrunk(photo, SIZES[-1]))
         made = read_at_sizes(photo, lambda small: self._read(small, about, codes))
         return checked_by_codes(made, codes)
 
     def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
-        """The reading as the photograph is, or without its stains where that is clearly surer."""
+        """Read the photograph as it is, and without its stains; keep the second only if it is clearly surer."""
         bare = without_codes(photo, codes)
         views, left_out = photo_views(bare)
         timer = StepTimer()
@@ -153,17 +153,17 @@ class VisionReader:
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:
-    """Remarks on the files of a photograph and its others, each once."""
+    """Notes on the files of a photograph and its others, each once."""
     return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
 
 
 def _candidate_notes(lines: Sequence[TextLine], view: View) -> tuple[str, ...]:
-    """Where to look in a photograph in which no text was read, if more than one place may be its line."""
+    """Note the places that may be the line, if no text was read and there is more than one."""
     if len(lines) < 2:
         return ()
     shares = [(line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm for line in lines]
     places = ", ".join(f"{x:.2f} {y:.2f}" for x, y in shares)
     return (
-        f"several candidates: {len(lines)} places look like a line of text, with their middles at {places} (shares of "
+        f"several candidates: {len(lines)} places look like a line of text, centred at {places} (shares of "
         "the photograph's width and height); give the right one with --region",
     )

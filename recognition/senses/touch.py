@@ -25,7 +25,7 @@ from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score
-from recognition.decision.stroke_doubts import only_whole, strokes_asked
+from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
@@ -185,7 +185,7 @@ class TactileReader:
                 reading = _with_strokes(reading, part.main, felt)
             with timer.step("measure"):
                 reading = only_whole(self._with_depths(reading, part.main, view, felt))
-        reading = strokes_asked(reading)
+        reading = add_stroke_findings(reading)
         reading = judged_by(reading, self.settings.depth_rules).with_trace(edge_map=edges, relief=relief)
         reading = with_score(reading)
         with timer.step("orientation"):

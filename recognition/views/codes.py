@@ -1,10 +1,10 @@
-"""Data Matrix and QR codes in a photograph: what they say and where they stand.
+"""Data Matrix and QR codes in a photograph: their text and where they are.
 
-pixels --zxing-cpp--> Code                 decoded, its checksum right
-pixels, Code --filled from around--> pixels without it: its modules are no strokes of characters
+pixels --zxing-cpp--> Code                        decoded, with a correct checksum
+pixels, Code --inpainting--> pixels without it    a code's modules must not be taken for strokes
 
         p0 +--------+ p1
-           | # ## # |          corners of a code as it is written, in the photo frame
+           | # ## # |          corners of a code in its reading direction, in the photo frame
         p3 +--------+ p2
 """
 
@@ -21,21 +21,25 @@ from glyphs.camera.photo import Photo
 from recognition.language.box import Box
 from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
-DOT_GAPS, DOTS_AT = (5, 9), 1_000_000
-"""Pixels over which dots grow together, in a photograph of so many pixels at most. Of drawn codes, 4 to 10 pixels a
-module, all of dots from 0.6 of that across are decoded so, dark or bright; of 0.7 and less none without."""
+DOT_GAPS = (5, 9)
+"""Gaps over which the dots of a code are joined, px.
+
+Drawn codes of 4 to 10 pixels a module are then all decoded, dark or bright, if a dot is at least 0.6 of a
+module across. Without it, no code with dots of 0.7 or less is decoded."""
+DOTS_AT = 1_000_000
+"""Most pixels of a photograph in which dots are joined; a larger one is shrunk first."""
 _PICTURES = {k: chr(0x2400 + k) for k in range(0x20)} | {0x2420: " "}
 
 
 @dataclass(frozen=True)
 class Code:
-    """A code that was decoded.
+    """A decoded code.
 
     Attributes:
         kind: "Data Matrix" or "QR Code".
-        text: what it says: of GS1 codes with identifiers in brackets, control characters as their pictures (␝).
-        corners: x, y of all four in the photo frame, mm; of a photograph of unknown scale its pixels as taken; empty
-            where another frame is spoken of.
+        text: its text; GS1 identifiers are in brackets, control characters are shown as pictures (␝).
+        corners: x, y of all four in the photo frame, mm; in pixels as taken if the scale of the photograph is
+            unknown; empty if they do not apply to the frame in use.
     """
 
     kind: str
@@ -47,7 +51,7 @@ class Code:
 
     @property
     def box(self) -> Box | None:
-        """Axis-parallel hull; None where its place is not known."""
+        """Axis-parallel hull; None if its place is unknown."""
         if not self.corners:
             return None
         x, y = zip(*self.corners, strict=True)
@@ -55,21 +59,21 @@ class Code:
 
 
 def codes_of(photo: Photo) -> tuple[Code, ...]:
-    """The codes of a photograph, as they stand in the first of several that shows them; each text once.
+    """Decode the codes of a photograph; each text once.
 
-    Several are looked at one after the other until one shows a code: another light may.
+    Several photographs are tried in turn until one shows a code: another light may show it.
     """
     for one in (photo, *photo.others):
-        found = next((codes for look in _looks(one) if (codes := _decode(*look, photo))), ())
+        found = next((codes for variant in _variants(one) if (codes := _decode(*variant, photo))), ())
         if found:
             return found
     return ()
 
 
-def _looks(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
-    """A photograph's grey values as they are, then with dots grown together: those of a peened code do not touch.
+def _variants(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
+    """A photograph's grey values as they are, then with dots joined: those of a peened code do not touch.
 
-    With each, whether a code may be bright on dark there; one of bright dots is turned to dark ones.
+    Each comes with whether the decoder should also try it inverted. Bright dots are inverted here.
     """
     from glyphs.opencv import cv2
 
@@ -84,7 +88,7 @@ def _looks(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
             yield cv2.morphologyEx(dark_dots, cv2.MORPH_OPEN, np.ones((size, size), dtype=np.uint8)), False
 
 
-def _decode(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, ...]:
+def _decode(grey: NDArray[Any], try_inverted: bool, frame: Photo) -> tuple[Code, ...]:
     import zxingcpp
 
     kinds = (
@@ -92,7 +96,7 @@ def _decode(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, .
         zxingcpp.BarcodeFormat.QRCode,
         zxingcpp.BarcodeFormat.MicroQRCode,
     )
-    found = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds), try_invert=either_way)
+    found = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds), try_invert=try_inverted)
     pitch_mm, (x0, y0) = photo_pitch_mm(frame) * frame.shape[1] / grey.shape[1], photo_origin_mm(frame)
     codes: dict[str, Code] = {}
     for one in found:
@@ -108,13 +112,13 @@ def _decode(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, .
 def without_codes(
     photo: Photo, codes: Sequence[Code], *, quiet: float = 0.06, fill_radius: float = 4.0
 ) -> Photo:
-    """The photograph and its others with the land drawn over the codes; itself without any.
+    """Paint the surrounding land over the codes, in a photograph and its others.
 
     Args:
-        photo: at any size, in the frame that the codes stand in.
-        codes: decoded.
+        photo: at any size, in the frame of the codes; returned as it is if there are no codes.
+        codes: decoded codes.
         quiet: margin filled around a code, as a share of its size: the blurred rim of its modules.
-        fill_radius: pixels that a filled one is made from.
+        fill_radius: radius of the neighbourhood that a filled pixel is computed from, px.
     """
     if not codes:
         return photo
@@ -128,14 +132,14 @@ def without_codes(
         wider = middle + (1.0 + 2.0 * quiet) * (corners - middle)
         cv2.fillConvexPoly(mask, np.rint((wider - origin_mm) / pitch_mm).astype(np.int32), 255)
 
-    def filled(one: Photo) -> Photo:
+    def fill(one: Photo) -> Photo:
         pixels = np.atleast_3d(one.pixels)
-        # of 16 bit OpenCV fills one channel at a time
+        # OpenCV fills 16-bit images one channel at a time
         layers = [
             cv2.inpaint(np.array(pixels[..., k]), mask, fill_radius, cv2.INPAINT_TELEA)
             for k in range(pixels.shape[2])
         ]
         made: Any = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)
-        return replace(one, pixels=made, others=tuple(map(filled, one.others)))
+        return replace(one, pixels=made, others=tuple(map(fill, one.others)))
 
-    return filled(photo)
+    return fill(photo)

@@ -1,10 +1,11 @@
-"""From lines of samples to maps: the sweeps averaged onto one grid of the plate frame.
+"""Average the sweeps of a scan onto one grid of the plate frame.
 
-A pixel averages by a triangle one pixel wide to each side, or as wide as the next sample is away, if that is further::
+A pixel is a weighted mean of samples with a triangular kernel. The kernel reaches one pixel to either side, or to
+the next sample if that is further away::
 
     weight  1 |        .                 samples  x x x x x x x x x
               |      .' '.               pixels     |   |   |   |
-            0 |____.'_____'._____        each pixel: the samples within reach, by their distance
+            0 |____.'_____'._____        each pixel: samples within reach, weighted by distance
                  pixel +- reach
 """
 
@@ -26,11 +27,11 @@ Lines = NDArray[np.float64]
 def averaging_weights(
     position: NDArray[Any], pixel: NDArray[Any], pitch: float, *, bridged: float = 2.1
 ) -> Any:
-    """Sparse (pixels, samples) weights of samples for pixels.
+    """Sparse (pixels, samples) weights of each sample in each pixel.
 
-    A triangle reaches one pitch to either side, or to the neighbouring sample if that is further away: so samples of
-    uneven distance are joined by straight lines. A gap of more than `bridged` usual steps stays open: passes
-    laid between passes leave some gaps twice as wide as others.
+    The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so unevenly
+    spaced samples are interpolated linearly. A gap of more than `bridged` median steps stays open. Passes laid
+    between other passes leave some gaps twice as wide as others.
     """
     from scipy import sparse
 
@@ -40,7 +41,7 @@ def averaging_weights(
     gaps = np.diff(ordered)
     steps = np.sort(gaps)
     step = float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2])) if steps.size else pitch
-    # to the neighbour on either side; at the ends, and into a gap that stays open, as far as usual
+    # reach to the neighbour on either side, but one median step at the ends and into an open gap
     closed = np.where(gaps > bridged * step, step, gaps)
     apart = np.maximum(np.r_[step, closed, step], pitch) * (1.0 + 1e-6)
     begin = np.searchsorted(ordered + apart[1:], pixel)
@@ -56,9 +57,9 @@ def averaging_weights(
 def average_onto(
     values: NDArray[np.float64], along: Any, across: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(lines, samples) averaged onto (pixels across, pixels along) by `averaging_weights` both ways.
+    """Average (lines, samples) onto (pixels across, pixels along), with `averaging_weights` both ways.
 
-    Values that are not finite are left out; valid where half of the weight or more is known, 0 where not.
+    Values that are not finite are left out. A pixel is valid if more than half of its weight is known, else it is 0.
     """
     known = np.isfinite(values)
     total = across @ (along @ np.where(known, values, 0.0).T).T
@@ -73,7 +74,7 @@ class SweptLines(OneLine):
     """One value for every sample of the lines of a sweep.
 
     Attributes:
-        values: (lines, samples) float64, NaN where not known.
+        values: (lines, samples) float64, NaN where unknown.
         place_mm: (lines,) plate coordinate across the trace, ascending.
         along_mm: (samples,) plate coordinate along the trace.
         direction: of the trace.
@@ -93,7 +94,7 @@ class SweptLines(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlateGrid(OneLine):
-    """Pixels of a map.
+    """Pixel grid of a map.
 
     Attributes:
         x_mm: (cols,) plate x.
@@ -117,15 +118,15 @@ def common_grid(
     *,
     within_mm: tuple[float, float, float, float] | None = None,
 ) -> PlateGrid:
-    """The grid over all sweeps.
+    """The grid that all sweeps cover.
 
     Args:
         swept: the sweeps.
-        pitch_mm: of the grid.
+        pitch_mm: distance of pixels.
         within_mm: (x0, y0, x1, y1) to which the grid is limited.
 
     Raises:
-        MapError: they do not overlap, there.
+        MapError: the sweeps do not overlap within these limits.
     """
     spans_x, spans_y = [], []
     for each in swept:
@@ -153,12 +154,12 @@ def on_grid(
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
 ) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
-    """A (rows, cols) map of each sweep, and where each is valid.
+    """Return a (rows, cols) map of each sweep, and the mask where it is valid.
 
     Args:
         swept: the sweeps.
-        grid: where to.
-        shift: plate shift (dx, dy) of directions, mm, as registration finds it.
+        grid: grid of the maps.
+        shift: (dx, dy) of each direction on the plate, mm, as found by registration.
     """
     layers, known = [], []
     for each in swept:

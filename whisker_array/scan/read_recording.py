@@ -1,4 +1,4 @@
-"""From an open recording to a Scan: every name, shape, size and number is checked before it is used.
+"""Read an open recording as a Scan; every name, shape, size and number is checked before use.
 
 The layout is that of `whisker_array.scan.recording`.
 """
@@ -41,7 +41,7 @@ class RecordingReader(CheckedFile):
     """One reading of an open file.
 
     Attributes:
-        raw: leave the calibration out, and take signals in volts as they are.
+        raw: ignore the calibration, and keep signals in volts as they are.
     """
 
     def __init__(self, path: Path, file: h5py.File, *, raw: bool) -> None:
@@ -53,13 +53,13 @@ class RecordingReader(CheckedFile):
         self._lines = self.numbers("passes/line_mm", (self._n_passes, None), most=_LARGEST_TABLE)
         self._n_whiskers = self._lines.shape[1]
         ways = np.isin(self._direction, _DIRECTIONS).all()
-        self.require(ways, "/passes/direction_deg holds other values than 0, 90, 180 and 270")
+        self.require(ways, "/passes/direction_deg holds values other than 0, 90, 180 and 270")
 
     def scan(self) -> Scan:
         """Read the whole file as a Scan.
 
         Raises:
-            FileError: anything not according to the layout.
+            FileError: the file does not follow the layout.
         """
         units = self.text("units", "N*mm")
         known = (*UNIT_N_MM, VOLT)
@@ -171,12 +171,12 @@ class RecordingReader(CheckedFile):
         self.require(
             offset[0] == 0.0 and offset.min() >= 0.0,
             f"/whisker/offset_mm is {offset[0]:g} mm for whisker 0, and {offset.min():g} mm at least",
-            "count offsets from whisker 0, which is to stand in the foremost row",
+            "count offsets from whisker 0, which must be in the foremost row",
         )
         return offset
 
     def _rows(self, n_rows: int) -> list[tuple[Rows, Rows]]:
-        """For each pass its rows in the air and its touching rows, in time order."""
+        """The rows of each pass in the air and in touch, in time order."""
         number = self.integers("stage/pass", n_rows)
         n = self._n_passes
         there = f"/passes has {n} (0 to {n - 1})"
@@ -213,7 +213,7 @@ class RecordingReader(CheckedFile):
         moment: NDArray[np.float32],
         flags: NDArray[np.uint8],
     ) -> Sweep:
-        """All passes in one direction and way (direction in degrees, pushed)."""
+        """The sweep of all passes that share one `way`: direction in degrees, and whether it was pushed."""
         direction = TraceDirection(int(way[0]))
         name = f"passes in direction {int(direction)} deg"
         counts = sorted({rows[p][1].size for p in members})
@@ -233,11 +233,11 @@ class RecordingReader(CheckedFile):
         self.require(
             n_samples >= 2,
             f"{name} are shorter than the rows' offsets",
-            "the array runs on until its last row has felt the part; see /whisker/offset_mm",
+            "let the array run on until its last row has felt the part; see /whisker/offset_mm",
         )
         n_lead = int(self.numbers("passes/n_lead", (self._n_passes,), default=0.0)[members].min())
         counted = f"/passes/n_lead is {n_lead} of {n_samples} samples"
-        self.require(0 <= 2 * n_lead < n_samples, counted, "it counts those before the marks")
+        self.require(0 <= 2 * n_lead < n_samples, counted, "it counts the samples before the marks")
         plan = SweepPlan(
             direction=direction,
             line_mm=self._lines[members],
@@ -256,7 +256,7 @@ class RecordingReader(CheckedFile):
         )
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:
-        """Start and step along the trace, as stated for the passes or else by the stage's positions."""
+        """Start and step along the trace: as stated for the passes, else from the stage's positions."""
         n_samples = touching.shape[1]
         if "passes/start_mm" in self.file and "passes/step_mm" in self.file:
             starts, steps = (
@@ -277,19 +277,19 @@ class RecordingReader(CheckedFile):
         self.require(
             step > 0.0,
             f"{samples} are {step} mm apart",
-            "positions grow in directions 0 and 90 and fall in 180 and 270; step_mm is positive",
+            "positions increase in directions 0 and 90 and decrease in 180 and 270; step_mm is positive",
         )
         start = _common(starts)
         self.require(
             max(uneven, float(np.abs(starts - start).max())) <= step,
-            f"{samples} do not lie evenly, and alike in all passes",
-            "take them at even steps from one start, or resample them so",
+            f"{samples} are not evenly spaced, or differ between passes",
+            "record them at even steps from one start, or resample them",
         )
         return start, step
 
 
 def memory_shapes(n_whiskers: int) -> dict[str, tuple[int | None, ...]]:
-    """Tables of /calibration/memory and their shapes."""
+    """Names and shapes of the tables of /calibration/memory."""
     return {
         "creep": (n_whiskers, None),
         "relax_s": (None,),
@@ -299,7 +299,7 @@ def memory_shapes(n_whiskers: int) -> dict[str, tuple[int | None, ...]]:
 
 
 def _common(values: NDArray[np.float64]) -> float:
-    """The value that all share exactly, or else their mean."""
+    """The common value if all are equal, else the mean."""
     return float(values[0]) if np.ptp(values) == 0.0 else float(values.mean())
 
 

@@ -1,9 +1,9 @@
-"""The report of a study: a page that needs nothing beside it, and three tables.
+"""The report of a study: one self-contained page and three tables.
 
-study.html     all of it
+study.html     the whole report
 readings.csv   every reading and answer
 agreement.csv  every comparison, with its interval and kappa
-depth.csv      where the variation of depths comes from
+depth.csv      sources of the variation in depth
 """
 
 from __future__ import annotations
@@ -24,16 +24,18 @@ from pipeline.benchmark.study.study import Study
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
 _MOST_PARTS = 60
-"""Parts that disagree, on the page; all of them are in the table."""
+"""Most disputed parts that the page shows; the table has all of them."""
 
 
 def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path, ...]:
-    """Write the page and the tables, and name them; no table of depths where there is no gauge study.
+    """Write the page and the tables, and return their paths.
+
+    Without a gauge study there is no table of depths.
 
     Args:
-        study: what was found.
-        folder: for them; made if need be.
-        command: how to do it again, as typed.
+        study: results of the study.
+        folder: folder for the files; created if missing.
+        command: the command that repeats the study, as typed.
 
     Raises:
         FileError: the folder cannot be written.
@@ -44,7 +46,7 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
         tables[DEPTH] = _depth(study.depth)
     for name, rows in tables.items():
         write_table(folder / name, rows)
-    differ = disagreed(study)
+    differ = disputed_parts(study)
     write_page(
         folder / PAGE,
         "study.html.j2",
@@ -66,14 +68,14 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
     return tuple(folder / name for name in (PAGE, *tables))
 
 
-def disagreed(study: Study) -> list[str]:
-    """Parts on whose serial appraisers differ from each other or from the truth."""
-    wrong = {part for found in study.serials for part in found.disagreed}
-    return [part for part in study.parts if part in wrong]
+def disputed_parts(study: Study) -> list[str]:
+    """Parts whose serial appraisers read differently from each other or from the truth."""
+    disputed = {part for found in study.serials for part in found.disagreed}
+    return [part for part in study.parts if part in disputed]
 
 
 def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None]]:
-    """(source, standard deviation mm, share of the total); None where it was not to be found."""
+    """(source, standard deviation mm, share of the total); None where it cannot be determined."""
     named = {
         "gauge (repeatability and reproducibility)": gauge.gauge_mm,
         "repeatability": gauge.repeatability_mm,
@@ -92,8 +94,8 @@ def depth_figure(study: Study) -> Figure:
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes = figure.subplots()
     for number, who in enumerate(appraisers):
-        beside = 0.18 * (number - 0.5 * (len(appraisers) - 1))
-        x = [place + beside for place, part in enumerate(parts) for _ in part[number]]
+        offset = 0.18 * (number - 0.5 * (len(appraisers) - 1))
+        x = [place + offset for place, part in enumerate(parts) for _ in part[number]]
         axes.plot(x, [mm for part in parts for mm in part[number]], ".", markersize=5, label=who)
     axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
@@ -119,8 +121,8 @@ def _readings(study: Study) -> Iterator[Sequence[object]]:
             "" if (depth_mm := depth_of(m)) is None else round(depth_mm, 6), m.error,
         )  # fmt: skip
     for who, by_part in study.answers.items():
-        for part, said in by_part.items():
-            for trial, text in enumerate(said, start=1):
+        for part, texts in by_part.items():
+            for trial, text in enumerate(texts, start=1):
                 right = _right(study, part, text)
                 yield part, study.truth.get(part, ""), who, trial, 1, text, right, "", "", "", ""
 

@@ -1,4 +1,4 @@
-"""The outermost layer of every request: its id, log line, count and time; and the answer where it goes wrong."""
+"""The outermost layer of every request: request id, log line and metrics, and the answer to a failure."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 REQUEST_ID = "x-request-id"
 BODY_PATIENCE_S = 30.0
-"""The longest silence in the middle of an upload."""
+"""Longest pause within an upload, s."""
 BODY_MOST_S = 600.0
-"""The longest that an upload may take, however little at a time it sends."""
+"""Longest time that a whole upload may take, s, even if data keeps arriving."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 _QUIET_ROUTES = ("/healthz", "/readyz", "/metrics", "/static")
@@ -36,7 +36,7 @@ log = structlog.get_logger("tactile-marks")
 
 
 def problem_answer(problem: Problem, scope: Scope) -> Response:
-    """The answer to a request that fails: a problem; to a browser a page; the sign-in where a page needs a token."""
+    """The answer to a failed request: a problem, a page in a browser, or the sign-in if a token is needed."""
     if problem.status == 401 and not scope["path"].startswith("/v1/"):
         path = scope["path"] + (f"?{query}" if (query := scope["query_string"].decode("latin-1")) else "")
         to = f"/login?to={quote(path, safe='')}" if scope["method"] == "GET" else "/login"
@@ -54,9 +54,9 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
 
 
 class RequestLayer:
-    """Gives each request an id, a log line and its place in the metrics; drops uploads that have stalled.
+    """Give each request an id and a log line, count it in the metrics, and drop stalled uploads.
 
-    HEAD is answered as GET, without the body; a proxy's prefix (`root_path`) is taken off the path.
+    HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
     """
 
     def __init__(self, app: ASGIApp, *, metrics: Metrics, root_path: str = "") -> None:
@@ -75,7 +75,7 @@ class RequestLayer:
             scope = {**scope, "method": "GET"}
         start, status, begun = time.perf_counter(), 500, False
 
-        async def sent(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             nonlocal status, begun
             if message["type"] == "http.response.start":
                 status, begun = message["status"], True
@@ -89,25 +89,25 @@ class RequestLayer:
 
         with structlog.contextvars.bound_contextvars(request=request_id):
             try:
-                await self._app(scope, _patient(receive), sent)
+                await self._app(scope, _with_timeouts(receive), send_with_headers)
             except (Exception, asyncio.CancelledError) as error:
                 if type(error).__module__ == body_limit.__name__:
                     raise  # the body is over its limit, which starlette answers with 413
-                # requests are cancelled when the time that they have as the service stops is up
+                # a service that stops cancels requests that are not done in time
                 problem = error if isinstance(error, Problem) else stopping()
                 if problem is not error and isinstance(error, Exception):
                     log.exception("request failed", path=scope["path"])
                     problem = Problem(500, f"the service failed; its log says why under {request_id}")
                 if begun:
                     raise
-                await problem_answer(problem, scope)(scope, receive, sent)
+                await problem_answer(problem, scope)(scope, receive, send_with_headers)
             finally:
                 self._record(scope, method, status, time.perf_counter() - start)
         return None
 
     def _record(self, scope: Scope, method: str, status: int, seconds: float) -> None:
         route = _route(scope)
-        # a caller may make methods up, and each would be counted for ever
+        # a caller may invent methods, and each would stay in the metrics for ever
         method = method if method in _METHODS else "other"
         self._metrics.requests.labels(method, route, str(status)).inc()
         self._metrics.request_seconds.labels(route).observe(seconds)
@@ -123,27 +123,27 @@ class RequestLayer:
 
 
 def _route(scope: Scope) -> str:
-    """The route's pattern: few of them, whatever is asked for."""
+    """The route's pattern, so that the metrics have few routes whatever path is requested."""
     route = scope.get("route")
     return str(getattr(route, "path_format", None) or getattr(route, "path", None) or "none")
 
 
-def _patient(receive: Receive) -> Receive:
-    """Wait for the next stretch of a body so long and no longer; a body that is whole waits for nothing."""
+def _with_timeouts(receive: Receive) -> Receive:
+    """Limit the wait for each chunk of a body and for all of it; after the last chunk there is no limit."""
     whole, until_s = False, time.monotonic() + BODY_MOST_S
 
     async def next_message() -> Message:
         nonlocal whole
         if whole:
-            return await receive()  # the end of the connection, which may take its time
+            return await receive()  # waits for the end of the connection, which may take long
         patience_s = min(BODY_PATIENCE_S, until_s - time.monotonic())
         try:
             message = await asyncio.wait_for(receive(), max(0.0, patience_s))
         except TimeoutError:
             detail = (
-                f"nothing came for {BODY_PATIENCE_S:.0f} s; send it again"
+                f"no data arrived for {BODY_PATIENCE_S:.0f} s; send it again"
                 if patience_s == BODY_PATIENCE_S
-                else f"it took longer than {BODY_MOST_S:.0f} s; send it again over a quicker connection"
+                else f"it took longer than {BODY_MOST_S:.0f} s; send it again over a faster connection"
             )
             raise Problem(408, detail, headers={"Connection": "close"}) from None
         whole = message["type"] != "http.request" or not message.get("more_body", False)

@@ -89,7 +89,7 @@ def test_another_line_that_the_serials_format_does_not_allow_is_named_and_holds_
     found = read(line_of("AB812", grammar=grammar), other, grammar=grammar)
     assert (found.text, found.decision, found.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
     assert [(line.text, line.may_be_serial) for line in found.others] == [("B21", False)]
-    assert found.messages() == ("another line reads “B21”, which is not what the serial's format allows",)
+    assert found.messages() == ("another line reads “B21”, which does not fit the serial's format",)
     # as many characters, of other kinds
     kinds = read(line_of("AB812", grammar=grammar), line_of("12812", at=other.line), grammar=grammar)
     assert kinds.decision is Decision.ACCEPT

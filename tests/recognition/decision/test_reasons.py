@@ -9,7 +9,7 @@ import pytest
 from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.marks.grade import Action, MarkGrade, Parameter
@@ -119,7 +119,7 @@ def test_notes_come_last() -> None:
 
 def test_a_character_without_most_of_its_strokes_is_named() -> None:
     filled, whole = place(("I", 0.99), completeness=0.1), place(("7", 0.99), completeness=0.95)
-    made = strokes_asked(Reading((filled, whole), 0.97, threshold=0.98))
+    made = add_stroke_findings(Reading((filled, whole), 0.97, threshold=0.98))
     assert made.messages() == ("most strokes are missing: I at place 1 (clean it and scan it again)",)
     assert made.actions == (Action.CLEAN_FIRST, Action.NONE)
 
@@ -132,13 +132,13 @@ def test_many_places_are_counted_up() -> None:
         place(("K", 0.99), completeness=1.0),
         replace(worn, grade=grade),
     )
-    made = strokes_asked(Reading(parts, 0.98))
+    made = add_stroke_findings(Reading(parts, 0.98))
     assert made.messages() == ("most strokes are missing: places 1 to 4 and 6 (strike it again)",)
 
 
 def test_what_is_accepted_asks_for_nothing() -> None:
     dirty = place(("K", 0.99), completeness=0.55)
-    accepted = strokes_asked(Reading((dirty,), 0.99))
+    accepted = add_stroke_findings(Reading((dirty,), 0.99))
     assert (accepted.decision, accepted.messages(), accepted.actions) == (Decision.ACCEPT, (), (Action.NONE,))
     # its grade is what it was
     assert accepted.characters[0].grade is not None

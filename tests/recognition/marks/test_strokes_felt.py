@@ -15,7 +15,7 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, strokes_asked
+from recognition.decision.stroke_doubts import HIDDEN_MARGIN, RIVAL_LEFT, add_stroke_findings
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
@@ -129,7 +129,7 @@ def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
     found = felt_line(part, surface).strokes("RI3E8", lattice("RI3E8", p1=("J", 0.01)))
     assert found[1].felt is not None
     assert found[1].felt < 0.1
-    made = strokes_asked(reading("RI3E8", found))
+    made = add_stroke_findings(reading("RI3E8", found))
     assert ReadingFlag.STROKES_MISSING in made.flags
     assert "I at place 2" in made.messages()[0]
 
@@ -177,15 +177,15 @@ def stands(**changed: float) -> RivalStrokes:
         (stands(), "may be filled"),
         (stands(margin=-2.0), "fit both"),
         (stands(belief=0.5 * LIVE), ""),
-        (stands(margin=np.log(0.01 / LEFT) + 0.1), ""),
-        (stands(margin=np.log(0.01 / LEFT) - 0.1), "may be filled"),
+        (stands(margin=np.log(0.01 / RIVAL_LEFT) + 0.1), ""),
+        (stands(margin=np.log(0.01 / RIVAL_LEFT) - 0.1), "may be filled"),
         (stands(apart_heights=0.1, margin=0.0), ""),
         (stands(apart_heights=0.1, belief=0.05), "hardly"),
         (stands(hidden=1.0, more_heights=0.05, belief=0.0), ""),
     ],
 )
 def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrokes, why: str) -> None:
-    made = strokes_asked(reading("I", (PlaceStrokes(1.0, 0.9, "gothic", (one,)),)))
+    made = add_stroke_findings(reading("I", (PlaceStrokes(1.0, 0.9, "gothic", (one,)),)))
     assert (ReadingFlag.STROKES_UNDECIDED in made.flags) == bool(why)
     if why:
         assert made.messages()[0].startswith("I or J at place 1: ")
@@ -212,18 +212,18 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     bare = tuple(PlaceStrokes(0.1, 0.1, "gothic") for _ in range(4))
     junk = reading("K7B2", bare)
     junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
-    made = strokes_asked(junk.with_findings(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
+    made = add_stroke_findings(junk.with_findings(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
     assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
     # what is surely read there, and is no serial of the format, is named
     short = "found 1 character (“8”) where the format has 4 (check the part and the format)"
     refused = junk.with_findings(Finding(ReadingFlag.FORMAT_OVERRULED, short))
     for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
-        made = strokes_asked(refused.with_trace(open_lattice=openly))
+        made = add_stroke_findings(refused.with_trace(open_lattice=openly))
         assert (made.text, made.messages()) == ("", words)
     # felt, and yet not read: a person may
     felt = junk.with_trace(strokes=tuple(replace(p, felt=0.8) for p in bare))
-    assert strokes_asked(felt).text == "K7B2"
+    assert add_stroke_findings(felt).text == "K7B2"
 
 
 @dataclass(frozen=True)
@@ -241,20 +241,20 @@ def test_strokes_of_another_font_are_not_missing() -> None:
     there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, "timesr"),) * 2), font="gothic")
     there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
     suits_timesr: Any = ScoresByFont({"gothic": 0.6, "timesr": 0.7})
-    made = strokes_asked(there.with_trace(felt_line=suits_timesr))
+    made = add_stroke_findings(there.with_trace(felt_line=suits_timesr))
     assert made.flags == ReadingFlag.FOREIGN_SHAPES
     assert made.messages() == (
         "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)",
     )
     # the one that was named explains them as well as any
     suits_gothic: Any = ScoresByFont({"gothic": 0.66, "timesr": 0.7})
-    assert strokes_asked(there.with_trace(felt_line=suits_gothic)).flags == ReadingFlag.NONE
+    assert add_stroke_findings(there.with_trace(felt_line=suits_gothic)).flags == ReadingFlag.NONE
     # half filled, it is missing all the same
     filled = there.with_trace(strokes=(PlaceStrokes(0.5, 0.5, "timesr"),) * 2)
-    assert strokes_asked(filled).flags == ReadingFlag.STROKES_MISSING
+    assert add_stroke_findings(filled).flags == ReadingFlag.STROKES_MISSING
     # one alone is a blow, or dots that fell otherwise: it is there
     one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
-    assert strokes_asked(one.with_trace(felt_line=suits_timesr)).decision is Decision.ACCEPT
+    assert add_stroke_findings(one.with_trace(felt_line=suits_timesr)).decision is Decision.ACCEPT
 
 
 def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
@@ -270,7 +270,7 @@ def test_strokes_are_there_by_their_edges_too() -> None:
     for share, flags in ((0.65, ReadingFlag.NONE), (0.55, ReadingFlag.STROKES_MISSING)):
         grade = MarkGrade((Parameter("completeness", share, 1),), Action.CLEAN_FIRST)
         graded = replace(dotted, characters=(replace(dotted.characters[0], grade=grade),))
-        assert strokes_asked(graded).flags == flags
+        assert add_stroke_findings(graded).flags == flags
 
 
 def test_beliefs_in_rivals_are_what_a_calibration_says_that_they_are_worth(part: StampedPart) -> None:
