@@ -80,7 +80,7 @@ class DriftWatch:
         if not self.found:
             return ""
         return (
-            f"these parts are unlike the certified ones, for which alone the certificate of "
-            f"{self.certificate.made_at:%Y-%m-%d} holds: {'; '.join(map(str, self.found[:3]))}; certify again on "
-            f"parts like these"
+            f"these parts are unlike the certified ones, and the certificate of "
+            f"{self.certificate.made_at:%Y-%m-%d} holds only for those: "
+            f"{'; '.join(map(str, self.found[:3]))}; certify again on parts like these"
         )
