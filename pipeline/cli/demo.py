@@ -37,8 +37,8 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     out
         Folder for plates, recordings, overview.png and overview.html.
     service
-        Show the service instead: dirty parts pass its camera, and where the camera is unsure, its stage scans
-        them. The exit status is then 1 if it accepted a wrong serial.
+        Show the service instead: its camera photographs dirty parts, and its stage scans those that the camera
+        is unsure of. The exit status is then 1 if it accepted a wrong serial.
     stay
         With --service: keep it running until Ctrl-C, so that you can see the operator's page.
     """

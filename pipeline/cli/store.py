@@ -59,7 +59,7 @@ class StoreOptions:
         return EvidenceFolder(self.settings.evidence_folder)
 
     @contextlib.contextmanager
-    def opened(self, *, as_it_is: bool = False) -> Iterator[Store]:
+    def open_store(self, *, as_it_is: bool = False) -> Iterator[Store]:
         """Open the store.
 
         Raises:
@@ -93,11 +93,11 @@ def add(
     days
         Days for which it is valid (default: for ever).
     """
-    with at.opened() as opened:
+    with at.open_store() as store:
         from pipeline.common.records import Scope
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
-        secret = opened.add_token(name, [Scope(s) for s in scope], expires_at=expires_at)
+        secret = store.add_token(name, [Scope(s) for s in scope], expires_at=expires_at)
     # only the secret goes to the standard output, so that it can be piped
     until = "" if expires_at is None else f" until {expires_at:%Y-%m-%d}"
     print(f"token {name} for {', '.join(sorted(set(scope)))}{until}; keep it now:", file=sys.stderr)
@@ -107,8 +107,8 @@ def add(
 
 def list_tokens(*, at: AtStore = STORE) -> int:
     """List the tokens, without their secrets."""
-    with at.opened() as opened:
-        found = opened.tokens()
+    with at.open_store() as store:
+        found = store.tokens()
     for token in found:
         scopes = ", ".join(sorted(token.scopes))
         print(f"{token.name:<24} {scopes:<20} made {token.created_at:%Y-%m-%d}  {_status(token)}")
@@ -125,8 +125,8 @@ def revoke(name: str, *, at: AtStore = STORE) -> int:
     name
         Name of the user or machine.
     """
-    with at.opened() as opened:
-        opened.revoke(name)
+    with at.open_store() as store:
+        store.revoke(name)
     print(f"token {name} is refused from now on")
     return 0
 
@@ -149,10 +149,10 @@ def backup(
     previous
         Earlier backup on the same disk: files that it holds are linked, and take no more room.
     """
-    with at.opened(as_it_is=True) as opened:
+    with at.open_store(as_it_is=True) as store:
         from pipeline.store.backup import back_up
 
-        made = back_up(opened, at.evidence, to, previous=previous)
+        made = back_up(store, at.evidence, to, previous=previous)
     print(f"wrote {to}: {made.rows['parts']:,} parts, {made.files:,} files, {made.n_bytes / 1e6:,.1f} MB")
     print(f"sha256 of its store.db: {made.sha256}")
     return _report_lost(made.lost)
@@ -170,12 +170,12 @@ def restore(
     backup
         Folder that `store backup` has written.
     """
-    with at.opened() as opened:
+    with at.open_store() as store:
         from pipeline.common.private import private_folder
         from pipeline.store.backup import restore as restore_backup
 
         private_folder(at.settings.folder)
-        made = restore_backup(backup, opened, at.evidence)
+        made = restore_backup(backup, store, at.evidence)
     print(f"restored {made.rows['parts']:,} parts as they were on {made.made_at[:16].replace('T', ' ')} UTC")
     return _report_lost(made.lost)
 
@@ -200,10 +200,10 @@ def check(
     json_output
         Print JSON.
     """
-    with at.opened(as_it_is=True) as opened:
+    with at.open_store(as_it_is=True) as store:
         from pipeline.store.check import check as check_store
 
-        report = check_store(opened, at.evidence, read_files=files, against=against)
+        report = check_store(store, at.evidence, read_files=files, against=against)
     print(_as_json(report) if json_output else "\n".join(_lines(report)))
     return 0 if report.well else FAILED
 

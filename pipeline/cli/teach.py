@@ -74,7 +74,7 @@ def enroll(
         if truth is not None and inputs:
             parts = _of_table(inputs, truth)
         else:
-            opened = stack.enter_context(at.opened())
+            opened = stack.enter_context(at.open_store())
             links = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             parts, left_out = _of_store(opened, at.evidence, links, since)
         if not parts:

@@ -152,7 +152,7 @@ def _count(line: str, layout: Layout) -> int:
             numbers += 1
         elif not _IS_MISSING.fullmatch(cell):
             return 0
-    # where a comma is read, only this tells a decimal comma from a delimiter
+    # only this tells a decimal comma from a comma between columns
     return len(cells) if 2 * numbers >= len(cells) else 0
 
 
@@ -301,7 +301,7 @@ def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, floa
 
 
 def _unit_in(head: str, keys: str) -> str:
-    """The unit that a heading states; empty where it states none."""
+    """The unit that a heading states; empty if it states none."""
     found = re.search(rf"{_LINE}(?:{keys})[ \t:=,;]*([^\W\d_]+\b|\S+)", head)
     return found[1] if found else ""
 

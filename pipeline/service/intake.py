@@ -116,7 +116,7 @@ class Intake:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def takes(self, job: str) -> bool:
+    def can_read(self, job: str) -> bool:
         """Whether parts of a job can be read now."""
         return self.calls.busy is None and not self.calls.trouble(job)
 

@@ -1,9 +1,9 @@
 """Check a part against its expected serial: confirmed, refuted or undecided.
 
-    place          1     2     3    ...        same    = product of b(e)            every character is the known one
-    expected e     K     7     4               unknown = product of (b(e) + r) - same    none differs, not all read
-    belief b(e)   .99   .98   .01              differs = 1 - product of (b(e) + r)  one is clearly another
-    nothing r     .00   .01   .01
+    place             1     2     3   ...     same    = product of b(e)                all characters are as expected
+    expected e        K     7     4           unknown = product of (b(e) + r) - same   none differs, not all are read
+    posterior b(e)   .99   .98   .01          differs = 1 - product of (b(e) + r)      one is clearly another
+    none r           .00   .01   .01
 
 A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other texts need
 not fit the format: a wrong serial may break it. At prior 1/2 the lattice's posteriors are used unchanged.
@@ -29,7 +29,7 @@ CONFIRM_PROBABILITY = 0.99
 REFUTE_PROBABILITY = 0.99
 """Probability of "differs" from which a serial is refuted."""
 MISSING_COST = math.log(1e-3)
-"""Log posterior of a place or an expected character that is left over, if their numbers differ."""
+"""Log-likelihood of a place or an expected character that is left over, if their numbers differ."""
 
 
 class VerifyError(MarksError):
@@ -103,16 +103,16 @@ class Verification:
 
     def messages(self) -> tuple[str, ...]:
         """Return the differences in words, with places of the text counted from 1."""
-        said = []
+        differences = []
         if self.places != len(self.expected):
-            said.append(f"{self.places} characters were found where {len(self.expected)} are expected")
+            differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
         at = 0
         for check in self.characters:
             at += bool(check.expected)
             if check.state.state is not CharacterState.READ:
                 where = f"place {at}" if check.expected else f"after place {at}" if at else "before place 1"
-                said.append(f"{where}: {check.message}")
-        return tuple(said)
+                differences.append(f"{where}: {check.message}")
+        return tuple(differences)
 
 
 def verify(

@@ -284,7 +284,7 @@ class _Parts:
     def __init__(self, root: Path) -> None:
         self.evidence, self.store = EvidenceFolder(root / "evidence"), Store.open(_url(root))
 
-    def takes(self, _job: str) -> bool:
+    def can_read(self, _job: str) -> bool:
         return True
 
     @contextlib.contextmanager

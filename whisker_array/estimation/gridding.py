@@ -25,12 +25,12 @@ Lines = NDArray[np.float64]
 
 
 def averaging_weights(
-    position: NDArray[Any], pixel: NDArray[Any], pitch: float, *, bridged: float = 2.1
+    position: NDArray[Any], pixel: NDArray[Any], pitch: float, *, gap_steps: float = 2.1
 ) -> Any:
     """Sparse (pixels, samples) weights of each sample in each pixel.
 
     The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so unevenly
-    spaced samples are interpolated linearly. A gap of more than `bridged` median steps stays open. Passes laid
+    spaced samples are interpolated linearly. A gap of more than `gap_steps` median steps stays open. Passes laid
     between other passes leave some gaps twice as wide as others.
     """
     from scipy import sparse
@@ -42,7 +42,7 @@ def averaging_weights(
     steps = np.sort(gaps)
     step = float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2])) if steps.size else pitch
     # reach to the neighbour on either side, but one median step at the ends and into an open gap
-    closed = np.where(gaps > bridged * step, step, gaps)
+    closed = np.where(gaps > gap_steps * step, step, gaps)
     apart = np.maximum(np.r_[step, closed, step], pitch) * (1.0 + 1e-6)
     begin = np.searchsorted(ordered + apart[1:], pixel)
     end = np.searchsorted(ordered - apart[:-1], pixel)

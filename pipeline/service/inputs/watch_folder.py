@@ -124,7 +124,7 @@ class WatchedFolder:
         """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
         async with self._at_once:
             began_s, (_, due_s) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
-            if self._stopping.is_set() or began_s < due_s or not self._intake.takes(self._settings.job):
+            if self._stopping.is_set() or began_s < due_s or not self._intake.can_read(self._settings.job):
                 return  # the next look finds it again
             problems: dict[Path, str] = {}
             read: PartRecord | None = None

@@ -44,7 +44,7 @@ class Parts:
         self.problem: Exception | None = None
         self.meanwhile: Callable[[], object] = lambda: None
 
-    def takes(self, _: str) -> bool:
+    def can_read(self, _: str) -> bool:
         return self.open
 
     @contextlib.contextmanager
