@@ -75,7 +75,7 @@ class NumberTable:
 
     Attributes:
         head: lines before the numbers.
-        names: names of the columns, in small letters; empty if the last line of the head does not name them all.
+        names: names of the columns, in lower case; empty if the last line of the head does not name them all.
         rows: (n, columns), NaN where a value is missing.
     """
 
@@ -94,7 +94,7 @@ def is_number_table(path: Path) -> bool:
             start = stream.read(_SNIFF_BYTES)
     except OSError:
         return False
-    text = _decoded(start)
+    text = _decode(start)
     lines = text.splitlines()[:_SNIFF_LINES] if "\0" not in text else []
     found = _layout(lines[:-1] if len(start) == _SNIFF_BYTES else lines)
     if found is None or found.columns < 3:
@@ -109,7 +109,7 @@ def read_number_table(path: Path) -> NumberTable:
     Raises:
         DataError: the file holds no table of numbers, too many numbers, or rows of different lengths.
     """
-    text = _decoded(path.read_bytes())
+    text = _decode(path.read_bytes())
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
@@ -122,7 +122,7 @@ def read_number_table(path: Path) -> NumberTable:
     return NumberTable(head, _names(head, found), _numbers(body, found))
 
 
-def _decoded(data: bytes) -> str:
+def _decode(data: bytes) -> str:
     """Decode the text, with one kind of line ends and without quotes."""
     text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
@@ -130,7 +130,7 @@ def _decoded(data: bytes) -> str:
 
 
 def _layout(lines: Sequence[str]) -> Layout | None:
-    """The layout that finds most numbers, with as many in each line; None if no line has two columns."""
+    """The layout with the most numbers in lines of equal length; None if no line has two numbers."""
     found: list[tuple[int, Layout]] = []
     for delimiter, comma in _LAYOUTS:
         counts = [_count(line, Layout(delimiter, comma, 0, 0)) for line in lines]

@@ -32,7 +32,7 @@ def print_table(records: Sequence[ReadingRecord]) -> None:
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     for line in table_lines(records, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
         text = Text(line)
-        # colours the program's own words: two blanks set them apart from what was read
+        # colour the program's own words, which two blanks set apart from what was read
         for word, colour in _COLOUR.items():
             text.highlight_regex(rf"(?<=  ){word}(?=  |$)", colour)
         console.print(text)
@@ -80,7 +80,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that fit: without two spare ones if all names then fit, else with room for a short name."""
+    """The columns that fit. Up to two spare ones are left out to fit all names, else any to fit short names."""
     for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
         for count in range(len(spare) + 1):
             kept = [h for h in headings if h not in spare[:count]]

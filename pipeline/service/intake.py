@@ -163,10 +163,9 @@ class Intake:
         received = await self._requests.carry_out(idempotency, work)
         part = received.part
         if part.touch is not None and part.touch.by_stage and not self.draining:
-            # also if this is a retry because the service was killed at this point
-            with contextlib.suppress(
-                Problem
-            ):  # its history notes it; the part still waits, and touch is tried again
+            # also if this is a retry because the service was killed at this point; a failure is noted in the
+            # part's history, and the part waits for the next attempt
+            with contextlib.suppress(Problem):
                 part = await self.touching.attempt(part)
         return replace(received, part=part)
 
@@ -284,24 +283,22 @@ class Intake:
             return await self._keep(write, done, sent, self._decide(done, part))
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
-        def whole() -> tuple[Path, ...]:
+        def photos() -> tuple[Path, ...]:
             kept = self.store.evidence(part.id)
             return self.evidence.whole(e.sha256 for e in kept if e.kind is EvidenceKind.PHOTO and not e.gone)
 
-        return await asyncio.to_thread(whole)
+        return await asyncio.to_thread(photos)
 
     def _note_failure(self, part: PartRecord, why: str) -> None:
         *_, last = self.store.history(part.id)
-        if (last.kind, last.data) != (
-            "touch_failed",
-            {"why": why},
-        ):  # noted once, however often touch is tried
+        # noted once, however often touch is tried
+        if (last.kind, last.data) != ("touch_failed", {"why": why}):
             self.store.note_event(part.id, "touch_failed", {"why": why})
 
     # ----------------------------------------------------------------------------------------------------- decide
 
     def _decide(self, done: Done, part: NewPart | PartRecord) -> Decision:
-        """Decide the state of a part, only here; the store's serial rules may still send it to a person."""
+        """Decide the state of a part; only the store's serial rules may still send it to a person."""
         if self._in_shadow(part):
             return Decision(PartState.SHADOW, compared(done.readings[-1], part.expected))
         if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):

@@ -39,7 +39,7 @@ READ_OPENLY = 0.5
 RIVAL_LEFT = 0.002
 """Most posterior that a live rival may keep once the strokes are weighed."""
 DISTINCT_HEIGHTS = 0.25
-"""Length of the strokes that differ between two characters, in character heights, below which touch cannot decide."""
+"""Length of the strokes that differ between two characters, below which touch cannot decide, character heights."""
 UNTOLD = 0.03
 """Posterior from which a rival is not excluded if touch cannot decide."""
 HIDDEN_SHARE = 0.5
