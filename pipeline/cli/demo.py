@@ -37,8 +37,8 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     out
         Folder for plates, recordings, overview.png and overview.html.
     service
-        Show the service instead: its camera photographs dirty parts, and its stage scans those that the camera
-        is unsure of. The exit status is then 1 if it accepted a wrong serial.
+        Show the service instead: its camera photographs dirty parts, and its stage scans those that the
+        camera is unsure of. The exit status is then 1 if it accepted a wrong serial.
     stay
         With --service: keep it running until Ctrl-C, so that you can see the operator's page.
     """
@@ -102,7 +102,7 @@ def _read(out: Path) -> int:
 
 
 def _serve(out: Path, *, stay: bool) -> int:
-    """Send each photograph to a service, have the part touched if the camera is unsure, and print both readings."""
+    """Send each photograph to a service, have the part touched if the camera is unsure, and print both."""
     import uvicorn  # noqa: F401 - a missing extra is reported before parts are made
 
     from glyphs.soiling.soiled import Soiling

@@ -139,8 +139,8 @@ def backup(
 ) -> int:
     """Copy the store and its files, while the service runs.
 
-    The folder of the backup appears when it is complete. Exit status: 1 if a file of the service was missing or
-    damaged; the backup is still made, and says so.
+    The folder of the backup appears when it is complete. Exit status: 1 if a file of the service was missing
+    or damaged; the backup is still made, and says so.
 
     Parameters
     ----------

@@ -5,8 +5,8 @@ text --layout of the first lines--> head | body --numpy--> NumberTable --> RawMa
 Any delimiter, a decimal point or comma, headings, and words for missing values are read.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
-Surfer and plain `key = value unit` lines. The first row of a matrix is the top one,
-unless a column of y says otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
+Surfer and plain `key = value unit` lines. The first row of a matrix is the top one, unless a column of y says
+otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def _numbers(body: str, layout: Layout) -> NDArray[np.float64]:
 
 
 def _numbers_and_words(body: str, layout: Layout) -> NDArray[np.float64]:
-    """Read the first block of numbers, up to the head of another channel; words and gaps become NaN, which is slow."""
+    """Read the first block of numbers, up to the head of another channel; words become NaN. This is slow."""
     numbers, width = array("d"), layout.columns
     for n, line in enumerate(body.split("\n"), start=layout.first_line + 1):
         cells = layout.cells(line)
@@ -200,7 +200,7 @@ def _number(cell: str) -> float:
         return float("nan")
 
 
-# most columns of a list of points (x y z, intensity, colour, normal); rows per column that make a table such a list
+# most columns of a list of points (x y z, intensity, colour, normal); least rows for each of its columns
 _MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
 _LEAST_MATRIX_COLUMNS = 8
 # characters of a heading that are searched
@@ -316,7 +316,7 @@ def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
 
 
 def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
-    """Wyko: a line of the file is a column of the map, from the lowest row up; heights in wavelengths or nm."""
+    """Wyko: a line of the file is a column of the map, the lowest row first; heights in wavelengths or nm."""
     number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
     stated = {
         key: float(found[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")

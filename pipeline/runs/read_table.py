@@ -80,7 +80,7 @@ def table_lines(records: Sequence[ReadingRecord], *, width: int | None) -> list[
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    """The columns that fit. Up to two spare ones are left out to fit all names, else any to fit short names."""
+    """The columns that fit: up to two spare ones are left out to fit all names, else any for short names."""
     for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
         for count in range(len(spare) + 1):
             kept = [h for h in headings if h not in spare[:count]]

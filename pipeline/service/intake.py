@@ -10,7 +10,7 @@
 * A request that fails because of a bad file or a lost machine leaves no part. Sent again with its idempotency
   key, it makes one part.
 * If the camera is unsure, the part waits for touch (`touch_queue`); without a stage it goes to a person.
-* In shadow mode nothing is decided, felt by the stage, or published; the reader does not know the expected text.
+* In shadow mode nothing is decided, felt by the stage or published; the reader is not told the expected text.
 """
 
 from __future__ import annotations
@@ -374,7 +374,7 @@ def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
 
 
 def _stage_problem(error: StageError) -> Problem:
-    """The answer to a fault of stage or camera; if a driver does not answer, that is not the caller's mistake."""
+    """The answer to a fault of stage or camera; a driver that does not answer is not the caller's fault."""
     if isinstance(error, StageDownError):
         return Problem(503, str(error), headers={"Retry-After": "30"})
     return Problem(422, str(error))

@@ -1,11 +1,12 @@
 """The jobs that a service knows: the files of one folder, by name.
 
-    jobs/housing-left.toml --checked with all files that it names--> reading settings for parts of job housing-left
+    jobs/housing-left.toml --checked with all files that it names--> settings for parts of job housing-left
 
-* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service runs. A
-  file that was there within the last hour may come back: until then, requests that name it are asked to retry.
-* A job that cannot be used affects only its own parts: their requests are asked to retry. If a working job's file
-  becomes unusable, the job keeps its previous settings. The log and the list say so.
+* A file is checked whenever its job is named, so jobs can be added, changed and removed while the service
+  runs. A file that was there within the last hour may come back: until then, requests that name it are asked
+  to retry.
+* A job that cannot be used affects only its own parts: their requests are asked to retry. If the file of a
+  working job becomes unusable, the job keeps its previous settings. The log and the list say so.
 * Jobs that are added or changed while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
 """
@@ -91,7 +92,7 @@ class JobFolder:
             folder: folder of the files; it need not exist.
             own: settings of parts that name no job.
             databases: glyph databases that a job may name (default: those in the jobs' folder).
-            needed: job that the service's own settings name; if its file is missing, it is expected to come back.
+            needed: job that the service's own settings name; a missing file of it is expected to come back.
             call: calls a function in a worker (default: in this process).
 
         Raises:
@@ -99,8 +100,8 @@ class JobFolder:
         """
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
-        # the service's own settings are the job without a name; each change is one operation of the dict, so threads
-        # need no lock
+        # the service's own settings are the job without a name; each change is one operation of the dict, so
+        # threads need no lock
         self._known = {"": _Known((0, 0), JobFile("", own, {}, ""), watch_of(own))}
         self._recent, self._needed = RecentFiles(folder, SUFFIX, "job", needed=needed), needed
         self.lock = threading.RLock()
@@ -124,7 +125,7 @@ class JobFolder:
         return None if known is None else known.watch
 
     def drifts(self) -> dict[str, str | None]:
-        """Drift message of each certified job, empty without drift; None if too few parts were read to tell."""
+        """Drift message of each certified job, empty without drift; None if too few parts were read."""
         watches = {name: known.watch for name, known in sorted(self._known.copy().items())}
         return {
             name: watch.message() if watch.parts >= EVERY else None
@@ -188,7 +189,7 @@ class JobFolder:
         if re.fullmatch(NAME, name) is None:
             raise Problem(
                 422,
-                f"{name[:100]!r} is no name for a job; use letters, digits, _, - and ., and begin with a letter",
+                f"{name[:100]!r} is no name for a job; use letters, digits, _, - and ., with a letter first",
             )
         path = self.folder / f"{name}{SUFFIX}"
         with self.lock:

@@ -3,8 +3,8 @@
 flags --importance--> the first two --findings: places and numbers--> words
 rules of the mark, what happened to the scan, notes ----------------> all of them, after these
 
-A finding says what a flag means on this part and replaces the flag's general words. The user asked for the rules of
-the mark, so every broken rule is named.
+A finding says what a flag means on this part and replaces the flag's general words. The user asked for the
+rules of the mark, so every broken rule is named.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def _rivals(reading: Reading) -> dict[int, str]:
 
 
 def places_text(reading: Reading, places: Sequence[int]) -> str:
-    """Characters and their places, from 0: "I at place 1, 7 at place 4"; only the places if there are many."""
+    """Characters and their places, from 0: "I at place 1, 7 at place 4"; if there are many, only places."""
     if len(places) > MOST_NAMED:
         return _ranges([k + 1 for k in places])
     return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)

@@ -30,8 +30,8 @@ LEAST_FOREIGN = 2
 OTHER_FONT = 0.06
 """Mean score of a line by which another font must explain it better.
 
-Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another one better by less than this, and
-2 by 0.08."""
+Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another one better by less than
+this, and 2 by 0.08."""
 TEXT_FELT = 0.35
 """Share of strokes felt below which a mostly unreadable line is not text but dirt or land."""
 READ_OPENLY = 0.5
@@ -39,13 +39,13 @@ READ_OPENLY = 0.5
 RIVAL_LEFT = 0.002
 """Most posterior that a live rival may keep once the strokes are weighed."""
 DISTINCT_HEIGHTS = 0.25
-"""Length of the strokes that differ between two characters, below which touch cannot decide, character heights."""
+"""Least length of strokes that differ between two characters if touch is to decide, character heights."""
 UNTOLD = 0.03
 """Posterior from which a rival is not excluded if touch cannot decide."""
 HIDDEN_SHARE = 0.5
 """Share of a rival's strokes that could not be felt, from which the rival is not excluded."""
 HIDDEN_MARGIN = 2.5
-"""Margin from which a stroke of the other character was felt after all, nats; a piece of a stroke gives more."""
+"""Margin from which a stroke of the other character was felt after all, nats; even a piece gives more."""
 _REMEDIES = {
     Action.NONE: "look at the part",
     Action.CLEAN: "clean it and scan it again",

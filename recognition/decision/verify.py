@@ -1,12 +1,13 @@
 """Check a part against its expected serial: confirmed, refuted or undecided.
 
-    place             1     2     3   ...     same    = product of b(e)                all characters are as expected
-    expected e        K     7     4           unknown = product of (b(e) + r) - same   none differs, not all are read
-    posterior b(e)   .99   .98   .01          differs = 1 - product of (b(e) + r)      one is clearly another
-    none r           .00   .01   .01
+    place             1    2    3  ...    same    = product of b(e)               all are as expected
+    expected e        K    7    4         unknown = product of (b(e) + r) - same  none differs, not all read
+    posterior b(e)   .99  .98  .01        differs = 1 - product of (b(e) + r)     one is clearly another
+    none r           .00  .01  .01
 
-A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other texts need
-not fit the format: a wrong serial may break it. At prior 1/2 the lattice's posteriors are used unchanged.
+A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other
+texts need not fit the format: a wrong serial may break it. At prior 1/2 the lattice's posteriors are used
+unchanged.
 """
 
 from __future__ import annotations
@@ -138,8 +139,8 @@ def verify(
         refute: least refutation for REFUTED.
 
     Raises:
-        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice does not have; or
-            the prior or a limit is out of range.
+        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks; or the
+            prior or a limit is out of range.
     """
     text = "".join(expected.split())
     _check(lattice, text, prior, grammar, confirm, refute)

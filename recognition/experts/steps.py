@@ -37,7 +37,7 @@ class Steps:
         chars: the C characters.
         columns: (steps,) column of the strip at the middle of each step.
         gap: (steps,) probability of a word gap, which `log_blank` includes; None if not computed.
-        small: (steps,) posterior of small letters, which `log_chars` counts as capitals; None if not computed.
+        small: (steps,) posterior of small letters, which `log_chars` counts as capitals; or None.
         view: number of the view, if the part has several.
         expert: one of `EXPERTS`.
     """

@@ -88,7 +88,7 @@ class VisionReader:
         return checked_by_codes(made, codes)
 
     def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
-        """Read the photograph as it is, and without its stains; keep the second only if it is clearly surer."""
+        """Read the photograph with and without its stains; the second counts only if it is clearly surer."""
         bare = without_codes(photo, codes)
         views, left_out = photo_views(bare)
         timer = StepTimer()

@@ -3,7 +3,7 @@
     colour of a pixel --mean brightness of all pixels of that colour--> its stain
     brightness less its stain -----------------------------------------> shading: the relief
 
-Rust, paint and oil change colour and brightness together; a flank that the lamp hits changes brightness alone.
+Rust, paint and oil change colour and brightness together; a flank that the lamp hits changes only brightness.
 Marks that paint has run into are stains themselves and are removed as well. So the result is read in addition
 to the photograph, not in its place.
 Sources: B. Funt, M. Drew, M. Brockington, ECCV 1992 (shading from colour); E. Nadaraya, Theory Probab. Appl. 9 (1964)
@@ -41,9 +41,9 @@ def without_stains(
         bins: number of bins of the table for each of its two colour ratios.
         kernel_bins: width of the kernel, in bins of the table.
         focus_px: blur of the colours, which are noisier than brightness.
-        least_explained: share of the variance of log brightness that colour must explain; below it there are no
-            stains to remove. Of the 145 photographs of the calibration design above it, reading them both
-            with and without stains gets 64 % of characters right instead of 52 %, and 55 serials instead of 31.
+        least_explained: share of the variance of log brightness that colour must explain; below it there are
+            no stains to remove. Of the 145 photographs of the calibration design above it, reading them both
+            with and without stains gets 64 % of characters right instead of 52 %, and 55 serials, not 31.
     """
     from glyphs.opencv import cv2
 

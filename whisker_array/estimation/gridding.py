@@ -1,7 +1,7 @@
 """Average the sweeps of a scan onto one grid of the plate frame.
 
-A pixel is a weighted mean of samples with a triangular kernel. The kernel reaches one pixel to either side, or to
-the next sample if that is further away::
+A pixel is a weighted mean of samples with a triangular kernel. The kernel reaches one pixel to either side,
+or to the next sample if that is further away::
 
     weight  1 |        .                 samples  x x x x x x x x x
               |      .' '.               pixels     |   |   |   |
@@ -29,9 +29,9 @@ def averaging_weights(
 ) -> Any:
     """Sparse (pixels, samples) weights of each sample in each pixel.
 
-    The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so unevenly
-    spaced samples are interpolated linearly. A gap of more than `gap_steps` median steps stays open. Passes laid
-    between other passes leave some gaps twice as wide as others.
+    The kernel reaches one pitch to either side, or to the neighbouring sample if that is further away, so
+    unevenly spaced samples are interpolated linearly. A gap of more than `gap_steps` median steps stays open.
+    Passes laid between other passes leave some gaps twice as wide as others.
     """
     from scipy import sparse
 
@@ -59,7 +59,7 @@ def average_onto(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Average (lines, samples) onto (pixels across, pixels along), with `averaging_weights` both ways.
 
-    Values that are not finite are left out. A pixel is valid if more than half of its weight is known, else it is 0.
+    Values that are not finite are left out. A pixel with half of its weight or less known is invalid and 0.
     """
     known = np.isfinite(values)
     total = across @ (along @ np.where(known, values, 0.0).T).T
