@@ -1,10 +1,10 @@
-"""Characters: strokes or contours in one frame, and the signed distance from the ink.
+"""Glyphs and fonts: strokes or contours in the glyph frame, and the signed distance from the ink.
 
 Glyph frame: x right from the left bearing (0 .. advance), y *up* from the baseline, unit = cap height.
 
-A stroke font's centre lines are set in from the cap height so that the ink, not the centre line, of H spans
-y = 0..1: its centre lines run from stroke/2 to 1 - stroke/2. `with_stroke` refits them to another stroke, so
-a glyph stamped at `height_mm` is `height_mm` tall whatever the die's stroke.
+In a stroke font the ink of an H, not its centre line, spans y = 0..1. The centre lines are inset for this: they run
+from stroke/2 to 1 - stroke/2. `with_stroke` refits them to another stroke width, so a glyph stamped at `height_mm` is
+`height_mm` tall for any stroke width of the die.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from glyphs.surface.display import OneLine
 Points = NDArray[np.float64]
 
 MOST_CAP_HEIGHTS = 100.0
-"""Largest coordinate and advance: a character is about as wide as tall, whatever its font."""
+"""Largest coordinate and advance, cap heights: in any font a character is about as wide as it is tall."""
 _BELOW_ONE = math.nextafter(1.0, 0.0)
 RELIEF_PIXELS = 40
-"""Pixels to the cap height of a relief learned by touch."""
+"""Pixels for each cap height in a relief learned by touch."""
 
 
 class FontError(MarksError):
@@ -47,7 +47,7 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
         if not np.isfinite(array).all():
             raise FontError(f"{name} of {char!r} has coordinates that are not finite")
         if np.abs(array).max() > MOST_CAP_HEIGHTS:
-            raise FontError(f"{name} of {char!r} reaches further than {MOST_CAP_HEIGHTS:.0f} cap heights")
+            raise FontError(f"{name} of {char!r} extends beyond {MOST_CAP_HEIGHTS:.0f} cap heights")
         array.flags.writeable = False
         out.append(array)
     return tuple(out)
@@ -67,24 +67,24 @@ def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Glyph(OneLine):
-    """One character's shape in the glyph frame.
+    """The shape of one character in the glyph frame.
 
     Attributes:
-        char: the character, exactly one.
-        strokes: open polylines (n, 2), n >= 1 (one point is a dot); empty for an outlined glyph.
-        contours: closed polygons (n, 2), n >= 3, non-zero winding, not repeating the first point; empty for
-            a stroke glyph. A space has neither.
-        advance: distance to the next character's origin, cap heights.
+        char: exactly one character.
+        strokes: open polylines (n, 2), n >= 1 (one point is a dot); empty for an outline glyph.
+        contours: closed polygons (n, 2), n >= 3, non-zero winding; the first point is not repeated. Empty for a stroke
+            glyph. A space has neither strokes nor contours.
+        advance: distance to the origin of the next character, cap heights.
         stroke: stroke width for which the centre lines were inset, cap heights; 0 for contours.
-        relief: of a character learned by touch, (rows, cols) float32, both odd, RELIEF_PIXELS to the cap height,
-            in cap heights, negative in the mark; its middle pixel is the middle of the ink across and half the cap
-            height up, row 0 the top. Templates are made from it; the contours only draw its outline. None for any
-            other glyph.
-        guessed: whether a learned font has this character only from a similar font.
+        relief: heights of a character learned by touch, (rows, cols) float32, in cap heights, negative in the mark;
+            None for any other glyph. There are RELIEF_PIXELS pixels for each cap height; rows and cols are odd, and
+            row 0 is the top. The middle pixel lies at the middle of the ink across and at half the cap height.
+            Templates are made from the relief; the contours only draw its outline.
+        guessed: whether a learned font took this character from a similar font.
 
     Raises:
-        FontError: both strokes and contours, wrong shapes, values not finite or beyond MOST_CAP_HEIGHTS, stroke
-            outside 0 <= s < 1.
+        FontError: strokes and contours are both given, arrays have wrong shapes, values are not finite or beyond
+            MOST_CAP_HEIGHTS, or the stroke is outside 0 <= s < 1.
     """
 
     char: str
@@ -109,14 +109,14 @@ class Glyph(OneLine):
 
     @property
     def inked(self) -> bool:
-        """Whether there is anything to stamp (a space has no ink)."""
+        """Whether the glyph has ink (a space has none)."""
         return bool(self.strokes or self.contours)
 
     @property
     def ink_box(self) -> tuple[float, float, float, float]:
         """Bounding box (x0, y0, x1, y1) of the ink, nominal stroke included, cap heights.
 
-        For a glyph without ink the empty cell (0, 0, advance, 1).
+        A glyph without ink has the box of its empty cell, (0, 0, advance, 1).
         """
         if not self.inked:
             return (0.0, 0.0, self.advance, 1.0)
@@ -127,7 +127,7 @@ class Glyph(OneLine):
 
     @cached_property
     def segments(self) -> Points:
-        """(m, 4) directed segments x0, y0, x1, y1 of strokes or contours; a dot is a segment of no length."""
+        """(m, 4) directed segments x0, y0, x1, y1 of the strokes or contours; a dot is a segment of zero length."""
         parts = [np.hstack([c, np.roll(c, -1, axis=0)]) for c in self.contours]
         for s in self.strokes:
             parts.append(np.hstack([s[:-1], s[1:]]) if len(s) > 1 else np.hstack([s, s]))
@@ -135,7 +135,7 @@ class Glyph(OneLine):
 
     @cached_property
     def boundary(self) -> Points:
-        """(m, 4) segments that bound the ink: `segments`, less what lies inside overlapping contours."""
+        """(m, 4) segments that bound the ink: `segments` without the pieces inside overlapping contours."""
         return _ink_boundary(self.segments) if self.contours else self.segments
 
 
@@ -144,13 +144,13 @@ class Font(OneLine):
     """A set of glyphs.
 
     Attributes:
-        name: built-in name or the font's own full name.
+        name: built-in name, or the full name in the font file.
         glyphs: read-only mapping of character to glyph, not empty.
-        stroke_ratio: nominal stroke width over cap height; 0.0 for outlined fonts.
-        source: where it comes from, in words or a path.
+        stroke_ratio: ratio of nominal stroke width to cap height; 0.0 for outline fonts.
+        source: origin of the font, in words or as a path.
 
     Raises:
-        FontError: no glyph, a key that is not its glyph's character, stroke_ratio outside 0 <= r < 1.
+        FontError: there is no glyph, a key differs from its glyph's character, or stroke_ratio is outside 0 <= r < 1.
     """
 
     name: str
@@ -165,20 +165,20 @@ class Font(OneLine):
             raise FontError(f"font {self.name!r} has no glyphs")
         wrong = [key for key, glyph in self.glyphs.items() if key != glyph.char]
         if wrong:
-            raise FontError(f"font {self.name!r} files other characters' glyphs under {wrong}")
+            raise FontError(f"font {self.name!r} has glyphs of other characters under {wrong}")
         require_range(FontError, 0.0, _BELOW_ONE, self, "stroke_ratio")
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
     @cached_property
     def learned(self) -> bool:
-        """Whether its shapes were learned by touch rather than drawn."""
+        """Whether the font was learned by touch."""
         return any(glyph.relief is not None for glyph in self.glyphs.values())
 
     def glyph(self, char: str) -> Glyph:
-        """The glyph of a character.
+        """Return the glyph of a character.
 
         Raises:
-            FontError: the font does not have it; the message lists what it has.
+            FontError: the font lacks the character; the message lists those it has.
         """
         try:
             return self.glyphs[char]
@@ -188,12 +188,12 @@ class Font(OneLine):
 
 
 def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
-    """The glyph with centre lines refitted so that ink of width `stroke` (cap heights) has the same height.
+    """Refit the centre lines of a glyph so that ink of width `stroke` (cap heights) keeps the same height.
 
-    Contours come back unchanged: their ink is what they enclose.
+    Contours are returned unchanged, because they enclose their ink.
 
     Raises:
-        FontError: stroke outside 0 <= stroke < 1.
+        FontError: the stroke is outside 0 <= stroke < 1.
     """
     if glyph.contours or stroke == glyph.stroke:
         return glyph
@@ -212,9 +212,9 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
 
 
 def transform_glyph(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
-    """The glyph with its points widened by `x_scale` and leaned right by `shear` (x per y) about mid cap.
+    """Widen a glyph by `x_scale` and slant it to the right by `shear` (x per y) about half the cap height.
 
-    Points move, the stroke width stays, so walls keep their bevel.
+    The points move but the stroke width stays the same, so walls keep their bevel.
     """
     if x_scale == 1.0 and shear == 0.0:
         return glyph
@@ -232,18 +232,18 @@ def transform_glyph(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -
 
 
 def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) -> NDArray[np.float32]:
-    """Distance from the edge of the ink, negative inside it.
+    """Compute the distance from the edge of the ink, negative inside it.
 
     Args:
-        glyph: the character.
+        glyph: glyph of the character.
         x: positions in the glyph frame, cap heights; any shape.
-        y: the same, broadcast against x.
+        y: positions likewise, broadcast against x.
         stroke: width of the stroke, cap heights; ignored for contours.
 
     Returns:
-        float32 of the broadcast shape, cap heights, exact outside and inside contours and outside strokes;
-        inside a stroke it is the distance to the centre line less half the stroke, so it bottoms at
-        -stroke/2. +inf where the glyph has no ink.
+        float32 of the broadcast shape, cap heights. It is exact outside and inside contours and outside strokes.
+        Inside a stroke it is the distance to the centre line minus half the stroke, so it is -stroke/2 at least.
+        For a glyph without ink it is +inf everywhere.
     """
     from glyphs.fonts.distance import segment_distance, winding_number
 
@@ -262,8 +262,8 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
 def _ink_boundary(segments: Points) -> Points:
     """Cut crossing segments and keep the pieces with ink on one side only.
 
-    Contours that overlap (variable fonts, composites) have edges buried in the ink; a distance to those would
-    raise a ridge along the seam.
+    Overlapping contours (variable fonts, composites) have edges inside the ink; the distance to such edges would
+    leave a ridge along the seam.
     """
     p, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
     cross = d[:, None, 0] * d[None, :, 1] - d[:, None, 1] * d[None, :, 0]
@@ -290,7 +290,7 @@ def _ink_boundary(segments: Points) -> Points:
 
 
 def _winding(points: Points, segments: Points) -> NDArray[np.int32]:
-    """Winding number about points (n, 2)."""
+    """Compute the winding number about points (n, 2)."""
     from glyphs.fonts.distance import winding_number
 
     x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])

@@ -1,10 +1,10 @@
-"""A certificate: from which confidence readings may be accepted, shown by labelled parts, and for what it holds.
+"""Certificates: a confidence threshold for acceptance that labelled parts have proved, and where it is valid.
 
     parts, truth --certify--> Certificate --> JSON, page
-    JSON + settings --acceptance_of--> what the reader may accept    (recognition.decision.certified)
+    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.certified)
 
-It holds for the program, networks and settings that it was made with. With another version or other networks it is
-refused; of a part that is read with other settings (its own format, another database) nothing is accepted.
+A certificate is valid for the program, networks and settings that it was made with. It is refused by
+another version or with other networks. A part that is read with other settings (its own format, another database) is not accepted.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from recognition.decision.likeness import KindOfParts
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
 _NOT_COVERED = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
-"""Settings that may differ: the senses stand in the certificate, and units are the file's. The order of rows, as the
-orientation, decides what may be accepted."""
+"""Settings that may differ from the certified ones: the certificate lists its sources, and units belong to a file.
+`rows` may not differ: like the orientation, the order of rows decides what may be accepted."""
 _FILES = ("database", "lexicon")
 _AGAIN = "make a new one with: tactile-marks certify"
 
@@ -52,13 +52,13 @@ class Certificate:
         bound: upper bound of the share of wrong readings among the accepted, for this threshold alone.
         tests: test result of every threshold.
         kind: measures of the parts.
-        data_sha256: hash of the parts' files and their truth.
+        data_sha256: hash of the parts' files and true texts.
         settings: read settings that differ from the defaults; files are given by their hash.
         versions: versions of program and libraries, and hashes of the networks.
         format_version: version of the file format.
 
     Raises:
-        ValueError: numbers that contradict each other.
+        ValueError: the numbers contradict each other.
     """
 
     made_at: datetime
@@ -83,21 +83,21 @@ class Certificate:
             raise ValueError("risk, confidence and threshold lie between 0 and 1")
         if not 0 <= self.wrong <= self.accepted <= self.parts:
             raise ValueError(
-                f"{self.wrong} wrong of {self.accepted} accepted of {self.parts} parts cannot be"
+                f"{self.wrong} wrong of {self.accepted} accepted of {self.parts} parts cannot be true"
             )
         exact = share_bounds(self.wrong, self.accepted, confidence=self.confidence)[1]
         if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
             raise ValueError(
-                f"{self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}, and the risk "
-                f"{self.risk:g}"
+                f"the bound for {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
+                f"it must not exceed the risk {self.risk:g}"
             )
         chosen = certified_threshold(self.tests)
         if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
-            raise ValueError(f"the threshold {self.threshold:g} is not the one that its tests show")
+            raise ValueError(f"the threshold {self.threshold:g} is not the one that its tests certify")
 
     @property
     def coverage(self) -> float:
-        """Share of the parts that is accepted."""
+        """Share of the parts that were accepted."""
         return self.accepted / self.parts
 
     @property
@@ -115,7 +115,7 @@ class Certificate:
         return {**own, "certified": self.acceptance}
 
     def describe(self) -> str:
-        """One-sentence summary."""
+        """Describe the certificate in one sentence."""
         return (
             f"accepted from confidence {self.threshold:g}: at most {self.risk:g} of the accepted are wrong, with "
             f"{self.confidence:.0%} confidence ({self.wrong} of {self.accepted:,} were, at most {self.bound:.3%}; "
@@ -124,7 +124,7 @@ class Certificate:
 
 
 def write_certificate(certificate: Certificate, path: Path) -> None:
-    """Write it as JSON.
+    """Write a certificate as JSON.
 
     Raises:
         FileError: the file cannot be written.
@@ -135,10 +135,10 @@ def write_certificate(certificate: Certificate, path: Path) -> None:
 
 
 def load_certificate(path: Path) -> Certificate:
-    """A certificate out of its file.
+    """Load a certificate from its file.
 
     Raises:
-        FileError: no such file, or no certificate of this format.
+        FileError: there is no such file, or it is not a certificate of this format.
     """
     require_file(path, most_bytes=_MOST_BYTES)
     try:
@@ -147,7 +147,7 @@ def load_certificate(path: Path) -> Certificate:
         first = error.errors()[0]
         place = ".".join(str(step) for step in first["loc"])
         why = f"{place}: {first['msg']}" if place else first["msg"]
-        raise FileError(path, f"is no certificate of this program ({why})", _AGAIN) from error
+        raise FileError(path, f"is not a certificate of this program ({why})", _AGAIN) from error
     if made.format_version != FORMAT_VERSION:
         raise FileError(
             path, f"has format version {made.format_version}; this program reads {FORMAT_VERSION}", _AGAIN
@@ -156,10 +156,10 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def certificate_of(settings: ReadSettings) -> Certificate | None:
-    """The certificate that the settings name, checked against this program and them; None where they name none.
+    """Load the certificate that the settings name, and check it against program and settings; None if there is none.
 
     Raises:
-        FileError: a file that is not a certificate.
+        FileError: the file is not a certificate.
         SettingsError: it was made with another program, other networks or other settings.
     """
     if settings.certificate is None:
@@ -169,29 +169,29 @@ def certificate_of(settings: ReadSettings) -> Certificate | None:
     if differ:
         raise SettingsError(
             f"the certificate {settings.certificate} was made with other settings ({differ})",
-            hint="read with those, or certify again with these",
+            hint="read with the certified settings, or certify again with these",
         )
     return made
 
 
 def checked(path: Path) -> Certificate:
-    """A certificate, checked against this program.
+    """Load a certificate, and check it against this program.
 
     Raises:
-        FileError: a file that is not a certificate.
+        FileError: the file is not a certificate.
         SettingsError: it was made with another program or other networks.
     """
     made = _loaded(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
     differ = differences(made.versions, reader_versions())
     if differ:
         raise SettingsError(
-            f"the certificate {path} does not hold for this program ({differ})", hint="certify again"
+            f"the certificate {path} is not valid for this program ({differ})", hint="certify again"
         )
     return made
 
 
 def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
-    """Certified acceptance of a reader with these settings; None without a certificate.
+    """Return the certified acceptance of a reader with these settings; None without a certificate.
 
     It covers no sources if the settings differ from the certified ones.
 
@@ -207,10 +207,10 @@ def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
 
 
 def settings_described(settings: ReadSettings) -> dict[str, Any]:
-    """Settings that a certificate covers, as plain JSON values; files are given by a hash of their content.
+    """List the settings that a certificate covers, as plain JSON values; files are given by a hash of their content.
 
     Raises:
-        FileError: a file that cannot be read.
+        FileError: a file cannot be read.
     """
     described = settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_COVERED)
     for name in _FILES:

@@ -1,4 +1,4 @@
-"""A command line's run, from its inputs to what is printed at its end."""
+"""The batch run of the command line: find the parts, read them, write tables and print the summary."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from pipeline.runs.workbook import check_number
 from pipeline.workers.executors import Executor, WorkerLostError
 
 MOST_SHOWN = 200
-"""Parts whose rows are printed; of more the counts are, and the table has the rows."""
+"""Most parts whose rows are printed. For more parts only the counts are printed; the table has all rows."""
 
 
 def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()) -> Listing:
-    """List the parts of a command line that the senses of its mode can read.
+    """List the parts of a command line that its mode can read.
 
     Raises:
-        NothingFoundError: no part.
-        FileError: a manifest that cannot be used.
+        NothingFoundError: no part was found.
+        FileError: a manifest cannot be used.
     """
     vision = settings.mode in ("vision", "fused", "auto")
     return discover(
@@ -54,27 +54,27 @@ def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Seque
 
 
 def absolute(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
-    """The parts with local files named as on any machine that shares the disk."""
+    """Make the paths of local files absolute, so that every machine that shares the disk finds them."""
     return [part.absolute() for part in parts]
 
 
 def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executor: Executor) -> int:
-    """Read parts, and print the results.
+    """Read parts and print the results.
 
     Args:
         inputs: files, folders, globs, URLs and manifests.
-        settings: settings of reading.
+        settings: read settings.
         options: checks and outputs.
-        executor: executor that reads.
+        executor: executor that reads the parts.
 
     Returns:
-        0; 1 where a part could not be read, or its expected text is not confirmed.
+        0, or 1 if a part could not be read or its expected text is not confirmed.
 
     Raises:
-        FileError: a table, list or lexicon that cannot be used.
-        NothingFoundError: no part.
-        ClusterError: an unusable cluster.
-        ValueError: settings, a font, format or database that cannot be used.
+        FileError: a table, list or lexicon cannot be used.
+        NothingFoundError: no part was found.
+        ClusterError: the cluster cannot be used.
+        ValueError: the settings, a font, the format or the database cannot be used.
     """
     options.check()
     found = parts_for(inputs, settings, manifests=options.manifest)
@@ -84,7 +84,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
     lot = LotCheck(read_order(options.order)) if options.order is not None else None
     watch = None
     if settings.certificate is not None:
-        from pipeline.reading.drift import watch_of  # slow to import, as all of recognition
+        from pipeline.reading.drift import watch_of  # slow to import, like all of recognition
 
         watch = watch_of(settings)
     expected = load_expected(options.verify, serial_format(settings)) if options.verify is not None else None
@@ -102,12 +102,12 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         measures=watch is not None,
         sent=files_to_send(settings) if executor.remote else None,
     )
-    # in a worker, which keeps the reader for its first part
+    # checked in a worker, which then keeps the reader for its first part
     (checked,) = executor.calls(check_order, order, [None])
     if checked.error is not None and not isinstance(checked.error, WorkerLostError):
         raise checked.error
     learning = learns(options, settings, parts)
-    # settings, options and versions that the rows depend on
+    # further inputs that the rows depend on
     more = {
         "learn_die": learning,
         "files": {str(path): file_sha256(path) for path in files_of(settings)},
@@ -134,7 +134,7 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         if run.journal.resumed:
             print(f"continuing an interrupted run: {done:,} parts are read already")
         if run.journal.kept is not None:
-            print(f"{options.out} existed already; it is kept as {run.journal.kept}")
+            print(f"{options.out} already existed; it is kept as {run.journal.kept}")
         progress.start(len(parts), done)
         run.on_row, run.lot, run.watch = on_row, lot, watch
         began = time.monotonic()
@@ -175,24 +175,24 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
 
 
 def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> None:
-    """Print what was written, and write the summary."""
+    """Report the written files, and write the summary."""
     second = run.second
     if second is not None and second.again:
-        print(f"{second.again:,} read again with the shapes learned")
+        print(f"{second.again:,} parts were read again with the learned shapes")
     if run.watch is not None and run.watch.first:
         print(f"warning: {run.watch.first}", file=sys.stderr)
     if run.known:
         print(
-            f"{run.known:,} parts were in the store already, of the same files read in the same way; "
-            "they are not kept twice"
+            f"{run.known:,} parts were in the store already, with the same files and settings; "
+            "they are not stored twice"
         )
     if options.out is not None:
         print(f"wrote {options.out}")
         if second is not None and second.learned is not None:
-            print(f"wrote {second.database}, the shapes of this lot's die; read more of it with --database")
+            print(f"wrote {second.database}, the shapes of this lot's die; use it with --database for more parts of the lot")
         if run.quarantine is not None and run.summary.errors:
             print(
-                f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and give it to "
+                f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and pass this list to "
                 "read"
             )
     if options.summary is not None:

@@ -1,4 +1,4 @@
-"""The service from Python.
+"""Python client of the service.
 
 with Client("http://127.0.0.1:8417", token="tm_...") as client:
     part = client.read(photo="part.png", name="tray-7/part-3")
@@ -6,10 +6,9 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
         part = client.add_scan(part.id, "part.h5")
     print(part.text, part.state)
 
-* A part is sent with an idempotency key, so it becomes one part however often it is sent.
-* A request that finds the service busy waits as long as the answer says, and is sent again. One whose connection is
-  lost is sent again where that cannot do anything twice. All of it ends after the patience counted from the first
-  attempt.
+* Every part is sent with an idempotency key. It becomes one part, even if it is sent several times.
+* If the service is busy, the client waits as long as the answer says and sends the request again. If the connection is
+  lost, it sends the request again only where that does nothing twice. Retries end `patience_s` after the first attempt.
 """
 
 from __future__ import annotations
@@ -37,28 +36,28 @@ __all__ = ["Client", "ServiceError"]
 T = TypeVar("T")
 Which = Literal["photo", "edges", "boxes"]
 Source = Path | str | bytes
-"""A file, or what it holds."""
+"""Path of a file, or its content as bytes."""
 _BUSY = (429, 502, 503, 504)
 _FIRST_WAIT_S = 0.25
 _LONGEST_WAIT_S = 20.0
 
 
 class ServiceError(MarksError):
-    """The service refuses a request, or cannot be reached.
+    """The service refused a request, or could not be reached.
 
     Attributes:
-        status: of HTTP; 0 where there was no answer.
-        problem: what the answer says, as RFC 9457 has it; empty where it says nothing.
+        status: HTTP status; 0 without an answer.
+        problem: problem details of the answer (RFC 9457); empty if it has none.
     """
 
     def __init__(self, status: int, problem: Mapping[str, Any], message: str = "") -> None:
-        words = message or problem.get("detail") or problem.get("title") or "the service says no more"
+        words = message or problem.get("detail") or problem.get("title") or "the service gives no reason"
         super().__init__(f"{status}: {words}" if status else str(words))
         self.status, self.problem = status, dict(problem)
 
 
 class Client:
-    """Speaks to a service; threads may share it."""
+    """A connection to a service; threads may share it."""
 
     def __init__(
         self,
@@ -69,14 +68,14 @@ class Client:
         patience_s: float = 60.0,
         ca_file: Path | None = None,
     ) -> None:
-        """Make ready; nothing is sent yet.
+        """Prepare the connection; nothing is sent yet.
 
         Args:
-            url: of the service, http://127.0.0.1:8417.
-            token: tm_..., where the service asks for one. Over plain http anybody on the way can read it.
-            timeout_s: for one answer.
-            patience_s: for asking again, counted from the first attempt; 0: ask once.
-            ca_file: certificates of authorities to trust, instead of the usual ones.
+            url: address of the service, such as http://127.0.0.1:8417.
+            token: tm_..., if the service asks for one. Over plain http anybody on the network path can read it.
+            timeout_s: longest wait for one answer, s.
+            patience_s: time for retries, counted from the first attempt, s; 0 sends once.
+            ca_file: certificates of the authorities to trust (default: those of the system).
 
         Raises:
             MissingExtraError: httpx is not installed.
@@ -90,7 +89,7 @@ class Client:
         headers = {"user-agent": "tactile-marks", "accept": "application/json"}
         if token:
             headers["authorization"] = f"Bearer {token}"
-        # no redirects and no proxies of the environment: the token goes to the service and nowhere else
+        # no redirects and no proxies of the environment, so that the token goes only to the service
         self._http = httpx.Client(
             base_url=url, headers=headers, timeout=timeout_s, verify=trusted, trust_env=False
         )
@@ -119,24 +118,24 @@ class Client:
         touch: Literal["asked", "stage", "plan"] = "asked",
         idempotency_key: str | None = None,
     ) -> PartRecord:
-        """Have a part read from its photograph, its scan, or both.
+        """Read a part from its photograph, its scan, or both.
 
         Args:
-            photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several of the part under different lights, read as one.
-            scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); bytes are taken for a recording.
+            photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several photographs under different lights, read as one.
+            scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); bytes are read as a recording.
             name: name of the part on the line.
             expected: expected text.
             database: glyph database to read with.
-            job: job with the settings of reading, database included.
+            job: job that holds the read settings, database included.
             touch: what happens if the camera is unsure. "stage": the service's stage feels the part at once. "asked":
-                the stage feels it after a call of `touch`. Without a stage a person gets the part in both cases.
-                "plan": this program will send a scan, by the answer's plan.
-            idempotency_key: key of this part (default: a new one). With a key that is stored with the part, the part
-                can be sent again even after a restart of this program.
+                the stage feels it after a call of `touch`. Without a stage, both send the part to a person.
+                "plan": your program sends a scan that follows the plan in the answer.
+            idempotency_key: key of this part (default: a new one). If your program stores the key, it can send the part
+                again even after a restart.
 
         Raises:
             ServiceError: the request was refused, or the service was not reached in time.
-            ValueError: neither photograph nor scan is given.
+            ValueError: there is neither a photograph nor a scan.
             OSError: a file cannot be read.
         """
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
@@ -159,14 +158,14 @@ class Client:
         """Read a part and compare it with the expected text; `part.reading.verdict` is the result.
 
         Raises:
-            ServiceError, ValueError, OSError: as `read`; also if the text is empty.
+            ServiceError, ValueError, OSError: as for `read`; also ValueError if the text is empty.
         """
         if not expected.strip():
             raise ValueError("give the text that the part should read")
         return self.read(photo, scan, expected=expected, **options)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
-        """Add a scan of a part; the answer is read from both.
+        """Add a scan to a part; the part is then read from photograph and scan together.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -202,7 +201,7 @@ class Client:
             text: the correct serial.
             who: name of the reviewer.
             note: free text.
-            before: the text that the reviewer saw; if it has changed since, a ServiceError of status 409 is raised.
+            before: text that the reviewer saw; if it has changed since, a ServiceError with status 409 is raised.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -214,10 +213,10 @@ class Client:
         return _record(PartRecord, answer)
 
     def part(self, part_id: str) -> PartRecord:
-        """A part as it stands.
+        """Get the current record of a part.
 
         Raises:
-            ServiceError: there is none, or the service is not reached in time.
+            ServiceError: there is no such part, or the service was not reached in time.
         """
         return _record(PartRecord, self._send("GET", _path(part_id)))
 
@@ -230,14 +229,14 @@ class Client:
         before: str | None = None,
         limit: int = 50,
     ) -> tuple[PartRecord, ...]:
-        """Parts, newest first.
+        """List parts, newest first.
 
         Args:
-            state: only these.
-            text: that the serial holds.
-            name: that the name holds.
-            before: id of the last part of the page before.
-            limit: most parts.
+            state: list only parts in this state.
+            text: list only parts whose serial contains this text.
+            name: list only parts whose name contains this text.
+            before: id of the last part on the previous page.
+            limit: largest number of parts.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -248,18 +247,18 @@ class Client:
         return _record(tuple[PartRecord, ...], answer)
 
     def history(self, part_id: str) -> History:
-        """All that happened to a part.
+        """Get the history of a part.
 
         Raises:
-            ServiceError: there is none, or the service is not reached in time.
+            ServiceError: there is no such part, or the service was not reached in time.
         """
         return _record(History, self._send("GET", f"{_path(part_id)}/history"))
 
     def picture(self, part_id: str, which: Which) -> bytes:
-        """A picture of a part, JPEG or PNG: as photographed, as scanned, or with the characters' boxes.
+        """Get a picture of a part as JPEG or PNG: the photograph, the edge map, or the boxes of the characters.
 
         Raises:
-            ServiceError: there is none, or the service is not reached in time.
+            ServiceError: there is no such part or picture, or the service was not reached in time.
         """
         return self._send("GET", f"{_path(part_id)}/pictures/{which}").content
 
@@ -288,10 +287,10 @@ class Client:
         Args:
             method: HTTP method.
             path: path on the service.
-            files: each with its field, and the name to send where it is not a file.
-            repeatable: whether the request is idempotent; if not, it is sent again only if it surely was not carried
-                out.
-            request: further arguments of httpx.
+            files: form field of each file with its source, and a file name for sources that are bytes.
+            repeatable: whether the request is idempotent. If not, it is sent again only if it was certainly not
+                carried out.
+            request: further arguments for httpx.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -309,9 +308,9 @@ class Client:
                         request["files"] = [(key, _opened(opened, *file)) for key, file in files]
                     answer = self._http.request(method, path, **request)
             except httpx.TransportError as error:
-                # without a connection nothing was sent
+                # if there was no connection, nothing was sent
                 safe = repeatable or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
-                failure = ServiceError(0, {}, f"the service is not reached: {error or repr(error)}")
+                failure = ServiceError(0, {}, f"the service was not reached: {error or repr(error)}")
             else:
                 if answer.is_success:
                     return answer
@@ -320,7 +319,7 @@ class Client:
                 safe = answer.status_code in _BUSY and (asked_to_wait or repeatable)
                 wait_s = retry_after_s(answer.headers)
             wait_s = max(wait_s, min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2.0 ** (attempt - 1)))
-            wait_s *= 1.0 + 0.25 * random.random()  # many clients that were refused together come back apart
+            wait_s *= 1.0 + 0.25 * random.random()  # spreads the retries of clients that were refused at the same time
             if not safe or time.monotonic() + wait_s > until:
                 raise failure
             time.sleep(wait_s)
@@ -358,5 +357,5 @@ def _record(kind: type[T], answer: httpx.Response) -> T:
         raise ServiceError(
             answer.status_code,
             {},
-            "the answer is not understood; is there a service of this version at the url?",
+            "the answer was not understood; check that the url is that of a service of this version",
         ) from error

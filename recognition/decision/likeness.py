@@ -1,11 +1,11 @@
-"""Whether parts are like others: two-sample tests of what was measured of them.
+"""Two-sample tests: whether parts are of the same kind as the certified ones, by their measures.
 
     certified parts --KindOfParts.of--> values of each measure ---+
                                                                   +--Kolmogorov-Smirnov--> Unlike, or nothing
-    parts read --------------------> the latest of each measure --+
+    parts read ------------> latest values of each measure -------+
 
-Each measure is tested by itself, at P_VALUE over their number (Bonferroni), so that all together cry wolf in no more
-than P_VALUE of the tests.
+Each measure is tested by itself, at P_VALUE divided by the number of measures (Bonferroni). All measures together then
+give a false alarm in at most P_VALUE of the tests.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 from recognition.decision.evidence import Measure
 
 P_VALUE = 1e-4
-"""Chance that parts of the same kind are called unlike, at one test of all measures."""
+"""Chance of a false alarm on parts of the same kind, for one test of all measures."""
 LEAST_PARTS = 20
-"""Fewer, on either side, are not compared."""
+"""Fewest parts on either side for a comparison."""
 MOST_KEPT = 200
-"""Values of a measure that are kept of more parts: so many quantiles."""
+"""Most values of a measure that are kept; of more parts, as many quantiles are kept."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class KindOfParts:
     """Distribution of each measure over some parts.
 
     Attributes:
-        values: by measure, rising; of many parts evenly spaced quantiles.
+        values: ascending values of each measure; for many parts, evenly spaced quantiles.
 
     Raises:
-        ValueError: values that are no numbers, or do not rise.
+        ValueError: values that are not finite, or not ascending.
     """
 
     values: Mapping[Measure, tuple[float, ...]]
@@ -42,13 +42,13 @@ class KindOfParts:
     def __post_init__(self) -> None:
         for name, values in self.values.items():
             if not all(math.isfinite(v) for v in values):
-                raise ValueError(f"{name.value} is not a number everywhere")
+                raise ValueError(f"{name.value} has values that are not finite")
             if list(values) != sorted(values):
-                raise ValueError(f"the values of {name.value} do not rise")
+                raise ValueError(f"the values of {name.value} are not ascending")
 
     @classmethod
     def of(cls, parts: Collection[Mapping[Measure, float]]) -> KindOfParts:
-        """The kind of these parts; measures that hardly any has are left out."""
+        """Take the distributions over these parts; measures that fewer than LEAST_PARTS have are left out."""
         found = {}
         for name in Measure:
             values = np.sort([part[name] for part in parts if name in part])
@@ -64,11 +64,11 @@ class Unlike:
     """A difference between two sets of parts in one measure.
 
     Attributes:
-        measure: which.
-        certified: its median in those.
-        now: its median in these.
-        p: of the two-sample test.
-        parts: how many these are.
+        measure: measure that differs.
+        certified: median over the certified parts.
+        now: median over the latest parts.
+        p: p-value of the two-sample test.
+        parts: number of latest parts.
     """
 
     measure: Measure
@@ -84,9 +84,9 @@ class Unlike:
 
 
 def unlike(kind: KindOfParts, parts: Collection[Mapping[Measure, float]]) -> tuple[Unlike, ...]:
-    """The measures in which parts are not of a kind, the least likely first; none where they are too few to tell.
+    """Find the measures in which parts differ from a kind, lowest p-value first; none if there are too few parts.
 
-    Two-sample Kolmogorov-Smirnov test of each measure, exact where parts are few (`scipy.stats.ks_2samp`).
+    Each measure has a two-sample Kolmogorov-Smirnov test, exact for few parts (`scipy.stats.ks_2samp`).
     """
     from scipy.stats import ks_2samp
 

@@ -1,6 +1,7 @@
-"""Trade-offs: the contrast against the slide allowed and against the scan speed.
+"""Trade-off curves: contrast against the allowed sideways slide and against the scan speed.
 
-Each point is a whisker designed anew from its neighbour. The elastica's error is scaled as it is for the design.
+The whisker is designed anew for each point, starting from the neighbouring point. The ratio of the elastica error to
+its first order is taken from the original design.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ SPEED_FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 @dataclass(frozen=True, repr=False)
 class TradeOff(OneLine):
-    """Contrast at other values of one limit, the whisker designed anew for each.
+    """Contrast as a function of one limit; the whisker is designed anew for each value.
 
     Attributes:
-        name: the limit.
-        unit: of `allowed`.
-        allowed: the limit, ascending.
-        contrast: worst-case contrast that is reached; None where no whisker can be made.
-        at: the limit of the design itself.
+        name: name of the limit.
+        unit: unit of `allowed`.
+        allowed: values of the limit, ascending.
+        contrast: worst-case contrast at each value; None where no whisker is possible.
+        at: value of the limit in the original design.
     """
 
     name: str
@@ -39,11 +40,11 @@ class TradeOff(OneLine):
 
 
 def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) -> TradeOff:
-    """Contrast against the sideways slide allowed, each point a whisker of its own.
+    """Compute the contrast against the allowed sideways slide; every point has its own whisker.
 
     Args:
         design: the design to start from.
-        factors: times the slide allowed there.
+        factors: multiples of the slide that the design allows.
     """
     at = design.limits.slide_lines * design.line_pitch_mm
 
@@ -54,7 +55,7 @@ def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) ->
 
 
 def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) -> TradeOff:
-    """Contrast against the scan speed to be reached; see `slide_trade_off`."""
+    """Compute the contrast against the required scan speed; see `slide_trade_off`."""
     at = design.request.least_speed_mm_s
 
     def change(factor: float) -> tuple[Request, Limits]:
@@ -72,7 +73,7 @@ def _trade_off(
     unit: str,
     at: float,
 ) -> TradeOff:
-    """Each point starts from its neighbour nearer the design."""
+    """Design a whisker for each factor, starting from the neighbouring factor nearer to 1."""
     kind: SectionKind = "ribbon" if isinstance(design.whisker.section, Rectangle) else "round"
     first_order = check(design.whisker, design.request, design.limits, preload_mm=design.preload_mm)
     scale = design.linear_error / float(first_order.values[Bound.LINEAR_BEAM].max())
@@ -86,13 +87,13 @@ def _trade_off(
             problem = Problem(request, limits, kind, error_scale=scale)
             found = polish(problem, neighbour, rounds=2) or _from_inside(problem, neighbour)
             if found is None:
-                break  # a tighter limit still leaves no whisker either
+                break  # an even tighter limit has no whisker either
             neighbour = found
             reached[factor] = found.worth
     return TradeOff(name, unit, tuple(f * at for f in ordered), tuple(reached.get(f) for f in ordered), at)
 
 
 def _from_inside(problem: Problem, neighbour: Candidate) -> Candidate | None:
-    """Once more, from the point near the neighbour that keeps the limits best."""
+    """Search again from the point near the neighbour with the largest reserve to the limits."""
     inside = climb(problem, problem.encode(neighbour), only_reserve=True)
     return polish(problem, inside, rounds=2) if inside.reserve > 0.0 else None

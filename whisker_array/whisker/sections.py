@@ -5,7 +5,7 @@ Directions of a section, looking along the whisker (the whisker bends in the ver
             ^ vertical
             |              Rectangle: thickness_mm is the vertical side (thin, the soft direction),
        +---------+                    width_mm the lateral side (wide, the stiff direction):
-       |    +----|--> lateral (z)     a ribbon lying flat, as soft up and down as it is stiff sideways.
+       |    +----|--> lateral (z)     a flat ribbon, soft up and down and stiff sideways.
        +---------+
 
 Units are mm and N: moduli are in MPa = N/mm^2.
@@ -26,7 +26,7 @@ _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 
 
 class WhiskerError(MarksError):
-    """A whisker, array or use of one that is not possible."""
+    """An impossible whisker or array, or an impossible use of one."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Material:
     """An isotropic, linearly elastic material.
 
     Attributes:
-        name: what it is called.
+        name: name of the material.
         e_mpa: Young's modulus, MPa.
         poisson: Poisson's ratio, 0 <= nu < 0.5.
         density_g_cm3: density, g/cm^3.
@@ -44,7 +44,7 @@ class Material:
         WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
     """
 
-    # read from files as it is: unknown keys are errors
+    # whisker files hold this class as it is; unknown keys are errors
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     name: str
@@ -64,7 +64,7 @@ class Material:
 
     @property
     def density_t_mm3(self) -> float:
-        """Density in tonne/mm^3, the mass unit that goes with N, mm and s."""
+        """Density, tonne/mm^3: tonnes are the mass unit consistent with N, mm and s."""
         return self.density_g_cm3 * 1e-9
 
 
@@ -74,13 +74,13 @@ MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3
 
 @dataclass(frozen=True)
 class Section:
-    """A cross-section: its dimensions, and what follows from them.
+    """A cross-section: its dimensions and the values derived from them.
 
     Attributes:
-        area_mm2: area.
+        area_mm2: area of the section.
         i_vertical_mm4: second moment for bending in the vertical plane of the whisker (about the lateral axis).
         i_lateral_mm4: second moment for bending sideways (about the in-plane axis across the beam).
-        j_mm4: St. Venant torsion constant; of a section with round symmetry the polar second moment.
+        j_mm4: St. Venant torsion constant; for a round section it is the polar second moment.
         c_vertical_mm: distance from the lateral axis to the outer fibre.
         c_lateral_mm: half of the lateral extent.
     """
@@ -97,7 +97,7 @@ class Section:
             object.__setattr__(self, name, value)
 
     def _derive_round(self, outer_mm: float, inner_mm: float = 0.0) -> None:
-        """Set the numbers of a ring: pi (D^2 - d^2) / 4, pi (D^4 - d^4) / 64, D / 2."""
+        """Set the values of a ring: pi (D^2 - d^2) / 4, pi (D^4 - d^4) / 64, D / 2."""
         i = math.pi * (outer_mm**4 - inner_mm**4) / 64.0
         self._derive(area_mm2=math.pi * (outer_mm**2 - inner_mm**2) / 4.0, j_mm4=2.0 * i)
         self._derive(
@@ -113,7 +113,7 @@ class Section:
         """Mix the dimensions linearly: this section at t = 0, the other at t = 1.
 
         Raises:
-            WhiskerError: the other is of another kind.
+            WhiskerError: the other section is of a different kind.
         """
         if type(other) is not type(self):
             raise WhiskerError(
@@ -178,11 +178,11 @@ class Rectangle(Section):
 
 
 def _rectangle_torsion_mm4(thickness_mm: float, width_mm: float) -> float:
-    """Torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
+    """Compute the torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
 
     J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4.
-    The sum is taken as its limit for a long section less a remainder that falls as exp(-n pi a / b):
-    exact to rounding.
+    The sum is computed as its limit for a long section minus a remainder that falls as exp(-n pi a / b). The result
+    is exact to rounding.
     """
     b, a = sorted((thickness_mm, width_mm))
     remainder = sum(2.0 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1.0) / n**5 for n in range(1, 16, 2))
@@ -210,4 +210,4 @@ class Taper(OneLine):
 
 
 SectionLike: TypeAlias = Section | Taper
-"""A constant section or a tapering one."""
+"""A constant or a tapered section."""

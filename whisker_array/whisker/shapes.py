@@ -1,4 +1,4 @@
-"""Whiskers: straight, L-shaped and any chain, and what contact needs to know of one: its TipModel.
+"""Straight, L-shaped and chain whiskers, and the tip model that contact mechanics needs.
 
 World frame of the paper: x tracing direction, y up, z lateral. The base is ahead of and above the tip::
 
@@ -11,7 +11,7 @@ World frame of the paper: x tracing direction, y up, z lateral. The base is ahea
         |                  o tip  ---> traced in +x
         +-------------------------------> x
 
-(The printed D11 and T1 agree with this reading only: (18) is the arm to a tip behind and below.)
+Only this reading agrees with the printed D11 and T1: (18) is the arm to a tip behind and below the base.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _check_beta(beta_rad: float) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TipModel(OneLine):
-    """Whisker as the contact sees it: compliance of the tip and moment arm of the sensor.
+    """Compliance of the tip and moment arm of the sensor: all that contact needs to know of a whisker.
 
     Attributes:
         compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.
@@ -60,22 +60,23 @@ class TipModel(OneLine):
         d = self.compliance_mm_per_n
         if np.abs(d - d.T).max() > 1e-9 * np.abs(d).max():
             raise WhiskerError(
-                "D11 is not symmetric, so it would make energy of nothing", hint="check its terms"
+                "D11 is not symmetric, so it would create energy from nothing", hint="check its terms"
             )
         d = (d + d.T) / 2.0
         eigen = np.linalg.eigvalsh(d)
         if not eigen[0] > 1e-14 * abs(eigen[-1]):
             raise WhiskerError(
-                "D11 is not positive definite: no beam is so. Keep the axial term of a straight whisker "
+                "D11 is not positive definite, as that of every beam is. Keep the axial term of a straight whisker "
                 "(axial=True), and use the corrected A11 of physics.md instead of the printed one"
             )
         d.flags.writeable = False
         object.__setattr__(self, "compliance_mm_per_n", d)
 
     def pushed(self) -> TipModel:
-        """The same whisker pushed back, in the frame of that travel: x mirrored, the moment's sign kept.
+        """Return the model of the same whisker pushed backwards.
 
-        In the whisker's own frame friction pulls the other way, so mu changes sign.
+        The frame follows that direction of travel: x is mirrored, and the moment keeps its sign. In the whisker's own
+        frame friction acts the other way, so mu changes sign.
         """
         mirror = np.array([-1.0, 1.0, 1.0])
         return TipModel(self.compliance_mm_per_n * np.outer(mirror, mirror), self.moment_arm_mm * mirror)
@@ -99,11 +100,11 @@ class LShaped(OneLine):
 
     Attributes:
         l1_mm: beam length, mm.
-        l2_mm: tip-arm length, mm, >= 0; hangs vertically down from the end of l1 whatever beta is.
-        l3_mm: how far the sensor base is lowered towards the tip, mm; None means l3 = l2.
+        l2_mm: length of the tip arm, mm, >= 0; it hangs vertically from the end of l1 at any beta.
+        l3_mm: distance by which the sensor base is lowered towards the tip, mm; None means l3 = l2.
         beta_rad: setting angle of l1 from the horizontal, rad.
         section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
-        material: what it is made of.
+        material: material of the whisker.
 
     Raises:
         WhiskerError: a length or angle out of range.
@@ -124,16 +125,16 @@ class LShaped(OneLine):
 
     @property
     def lowered_mm(self) -> float:
-        """l3, mm, with the default filled in."""
+        """The distance l3 with its default resolved, mm."""
         return self.l2_mm if self.l3_mm is None else self.l3_mm
 
     @property
     def is_straight(self) -> bool:
-        """Whether there is no tip arm, and the sensor sits on the clamp."""
+        """Whether the whisker has no tip arm and its sensor sits on the clamp."""
         return self.l2_mm == self.lowered_mm == 0.0
 
     def segments(self) -> tuple[Segment, ...]:
-        """l1 and the tip arm, base at the origin."""
+        """Return the beam l1 and the tip arm, with the base at the origin."""
         elbow = -self.l1_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
         beam = Segment(np.zeros(3), elbow, self.section, self.material)
         tip = elbow - np.array([0.0, self.l2_mm, 0.0])
@@ -142,21 +143,21 @@ class LShaped(OneLine):
         return (beam, Segment(elbow, tip, beam.section_at(1.0), self.material))
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
-        """D11 and moment arm; axial=False gives the inextensible D11 of (19), (20) corrected."""
+        """Compute D11 and the moment arm; axial=False gives the inextensible D11 of (19) and (20), corrected."""
         return _model(self.segments(), self.lowered_mm, axial)
 
     @property
     def k(self) -> float:
-        """l2 / l1."""
+        """The ratio l2 / l1."""
         return self.l2_mm / self.l1_mm
 
     @property
     def reach_mm(self) -> float:
-        """The length against which Assumption 1 measures the deflection: l1, mm."""
+        """Reference length for the deflection in Assumption 1: l1, mm."""
         return self.l1_mm
 
     def describe(self) -> str:
-        """One line for people."""
+        """Describe the whisker in one line."""
         arm = f"l2 {self.l2_mm:g} mm (k = {self.k:.3f}), l3 {self.lowered_mm:g} mm"
         lengths = f"L-shaped whisker: l1 {self.l1_mm:g} mm, {arm}"
         if self.is_straight:
@@ -167,31 +168,31 @@ class LShaped(OneLine):
 def straight_whisker(
     length_mm: float, beta_rad: float, section: SectionLike, material: Material = MUSIC_WIRE
 ) -> LShaped:
-    """Make a straight whisker, the profilometer of Sec. 3.5: F = 1 whatever the friction.
+    """Make a straight whisker, the profilometer of Sec. 3.5: F = 1 at any friction.
 
-    Inextensible (`tip_model(axial=False)`) its D11 is singular.
+    Without its axial term (`tip_model(axial=False)`) D11 is singular.
 
     Args:
         length_mm: l, mm.
         beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
         section: constant section, or a Taper from base to tip.
-        material: what it is made of.
+        material: material of the whisker.
 
     Raises:
-        WhiskerError: a length not positive, an angle out of range.
+        WhiskerError: a length is not positive, or the angle is out of range.
     """
     return LShaped(length_mm, 0.0, 0.0, beta_rad, section, material)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Chain(OneLine):
-    """A whisker of any shape: straight segments between points (a curve is many short ones).
+    """A whisker of any shape, made of straight segments between points; many short ones make a curve.
 
     Attributes:
         points_mm: (n + 1, 3) float64, base to tip, world frame (tip behind the base), mm; read-only.
-        sections: one section (or Taper) for every segment: n of them; a single one is used throughout.
-        material: what it is made of.
-        l3_mm: how far the sensor base is lowered below the first point, mm.
+        sections: n sections or Tapers, one for each segment; a single one is used throughout.
+        material: material of the whisker.
+        l3_mm: distance by which the sensor base is lowered below the first point, mm.
 
     Raises:
         WhiskerError: fewer than two points, not finite, wrong number of sections, a tip ahead of its base.
@@ -212,7 +213,7 @@ class Chain(OneLine):
             sections = tuple(sections)
             if len(sections) != n:
                 raise WhiskerError(
-                    f"{len(sections)} sections for {n} segments", hint="give one for each, or one"
+                    f"{len(sections)} sections for {n} segments", hint="give one for each segment, or a single one"
                 )
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
@@ -224,7 +225,7 @@ class Chain(OneLine):
             raise WhiskerError(error.what, where="points_mm", hint=error.hint) from error
 
     def segments(self) -> tuple[Segment, ...]:
-        """The segments, base to tip."""
+        """Return the segments from base to tip."""
         n = len(self.points_mm) - 1
         each = self.sections if isinstance(self.sections, tuple) else (self.sections,) * n
         return tuple(
@@ -232,15 +233,15 @@ class Chain(OneLine):
         )
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
-        """D11 and moment arm."""
+        """Compute D11 and the moment arm."""
         return _model(self.segments(), self.l3_mm, axial)
 
     @property
     def k(self) -> float:
-        """The l2 / l1 of an L-shaped whisker with l3 = l2 that has the same F as this one.
+        """Ratio l2 / l1 of the L-shaped whisker with l3 = l2 that has the same F.
 
-        By (16) F depends on A = -Dyx / Dyy and B = -arm_x / arm_y only; for the L with l3 = l2 they are
-        tan(beta) + 1.5 k / c and tan(beta). Negative: this whisker dulls falling edges.
+        By (16) F depends only on A = -Dyx / Dyy and B = -arm_x / arm_y. For an L-shaped whisker with l3 = l2 they are
+        tan(beta) + 1.5 k / c and tan(beta). If k is negative, the whisker dulls falling edges.
         """
         model = self.tip_model()
         row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm
@@ -249,16 +250,16 @@ class Chain(OneLine):
 
     @property
     def reach_mm(self) -> float:
-        """The length against which Assumption 1 measures the deflection: from base to tip, mm."""
+        """Reference length for the deflection in Assumption 1: distance from base to tip, mm."""
         return float(np.linalg.norm(self.points_mm[-1] - self.points_mm[0]))
 
     def describe(self) -> str:
-        """One line for people."""
+        """Describe the whisker in one line."""
         return (
-            f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, felt k {self.k:.3f}, "
+            f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, effective k {self.k:.3f}, "
             f"{self.material.name}"
         )
 
 
 Whisker: TypeAlias = LShaped | Chain
-"""Any whisker: has tip_model(), segments(), k, reach_mm, material and describe()."""
+"""Any whisker; it has tip_model(), segments(), k, reach_mm, material and describe()."""

@@ -1,9 +1,9 @@
 """All statistics of a benchmark, from its trials.
 
 trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
-       --each factor's levels over all else---------> effects, whole parts drawn again
+       --levels of each factor, over all others-----> effects, with whole parts resampled
        --the same parts read twice------------------> comparisons
-       --the same parts perturbed-------------------> stability; all else is of parts read as they are
+       --the same parts perturbed-------------------> stability; all other statistics leave perturbed parts out
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ DEFAULT_CROSSED = ("severity",)
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """All statistics. If several things were given, every group except those of the effects is of one of them.
+    """All statistics. If readers were told several sets of facts, each group holds one set; effects mix them.
 
     Attributes:
-        levels: of every factor, those that came up.
-        given: what readers were given, as often as they read a part.
-        crossed: factors of the cells.
-        cells: every combination of the crossed factors and what was given, for every mode.
-        by_severity: one a severity and mode.
-        by_mode: one a mode.
-        effects: what each factor's levels cost, for every mode.
-        comparisons: readers on the same parts: over all, then at every severity.
-        knowledge: every reader given more against itself given less.
-        stability: what flips where parts were perturbed.
+        levels: levels of every factor that occur in the trials.
+        given: the sets of facts that readers were told.
+        crossed: factors that make up the cells.
+        cells: one group for each combination of mode, crossed factors and facts told.
+        by_severity: one group for each severity and mode.
+        by_mode: one group for each mode.
+        effects: cost of each factor's levels, for every mode.
+        comparisons: readers compared on the same parts: over all parts, then at every severity.
+        knowledge: each reader compared with itself when it was told less.
+        stability: changes of the result on perturbed parts.
     """
 
     levels: dict[str, tuple[Level, ...]]
@@ -66,10 +66,10 @@ class Statistics:
 
 
 def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
-    """Compute the statistics of trials, at least one.
+    """Compute the statistics of one or more trials.
 
     Args:
-        all_trials: of all parts and modes.
+        all_trials: trials of all parts and modes.
         crossed: factors of the design's cells.
     """
     trials = unperturbed(all_trials)
@@ -94,7 +94,7 @@ def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_
 
 
 def plain(value: Any) -> Any:
-    """The findings as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
+    """Convert statistics to JSON values with six decimals; times are left out, as they differ from run to run."""
     match value:
         case Group():
             fields = {name: item for name, item in vars(value).items() if name not in _NOT_PLAIN}
@@ -127,9 +127,9 @@ def plain(value: Any) -> Any:
 
 
 def plain_times(group: Group) -> dict[str, Any]:
-    """The times of a group as JSON values."""
+    """Convert the times of a group to JSON values."""
     return {**plain(group.key), **{f"{name}_median_p95": plain(group.seconds[name]) for name in TIMES}}
 
 
-_CURVE_POINTS = 100  # of a risk-coverage curve, at most
+_CURVE_POINTS = 100  # longer risk-coverage curves are thinned to between 100 and 200 points
 _NOT_PLAIN = ("key", "confused", "seconds", "stage_s")

@@ -1,9 +1,9 @@
-"""A design: parts to be made, and things given to readers.
+"""The design of an exam: which parts are made, and what readers are told.
 
-    [part] factors --crossed in full--> cells --replicates--> parts, in an order whose every beginning is balanced
+    [part] factors --crossed in full--> cells --replicates--> parts; the first N of them are balanced too
            other factors ---- balanced within every cell ----^
 
-A TOML file names it::
+A TOML file describes it::
 
     name = "two-soils"
     seed = 1
@@ -11,16 +11,16 @@ A TOML file names it::
     cross = ["soil", "severity"]        # every combination equally often; the other factors are balanced
     given = ["format", "font,format"]   # every part is read with each of these
 
-    [part]                              # levels of the factors; one level is a constant
+    [part]                              # levels of each factor; a single level is a constant
     soil = ["rust", "paint"]
     severity = [0.3, 0.6, 0.9]
     font = ["gothic", "futuram"]
     format = "AA999999"
     height_mm = [3.5, 5, 8]
 
-Balanced: as often as a cell comes, its levels of every other factor come in turn, in an order drawn once a design; so
-each level is met equally often in each cell, and no two factors go hand in hand. That is the fraction of the full
-crossing that is made.
+Balanced means: the replicates of a cell take the levels of every other factor in turn, in an order drawn once for the
+design. Each level then occurs equally often in each cell, and no two factors are confounded. The parts are a fraction
+of the full crossing.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from pipeline.formats.synth import MAX_PARTS
 
 
 def _levels(value: Any) -> Any:
-    """Levels by factor, one level as a tuple of one."""
+    """Make a tuple of the levels of each factor; a single level becomes a tuple of one."""
     if not isinstance(value, Mapping):
         return value
     return {k: tuple(v) if isinstance(v, list | tuple) else (v,) for k, v in value.items()}
@@ -65,9 +65,9 @@ class PackagedFont(BaseModel):
 
     Attributes:
         package: name in the package registry.
-        version: the one the design was made with.
-        file: its path within the package.
-        sha256: of the file; another file is another font.
+        version: package version that the design was made with.
+        file: path within the package.
+        sha256: hash of the file; a file with another hash is another font.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -78,13 +78,13 @@ class PackagedFont(BaseModel):
 
 
 class Section(BaseModel):
-    """A run of parts with levels of its own.
+    """A group of consecutive parts with its own levels.
 
     Attributes:
-        name: of the section.
-        parts: how many; a multiple of the cells keeps the balance whole.
-        kept_out: nothing in this repository may be fitted to its fonts.
-        part: levels in place of the design's.
+        name: name of the section.
+        parts: number of parts; a multiple of the number of cells keeps the balance exact.
+        kept_out: whether its fonts are held out: nothing in this repository may be fitted to them.
+        part: levels that replace those of the design.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -95,21 +95,21 @@ class Section(BaseModel):
 
 
 class Design(BaseModel):
-    """The parts of an exam, and what readers are given.
+    """The parts of an exam, and what readers are told.
 
     Attributes:
-        name: of the design.
-        about: what it is for.
-        seed: of everything random.
-        parts: how many, where there are no sections; or
-        parts_a_cell: how many of every cell.
+        name: name of the design.
+        about: purpose of the design.
+        seed: seed of all random numbers.
+        parts: number of parts; give this, `parts_a_cell` or `sections`.
+        parts_a_cell: number of parts in each cell.
         cross: factors crossed in full.
         alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
         part: levels of every factor of a part: fields of `SynthSpec` (`pipeline.formats`), `soil`, `severity`, `light`.
-        given: what readers are given; every part is read with each.
-        sections: runs of parts, one after the other.
+        given: sets of facts that readers are told; every part is read with each set.
+        sections: groups of parts, one after the other.
         fonts: font files that `part.font` may name.
-        kept_out_soils: nothing in this repository may be fitted to these.
+        kept_out_soils: held-out soils: nothing in this repository may be fitted to them.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -143,7 +143,7 @@ class Design(BaseModel):
                 if not values or len(set(values)) != len(values):
                     raise ValueError(f"{name} is {list(values)}: give at least one level, each once")
             if missing := [name for name in self.cross if name not in levels]:
-                raise ValueError(f"cross names {', '.join(missing)}, which [part] does not")
+                raise ValueError(f"cross names {', '.join(missing)}, but [part] does not")
             if missing := [name for name in ("font", "format", "severity") if name not in levels]:
                 raise ValueError(f"[part] lacks {', '.join(missing)}")
             for severity in levels["severity"]:
@@ -156,7 +156,7 @@ class Design(BaseModel):
         """Check the values of a design.
 
         Raises:
-            SettingsError: what cannot be; names the setting.
+            SettingsError: an invalid value; the message names the setting.
         """
         try:
             return cls.model_validate(values)
@@ -170,10 +170,10 @@ class Design(BaseModel):
 
     @classmethod
     def load(cls, path: Path) -> Design:
-        """From a TOML file.
+        """Load a design from a TOML file.
 
         Raises:
-            FileError: not a file, not TOML, or not a design; names the setting.
+            FileError: there is no such file, or it is not TOML or not a design; the message names the setting.
         """
         try:
             return cls.of(**{"name": path.stem, **toml_of(path)})
@@ -181,22 +181,22 @@ class Design(BaseModel):
             raise FileError(path, error.what, error.hint) from error
 
     def with_given(self, given: tuple[str, ...]) -> Design:
-        """The same parts, for readers that are given something else.
+        """Return a design of the same parts for readers that are told something else.
 
         Raises:
-            SettingsError: what no reader can be given.
+            SettingsError: a fact that readers cannot be told.
         """
         checked = tuple(map(parse_given, given))
         return self.model_copy(update={"given": checked}) if checked else self
 
     def all_sections(self) -> tuple[Section, ...]:
-        """The sections; a design without is one."""
+        """Return the sections; a design without sections counts as one section."""
         cells = math.prod(len(self.part.get(name, ())) for name in self.cross)
         return self.sections or (Section(parts=self.parts or self.parts_a_cell * max(1, cells)),)
 
     @property
     def font_names(self) -> tuple[str, ...]:
-        """The fonts of its parts."""
+        """Names of the fonts of all parts."""
         named = [str(font) for s in self.all_sections() for font in {**self.part, **s.part}["font"]]
         return tuple(dict.fromkeys(named))
 
@@ -206,12 +206,12 @@ class Design(BaseModel):
         return sum(section.parts for section in self.all_sections())
 
     def cells(self, section: Section) -> list[dict[str, Level]]:
-        """Every combination of the crossed factors."""
+        """List every combination of the crossed factors."""
         levels = {**self.part, **section.part}
         return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
 
     def plan_parts(self) -> Iterator[tuple[Section, int, int, Condition]]:
-        """(section, number in it, replicate, levels) of every part, in order."""
+        """Yield the section, the number within it, the replicate and the levels of every part, in order."""
         for index, section in enumerate(self.all_sections()):
             levels = {**self.part, **section.part}
             cells = self.cells(section)
@@ -231,16 +231,16 @@ class Design(BaseModel):
 def of_flags(
     levels: Mapping[str, tuple[Any, ...]], *, parts: int, seed: int, given: tuple[str, ...]
 ) -> Design:
-    """Cross fonts, formats, soils and severities in full, the same stamped parts in every cell.
+    """Cross fonts, formats, soils and severities in full, with the same stamped parts in every cell.
 
     Args:
-        levels: of these and of other factors, where they are not the usual ones.
-        parts: of every cell.
-        seed: of everything random.
-        given: what readers are given.
+        levels: levels of these and other factors that replace the defaults.
+        parts: number of parts in each cell.
+        seed: seed of all random numbers.
+        given: what readers are told.
 
     Raises:
-        SettingsError: what cannot be; names the setting.
+        SettingsError: an invalid value; the message names the setting.
     """
     usual: dict[str, Any] = {"font": "gothic", "format": "AA999999", "soil": WORKSHOP,
              "severity": (0.0, 0.3, 0.6, 0.9), "height_mm": 5.0, "depth_mm": 0.2, "face": "flat"}  # fmt: skip
@@ -249,9 +249,10 @@ def of_flags(
 
 
 def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """(cells, rounds) index of a level: any `levels` rounds of a cell from the first on have each once.
+    """Draw the index of the level for each cell and round, shape (cells, rounds).
 
-    In every round the cells have all levels, as equally often as can be.
+    Within each block of `levels` rounds, counted from the first, a cell takes each level once. Within a round all levels
+    occur as equally often over the cells as possible.
     """
     rng = np.random.default_rng(seed)
     out = np.empty((cells, rounds), dtype=np.int64)

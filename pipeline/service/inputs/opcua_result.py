@@ -1,11 +1,12 @@
-"""A part as OPC 30010 has it: OcrScanResult and the status of a scan.
+"""Convert a part to OPC 30010: OcrScanResult and the status of a scan.
 
 CodeType   RAW:STRING           ScanData  the serial as a string
-Quality    confidence, whole percent rounded down: 100 is never said of what is less
-Position   hull of the characters in micrometres of the frame that was read (the specification's pixels are those of
-           a camera, and whiskers have none); PositionX, PositionY its least x and y; Rotation of the line in degrees
-Timestamp  of the reading       Font      whose shapes answered best
-ImageId    null, Location and DecodingTime left out
+Quality    confidence in whole percent, rounded down: only full confidence gives 100
+Position   bounding box of the characters in the frame that was read, in micrometres: the specification's pixels are
+           those of a camera, and whiskers have none. PositionX and PositionY are its least x and y, and Rotation is
+           the rotation of the line in degrees
+Timestamp  time of the reading  Font      font that matched best
+ImageId    null                 Location and DecodingTime are left out
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _INT32 = 2**31 - 1
 
 
 def status_of(part: PartRecord) -> int:
-    """AutoIdOperationStatusEnumeration: SUCCESS only for a part that is accepted, none in shadow mode."""
+    """Return the AutoIdOperationStatusEnumeration: SUCCESS only for an accepted part, and never in shadow mode."""
     if part.state is PartState.SHADOW:
         return DEVICE_NOT_READY
     if not part.text:
@@ -38,7 +39,7 @@ def status_of(part: PartRecord) -> int:
 
 
 def ocr_scan_result(part: PartRecord) -> Any:
-    """The part as OcrScanResult; the model must have been loaded (`opcua_model`)."""
+    """Convert a part to an OcrScanResult; load the model first (`opcua_model`)."""
     ua = ua_types()
     reading = part.reading or NO_READING
     data = ua.ScanData()

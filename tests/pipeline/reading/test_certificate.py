@@ -33,7 +33,7 @@ def test_a_certificate_comes_back_as_it_was_written(tmp_path: Path) -> None:
         ({"risk": 0.01}, "is at most"),
         ({"wrong": 3}, "is at most"),
         ({"accepted": 50}, "cannot be"),
-        ({"threshold": 0.9}, "not the one that its tests show"),
+        ({"threshold": 0.9}, "not the one that its tests certify"),
         ({"threshold": "0.99"}, "threshold: Input should be a valid number"),
         ({"vouched_by": "me"}, "vouched_by"),
         ({"format_version": 2}, "format version 2"),
@@ -105,7 +105,7 @@ def test_it_does_not_hold_for_other_networks(tmp_path: Path) -> None:
     versions = {**a_certificate().versions, "lines/finder.onnx": "another"}
     settings = ReadSettings(certificate=written(tmp_path / "c.json", versions=versions))
     for use in (certificate_of, acceptance_of):
-        with pytest.raises(SettingsError, match=r"does not hold for this program \(lines/finder.onnx"):
+        with pytest.raises(SettingsError, match=r"is not valid for this program \(lines/finder.onnx"):
             use(settings)
 
 

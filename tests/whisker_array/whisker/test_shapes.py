@@ -117,7 +117,7 @@ def test_chain_repeats_the_l_and_feels_its_k() -> None:
         chain.tip_model().compliance_mm_per_n, ell.tip_model().compliance_mm_per_n, rtol=1e-12, atol=1e-16
     )
     np.testing.assert_allclose(chain.tip_model().moment_arm_mm, ell.tip_model().moment_arm_mm, atol=1e-12)
-    assert chain.k == pytest.approx(ell.k, rel=1e-3)  # the axial term is in the chain's felt k
+    assert chain.k == pytest.approx(ell.k, rel=1e-3)  # the chain's effective k includes the axial term
     straight = Chain(points[:2], Rectangle(0.3, 1.8))
     assert straight.k == pytest.approx(0.0, abs=1e-4)
 
