@@ -3,8 +3,9 @@
     parts, truth --certify--> Certificate --> JSON, page
     JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.certified)
 
-A certificate is valid for the program, networks and settings that it was made with. It is refused by
-another version or with other networks. A part that is read with other settings (its own format, another database) is not accepted.
+A certificate is valid for the program, networks and settings that it was made with. It is refused by another
+version or with other networks. A part that is read with other settings (its own format, another database) is not
+accepted.
 """
 
 from __future__ import annotations

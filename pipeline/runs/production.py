@@ -189,10 +189,12 @@ def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> Non
     if options.out is not None:
         print(f"wrote {options.out}")
         if second is not None and second.learned is not None:
-            print(f"wrote {second.database}, the shapes of this lot's die; use it with --database for more parts of the lot")
+            print(
+                f"wrote {second.database}, the shapes of this lot's die; for more of the lot use it with --database"
+            )
         if run.quarantine is not None and run.summary.errors:
             print(
-                f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and pass this list to "
+                f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and give the list to "
                 "read"
             )
     if options.summary is not None:

@@ -1,11 +1,11 @@
-"""The active reader: a step, a look, and either a stop or the next step.
+"""Active reading: feel a step, read the line quickly, then stop or choose the next step.
 
-    session --feel--> passes so far --edge map--> view --a look--> beliefs --sure? worth more?--> stop
-                           ^-------------------- next step <----------------------'
+    session --feel--> passes so far --edge map--> view --look--> posterior --sure? no gain?--> stop
+                           ^-------------------- next step <------------------'
 
-A look takes some 50 milliseconds; when it is sure, a full reading decides, as of any scan. A look may miss what a full
-reading sees (it hears fewer experts, at a line that it only follows), so one is made now and then in any case, and
-before giving up; the watch goes on where it has the line.
+A look is a quick reading of some 50 milliseconds. When it is sure, a full reading decides, as for any scan. A look may
+miss what a full reading sees, because it has fewer experts and only follows one line. So a full reading is also made
+now and then, and before giving up; later looks follow the line that it found.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
 
-AROUND_HEIGHTS = (0.8, 0.5)
-"""Land felt before and behind, and above and below, a line that was found; character heights."""
-AT_ONCE = 0.1
-"""Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
-lines may be sure of a wrong text, and seldom twice."""
-LOOKS_APART = 4
-"""Looks from one full reading to the next where none of them is sure: a reading takes as long as four of them."""
+MARGIN_HEIGHTS = (0.8, 0.5)
+"""Margin of land that is felt around a line that was found, along it and across it; character heights."""
+FIRST_LOOK_DOUBT = 0.1
+"""Share of the doubt permitted for acceptance below which a single look triggers a full reading. With few scan lines a
+look may be sure of a wrong text, but seldom twice."""
+LOOKS_PER_READING = 4
+"""Looks from one full reading to the next if none of them is sure: a full reading takes as long as four looks."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.FORMAT_OVERRULED
@@ -54,7 +54,7 @@ TOUCHABLE = (
     | ReadingFlag.NOT_WHOLE
     | ReadingFlag.UNTOLD
 )
-"""Doubts that more touch may settle."""
+"""Doubts that further passes may resolve."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class ActiveSettings:
     """Settings of active touch.
 
     Attributes:
-        budget_s: most stage seconds a part.
-        policy: chooses the steps, and when no more are worth their time.
-        until_sure: stop as soon as the serial is sure; otherwise only the policy and the budget end it.
+        budget_s: most stage time for one part, s.
+        policy: policy that chooses the steps, and stops when no step is worth its stage time.
+        until_sure: whether to stop as soon as the serial is sure; if not, only the policy and the budget stop it.
 
     Raises:
-        ValueError: a budget that is not positive.
+        ValueError: the budget is not positive.
     """
 
     budget_s: float = 20.0
@@ -82,7 +82,7 @@ class ActiveSettings:
 
 
 class ActiveReader:
-    """Reads parts that lie on a stage, pass by pass.
+    """Reader of parts on a stage that chooses each pass.
 
     Example::
 
@@ -92,7 +92,7 @@ class ActiveReader:
     """
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
-        """Take a reader by touch; it keeps its templates between parts."""
+        """Set the tactile reader, which keeps its templates between parts, and the settings."""
         self.reader = reader
         self.settings = settings if settings is not None else ActiveSettings()
 
@@ -102,12 +102,12 @@ class ActiveReader:
         """Feel the part and read it; the session stays open.
 
         Args:
-            session: with the part mounted.
-            region_mm: (x0, y0, x1, y1) around the line, where that is known, plate frame: nothing else is felt or read.
-            line: where the camera sees the line (default: the region is made around it).
+            session: stage session with the part mounted.
+            region_mm: (x0, y0, x1, y1) around the line in the plate frame, if known; nothing else is felt or read.
+            line: line as the camera sees it; unless `region_mm` is given, the region is made around it.
         """
         if region_mm is None and line is not None:
-            region_mm = around(line, session.fitting.field_mm)
+            region_mm = region_around(line, session.fitting.field_mm)
         return _Part(self, session, region_mm, line).read()
 
 
@@ -130,9 +130,11 @@ class _Part:
         self.watch = LineWatch(self.active.reader.lines, line=self.line)
         self.progress = Progress(self.fitting)
         lines = self.active.reader.lines
-        # where the line stands on the whole part, and which others do, is asked of the whole part
+        # a region of the part, or further lines to read, need the whole part
         self.may_shrink = self.asked_mm is None and lines.search.region is None and not lines.lines
-        self.looks_since = LOOKS_APART  # the first look has a line to find: a reading does that best
+        self.looks_since = (
+            LOOKS_PER_READING  # the first look must find the line, which a full reading does best
+        )
         self.trust = Trust(self.active.reader.settings.accept_confidence)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
@@ -157,19 +159,19 @@ class _Part:
                 chosen = StopReason.STAGE_FAILED
                 break
             start = time.process_time()
-            # without early stopping only the line's own land is looked at
+            # without early stopping, looks only serve to find the region of the line
             look = self._look() if settings.until_sure or self.region == self.fitting.field_mm else None
             self.progress = self.progress.after(chosen, look)
             self.looks_since += 1
-            ended = self._stop_reason() if settings.until_sure and self._due(look) else None
-            self._note(before, look, time.process_time() - start)
+            ended = self._stop_reason() if settings.until_sure and self._reading_is_due(look) else None
+            self._record(before, look, time.process_time() - start)
             if ended is not None:
                 chosen = ended
                 break
         sure_at_look = chosen is StopReason.SURE
         if self.reading is None or self.looks_since:
             self._look()
-            self.reading = self._full()
+            self.reading = self._full_reading()
         self.reading = self.reading.with_findings(*bench_findings(self.faults))
         if not sure_at_look:
             if (
@@ -198,8 +200,8 @@ class _Part:
         )
 
     def _next(self, *, left_s: float) -> Step | StopReason:
-        """The next step: what tells a text that is sure otherwise from its rivals, or else what the policy chooses."""
-        # lines that a dead whisker leaves out are missing after any number of steps
+        """Choose the next step: lines still missing to exclude rivals of a sure text, or else the policy's choice."""
+        # a dead whisker's lines stay missing after any number of steps, so the number of steps is limited
         ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
         wanted = [way for way in ways if any(way in one.ways for one in self.missing)]
         steps = self.progress.candidates(self.region, wanted)
@@ -212,7 +214,7 @@ class _Part:
         return () if self.scan is None else places_lacking_lines(reading, self.scan)
 
     def _feel(self, step: Step) -> bool:
-        """Whether every pass of a step could be felt; those that were are kept."""
+        """Feel the passes of a step and keep them; return whether all succeeded."""
         spent = self.progress.stage_s
         for order in step.passes:
             try:
@@ -237,25 +239,25 @@ class _Part:
             return None
         look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
         if look is not None and self.may_shrink and self.watch.is_sure and not look.others:
-            self.region = around(look.read.line, self.fitting.field_mm)
+            self.region = region_around(look.read.line, self.fitting.field_mm)
         return look
 
-    def _due(self, look: Look | None) -> bool:
-        """Whether what was felt is read in full: a look is sure, or none was for a while."""
+    def _reading_is_due(self, look: Look | None) -> bool:
+        """Whether a full reading is due: a look is sure, or several looks were not."""
         if self.edges is None:
             return False
-        if self.looks_since >= LOOKS_APART:
+        if self.looks_since >= LOOKS_PER_READING:
             return True
         if self.missing:
             return True
         accept = self.active.reader.settings.accept_confidence
         if look is None or look.confidence < accept:
             return False
-        return self.progress.steady >= 1 or look.confidence >= 1.0 - AT_ONCE * (1.0 - accept)
+        return self.progress.steady >= 1 or look.confidence >= 1.0 - FIRST_LOOK_DOUBT * (1.0 - accept)
 
     def _stop_reason(self) -> StopReason | None:
-        """Return why to stop after a full reading: sure, or not to be settled by touch; None to feel more."""
-        reading = self.reading = self._full()
+        """Make a full reading; return why to stop (sure, or touch cannot resolve its doubts), or None to feel more."""
+        reading = self.reading = self._full_reading()
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
@@ -266,7 +268,7 @@ class _Part:
         doubts = reading.flags & ~TOUCHABLE
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
-    def _full(self) -> Reading:
+    def _full_reading(self) -> Reading:
         if self.edges is None or self.scan is None:
             return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
         relief = relief_of(self.scan, self.edges)
@@ -275,15 +277,15 @@ class _Part:
         )
         return reading.with_trace(scan=self.scan)
 
-    def _note(self, before: int, look: Look | None, thought_s: float) -> None:
-        """Write down what is believed after a step, with its last pass."""
+    def _record(self, before: int, look: Look | None, thought_s: float) -> None:
+        """Record the text and confidence after a step with its last pass."""
         text, confidence = ("", 0.0) if look is None else (look.text, look.confidence)
         self.passes[-1] = replace(self.passes[-1], thought_s=thought_s, text=text, confidence=confidence)
 
 
-def around(line: TextLine, field_mm: Region) -> Region:
-    """A line and the land about it that is felt, within the field."""
-    along, across = AROUND_HEIGHTS
+def region_around(line: TextLine, field_mm: Region) -> Region:
+    """Return the region to feel around a line, within the field."""
+    along, across = MARGIN_HEIGHTS
     (x0, y0), (x1, y1) = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
     wide, high = (
         (along, across)
@@ -300,7 +302,7 @@ def around(line: TextLine, field_mm: Region) -> Region:
 
 
 def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
-    """The passes felt so far as one scan."""
+    """Combine the passes felt so far into one scan."""
     line_pitch_mm = fitting.height_mm / LINES_PER_HEIGHT
     return Scan(
         sweeps=gather_sweeps(felt),

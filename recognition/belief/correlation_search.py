@@ -1,4 +1,4 @@
-"""Lines found and read by the responses of a font's templates, and by no network.
+"""Line search by template matching: a font's templates find and read lines, without any network.
 
 view --at several sizes--> responses of all templates --rows where a chain explains much--> candidates
 candidate --at full resolution--> chain, its rows, its spacing --every template in every cell--> Steps --> ReadLine
@@ -39,101 +39,106 @@ from recognition.views.view import View, ViewKind
 from whisker_array.whisker.touch import Touch, default_touch
 
 COARSE_PIXELS, FINE_PIXELS = 16, 32
-"""To a character height, for the search and for reading."""
+"""Pixels for each character height, in the search and for reading."""
 SMALLEST, LARGEST, SIZE_STEP = 0.13, 0.95, 1.1
-"""Character heights that are searched, as shares of the view's smaller side, and the ratio between two of them."""
+"""Range of character heights, as shares of the view's smaller side, and the ratio between neighbouring heights."""
 SLOPES = (-0.09, -0.045, 0.0, 0.045, 0.09)
-"""Slopes of a line against the view's rows, down along +x: up to 5 degrees."""
+"""Slopes of a line relative to the view's rows, positive if it falls along +x: up to 5 degrees."""
 ROWS_A_SIZE, MOST_LINES = 20, 3
-"""Rows of one size that are tried as lines, and lines that are read at full resolution."""
+"""Number of rows of each size that are tried as lines; number of lines that are read at full resolution."""
 BEYOND_HEIGHTS = 1.0
-"""Looked at before and after a line, character heights: a character may stand there."""
-MOST_MOVED, OFF_HEIGHTS = 3, 0.06
-"""Characters further off their line's row than this are looked at again along the line through them."""
+"""Margin that is read before and after a line, character heights: a character may stand there."""
+MOST_REREADS, OFF_HEIGHTS = 3, 0.06
+"""A line is read again along its characters if one lies further from its row than this, character heights; how often
+at most."""
 
 
 @dataclass(frozen=True)
-class Guise:
-    """Ways in which a font may look on a part."""
+class MarkStyle:
+    """Appearance of a font on a part: kind of face, and whether the marks are raised."""
 
     face: Face = Face.FLAT
     raised: bool = False
 
 
-GUISES = (Guise(), Guise(raised=True), Guise(face=Face.DOTTED))
-FIRST, FURTHER = slice(0, 3), slice(3, 9)
-TRIES = ((GUISES[0], FIRST), (GUISES[0], FURTHER), *((guise, FIRST) for guise in GUISES[1:]))
-"""Looks of the marks, and which of the sizes, tried one after the other until a line says much."""
+STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
+FIRST_SIZES, FURTHER_SIZES = slice(0, 3), slice(3, 9)
+TRIES = (
+    (STYLES[0], FIRST_SIZES),
+    (STYLES[0], FURTHER_SIZES),
+    *((style, FIRST_SIZES) for style in STYLES[1:]),
+)
+"""Mark styles and ranks of sizes, tried in this order until a line is convincing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CorrelationSearch(LineSearch):
-    """Finds and reads lines by templates of fonts alone.
+    """A line search that uses only the templates of fonts.
 
     Attributes:
-        fonts: whose templates are compared.
-        cache: of template sets.
+        fonts: fonts to compare.
+        cache: cache of template sets.
     """
 
     fonts: Sequence[Font]
     cache: TemplateCache
 
     def heights_mm(self, view: View) -> list[float]:
-        """Character heights worth a scan of what a view shows, most promising first."""
-        return of_other_scales(self._sizes_mm(about_region(self.region, view), self.fonts[0], GUISES[0]))
+        """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
+        return of_other_scales(self._sizes_mm(about_region(self.region, view), self.fonts[0], STYLES[0]))
 
     def candidates(self, view: View) -> list[TextLine]:
-        """Where lines may lie, most promising first, without a look at them."""
+        """Propose lines, most promising first, without reading them."""
         return self._candidates(view, *TRIES[0])
 
     def lines(self, view: View) -> list[ReadLine]:
-        """Lines of a view by a look each, most promising first; raised and dotted ones where sunk ones say little."""
+        """Read the lines of a view, most promising first; try raised and dotted marks if sunk ones fail."""
         seen: list[ReadLine] = []
-        for guise, sizes in TRIES:
-            lines = self._candidates(view, guise, sizes)
-            seen = sorted([*seen, *self._looks(view, lines, guise)], key=promise_of, reverse=True)
+        for style, sizes in TRIES:
+            lines = self._candidates(view, style, sizes)
+            seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
             if says_much(self.meant(view, seen)):
                 break
         return seen
 
     def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """One look at each line, most promising first."""
+        """Read each line once; the most promising comes first."""
         seen: list[ReadLine] = []
-        for guise in GUISES:
-            seen = sorted([*seen, *self._looks(view, lines, guise)], key=promise_of, reverse=True)
+        for style in STYLES:
+            seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
             if says_much(seen):
                 break
         return seen
 
     def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
-        """The best line: a look at one has moved it where it belongs."""
+        """Return the best line; `looks` has already moved it to its place."""
         return seen[0]
 
     def more_looks(
         self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = ()
     ) -> list[Steps]:
-        """Nothing: a look has tried every place near the line."""
+        """Return nothing: `looks` has already tried every position near the line."""
         return []
 
     def _glyphs(
         self,
         view: View,
         font: Font,
-        guise: Guise,
+        style: MarkStyle,
         height_mm: float,
         *,
         pixels: int,
         touch: Touch | None = None,
     ) -> GlyphImages:
-        """A font's templates at a height, felt with `touch` or, without one, with the usual touch of that height."""
+        """Make a font's templates at a height, as felt with `touch` (default: the default touch for that height)."""
         felt = touch if touch is not None else default_touch(height_mm)
-        key = template_key(font, felt, height_mm=height_mm, face=guise.face, raised=guise.raised)
+        key = template_key(font, felt, height_mm=height_mm, face=style.face, raised=style.raised)
         templates = self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)
         return glyph_images(templates, pixels=pixels, slopes=view.kind is ViewKind.HEIGHTS)
 
     @property
     def _places(self) -> tuple[str, ...] | None:
-        """Characters that the format allows at each place; None where their number is open."""
+        """Characters that the format allows at each place; None if their number is not fixed."""
         lengths = None if self.grammar is None else self.grammar.lengths()
         if self.grammar is None or lengths is None or len(lengths) != 1:
             return None
@@ -143,16 +148,16 @@ class CorrelationSearch(LineSearch):
     def _gaps(self) -> frozenset[int]:
         return frozenset() if self.grammar is None else self.grammar.gaps
 
-    def _fonts(self, guise: Guise) -> list[Font]:
-        return [font for font in self.fonts if guise.face is not Face.DOTTED or font.stroke_ratio > 0.0]
+    def _fonts(self, style: MarkStyle) -> list[Font]:
+        return [font for font in self.fonts if style.face is not Face.DOTTED or font.stroke_ratio > 0.0]
 
-    def _candidates(self, view: View, guise: Guise, sizes: slice) -> list[TextLine]:
+    def _candidates(self, view: View, style: MarkStyle, sizes: slice) -> list[TextLine]:
         near = about_region(self.region, view)
         found = [
             one
-            for font in self._fonts(guise)
-            for height_mm in self._sizes_mm(near, font, guise)[sizes]
-            for one in self._of_size(near, font, guise, height_mm)
+            for font in self._fonts(style)
+            for height_mm in self._sizes_mm(near, font, style)[sizes]
+            for one in self._lines_of_size(near, font, style, height_mm)
         ]
         kept: list[TextLine] = []
         for _, line in sorted(found, key=lambda one: -one[0]):
@@ -161,31 +166,31 @@ class CorrelationSearch(LineSearch):
         return kept
 
     def _sizes_mm(
-        self, view: View, font: Font, guise: Guise, *, sketch_pixels: int = 12, sketch_step: int = 3
+        self, view: View, font: Font, style: MarkStyle, *, sketch_pixels: int = 12, sketch_step: int = 3
     ) -> list[float]:
-        """Character heights, those first at which some row of a view answers most.
+        """Rank character heights by the strongest response of any row of a view.
 
         Args:
-            sketch_pixels, sketch_step: where no height is known, at so many pixels every third template ranks the
-                sizes.
+            sketch_pixels: pixels for each character height in this ranking; it is used if no height is known.
+            sketch_step: the ranking uses every `sketch_step`-th template.
         """
         if self.height_mm is not None:
             return [self.height_mm]
         count = math.ceil(math.log(LARGEST / SMALLEST) / math.log(SIZE_STEP)) + 1
         sizes = [LARGEST * min(view.size_mm) / SIZE_STEP**k for k in range(count)]
 
-        def answer(height_mm: float) -> float:
-            glyphs = self._glyphs(view, font, guise, height_mm, pixels=sketch_pixels).every(sketch_step)
-            # along as much of the line: small characters would answer more often
+        def response(height_mm: float) -> float:
+            glyphs = self._glyphs(view, font, style, height_mm, pixels=sketch_pixels).every(sketch_step)
+            # scaled by the height: more small characters fit along a line, so they would respond more often
             return height_mm * max(one[0] for one in _Rows(view, glyphs, height_mm).row_sums())
 
-        return sorted(sizes, key=answer, reverse=True)
+        return sorted(sizes, key=response, reverse=True)
 
-    def _of_size(
-        self, view: View, font: Font, guise: Guise, height_mm: float
+    def _lines_of_size(
+        self, view: View, font: Font, style: MarkStyle, height_mm: float
     ) -> list[tuple[float, TextLine]]:
-        """Lines of characters of a height, and how much each explains."""
-        glyphs = self._glyphs(view, font, guise, height_mm, pixels=COARSE_PIXELS)
+        """Find lines of characters of one height, each with the amount that it explains."""
+        glyphs = self._glyphs(view, font, style, height_mm, pixels=COARSE_PIXELS)
         seen, found = _Rows(view, glyphs, height_mm), []
         for _, rows in sorted(seen.row_sums(), key=lambda one: -one[0])[:ROWS_A_SIZE]:
             total, placed = chain_of(seen.along(rows), glyphs, font, places=self._places, gaps=self._gaps)
@@ -197,21 +202,21 @@ class CorrelationSearch(LineSearch):
                 found.append((total, seen.line(rows, ends)))
         return found
 
-    def _looks(self, view: View, lines: Sequence[TextLine], guise: Guise) -> list[ReadLine]:
+    def _looks(self, view: View, lines: Sequence[TextLine], style: MarkStyle) -> list[ReadLine]:
         seen = [
             one
             for line in lines
             if self.may_run(line)
-            for font in self._fonts(guise)
-            if (one := self._look(view, line, font, guise)) is not None
+            for font in self._fonts(style)
+            if (one := self._look(view, line, font, style)) is not None
         ]
         return sorted(seen, key=promise_of, reverse=True)
 
-    def _look(self, view: View, line: TextLine, font: Font, guise: Guise) -> ReadLine | None:
-        """A line read where it is, or where its characters show that it is."""
-        glyphs = self._glyphs(view, font, guise, line.height_mm, pixels=FINE_PIXELS, touch=view.touch)
+    def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
+        """Read a line where it is, or where its characters show that it should be."""
+        glyphs = self._glyphs(view, font, style, line.height_mm, pixels=FINE_PIXELS, touch=view.touch)
         found = self._place(view, line, font, glyphs)
-        for _ in range(MOST_MOVED):
+        for _ in range(MOST_REREADS):
             if len(found.placed) < 2 or np.abs(found.off_heights).max() <= OFF_HEIGHTS:
                 break
             again = self._place(view, found.through(), font, glyphs)
@@ -235,10 +240,10 @@ class CorrelationSearch(LineSearch):
     def _place(
         self, view: View, line: TextLine, font: Font, glyphs: GlyphImages, *, slack_heights: float = 0.3
     ) -> _PlacedLine:
-        """The best chain of characters along a line.
+        """Find the best chain of characters along a line.
 
         Args:
-            slack_heights: by which a line may lie off the row where it was found, character heights.
+            slack_heights: largest distance of the line from the row where it was found, character heights.
         """
         slack = round(slack_heights * FINE_PIXELS)
         rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
@@ -253,7 +258,7 @@ class CorrelationSearch(LineSearch):
 
 
 class _Rows:
-    """Template responses along the rows of a whole view, level or a little turned."""
+    """Template responses along level and slightly sloping rows of a whole view."""
 
     def __init__(self, view: View, glyphs: GlyphImages, height_mm: float) -> None:
         (width, high), (x, y) = view.size_mm, view.origin_mm
@@ -261,27 +266,29 @@ class _Rows:
         self.across = TextLine.straight(x, y + high / 2, length_mm=width, height_mm=height_mm)
         image = image_of(view, self.across, rows=self.rows, margin=0.0, pixels=self.pixels)
         response = responses(image, glyphs, rows=slice(0, len(image)))
-        # a character may stand a row higher or lower
+        # a character may lie a row higher or lower
         self.near = np.maximum(response, np.maximum(np.roll(response, 1, 1), np.roll(response, -1, 1)))
-        self.answers = (glyphs.half_cols[:, None, None] * np.clip(self.near, 0.0, None) ** 2).max(axis=0)
+        self.best_responses = (glyphs.half_cols[:, None, None] * np.clip(self.near, 0.0, None) ** 2).max(
+            axis=0
+        )
         self.columns = np.arange(image.shape[1])
 
     def row_sums(self) -> list[tuple[float, NDArray[np.int64]]]:
-        """The sum of the best answers along each row of every slope, and the row at each column."""
-        high, tried = len(self.answers), []
+        """Sum the best responses along each row of every slope; return each sum and the row at every column."""
+        high, tried = len(self.best_responses), []
         for slope in SLOPES:
             lean = np.rint(slope * (self.columns - self.columns.mean())).astype(np.int64)
             rows = np.clip(np.arange(high)[:, None] + lean, 0, high - 1)
-            totals = self.answers[rows, self.columns].sum(axis=1) / self.pixels**2
+            totals = self.best_responses[rows, self.columns].sum(axis=1) / self.pixels**2
             tried += list(zip(totals.tolist(), rows, strict=True))
         return tried
 
     def along(self, rows: NDArray[np.int64]) -> Image:
-        """(T, columns) answers at a row of each column."""
+        """Return the responses at one row of each column, shape (T, columns)."""
         return np.asarray(self.near[:, rows, self.columns])
 
     def line(self, rows: NDArray[np.int64], ends: Sequence[int]) -> TextLine:
-        """The line along rows between two columns."""
+        """Make the line that follows rows between two columns."""
         on = rows[np.clip(ends, 0, self.columns.size - 1)]
         u, v = (_in_strip(pixels, self.pixels) for pixels in (ends, on))
         points = self.across.places_mm(u, v, margin=0.0, of_rows=self.rows)
@@ -290,7 +297,7 @@ class _Rows:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedLine:
-    """Characters found along a line: what they explain, and the rows of its image at which they stand."""
+    """Characters found along a line, the total that they explain, and their rows in the line's image."""
 
     line: TextLine
     image: Image
@@ -300,16 +307,16 @@ class _PlacedLine:
 
     @property
     def columns(self) -> NDArray[np.float64]:
-        """(places,) of the line's strip, with the margin of the image."""
+        """Columns of the line's strip, shape (places,), with the margin of the image."""
         return _in_strip([one.column for one in self.placed], FINE_PIXELS)
 
     @property
     def off_heights(self) -> NDArray[np.float64]:
-        """(places,) how far below the line each stands, character heights."""
+        """Distance of each place below the line, shape (places,), character heights."""
         return (np.array(self.rows) - (len(self.image) - 1) / 2) / FINE_PIXELS
 
     def through(self) -> TextLine:
-        """The line through the characters, the surest of them first of all."""
+        """Fit the line through the characters, weighted by their rewards."""
         sure = [max(one.reward, 1e-3) for one in self.placed]
         slope, down = np.polyfit(self.columns, self.off_heights, 1, w=sure)
         margin = BEYOND_HEIGHTS * HEIGHT_ROWS
@@ -320,6 +327,6 @@ class _PlacedLine:
         return TextLine(points, self.line.height_mm)
 
 
-def _in_strip(pixels: Sequence[int] | NDArray[np.int64], to_height: int) -> NDArray[np.float64]:
-    """Pixels of an image of so many to a height as those of a strip."""
-    return (np.array(pixels, dtype=np.float64) + 0.5) * HEIGHT_ROWS / to_height - 0.5
+def _in_strip(pixels: Sequence[int] | NDArray[np.int64], height_pixels: int) -> NDArray[np.float64]:
+    """Convert pixels of an image with `height_pixels` pixels for each character height to pixels of a strip."""
+    return (np.array(pixels, dtype=np.float64) + 0.5) * HEIGHT_ROWS / height_pixels - 0.5

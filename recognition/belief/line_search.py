@@ -1,7 +1,7 @@
-"""Where lines may be, and which of them says most: the recogniser looks at each once.
+"""Line search: find candidate lines, run the recogniser once along each, and refine the best.
 
-view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
-                       ^--none says much: upside down, fainter, slanted, smaller--/
+view --find_lines--> lines --read once each--> most promising first --moved, lengthened--> best line
+                       ^--none convincing: upside down, fainter, slanted, smaller--/
 """
 
 from __future__ import annotations
@@ -25,36 +25,36 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
 HERE, BESIDE = (0.0, 1.0, 0), (0.0, 1.0, 3)
-"""A look at a line as it lies, and one whose steps fall between the steps of the first."""
+"""Moves of two readings of a line: as it lies, and with its steps halfway between those of the first."""
 JITTERS: tuple[tuple[float, float, int], ...] = (
     (0.08, 1.0, 2),
     (-0.08, 1.0, 5),
     (0.0, 1.1, 3),
     (0.0, 0.91, 2),
 )
-"""More looks at a line: moved down and higher, character heights; columns that are skipped at its start."""
+"""Moves of further readings: shift down, character heights; factor of the height; columns skipped at the start."""
 MOST_LINES = 6
-"""That are looked at, most promising first."""
+"""Lines that are read, most promising first."""
 MOST_TURNED = 3
-"""That are looked at upside down, and running down or up."""
+"""Lines that are also read upside down, or running down or up."""
 MOST_MOVED = 2
-"""That are moved and made longer where they say little."""
+"""Lines that are moved and lengthened if they are not convincing."""
 SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
-"""At which lines are looked for that run neither level nor down."""
+"""Angles at which slanted lines are searched."""
 UPSIDE_DOWN_DEG = 105.0
-"""From level, from which a line is upside down: one that runs straight up or down, a little askew, is not."""
+"""Rotation from level beyond which a line is upside down. One that runs straight up or down, a little askew, is not."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
-"""Shares of the greatest promise, from which a line is not looked at otherwise, nor upside down; no fainter ones are
-looked for; and no turned or small ones."""
-SETTLED, MOST_LAID, LAID_GAIN = 0.9975, 3, 0.3
-"""Share of the most that places may say, above which a line is not laid on its ink; how often it is laid at most; and
-the share of its doubt that this must remove."""
+"""Shares of the greatest promise from which the search stops: before the whole view and upside-down lines (PLAIN),
+before fainter lines (SURE), and before rotated and small lines (SOME)."""
+SETTLED, MOST_REFITS, REFIT_GAIN = 0.9975, 3, 0.3
+"""Share of the greatest promise above which a line is not refitted to its ink; most refits of a line; share of its
+doubt that a refit must remove."""
 END_HEIGHTS = 0.55
-"""A character so near a strip's end may have a neighbour beyond."""
+"""Distance from a strip's end within which a character may have a neighbour beyond it, character heights."""
 GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
-"""Heights by which a line is made longer where a character stands at its end, and how often."""
+"""Character heights by which a line is lengthened if a character lies at its end, and how often at most."""
 MOST_SCANS = 2
-"""Scales at which a height map is scanned in search of a reading that is accepted."""
+"""Most scales at which a height map is scanned until a reading is accepted."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class LineSearch:
     """Search for lines in views, by the format and the characters that may occur.
 
     Attributes:
-        grammar: what the serial's line may be.
-        chars: all that is looked for.
-        height_mm: of the characters, if known.
-        region: where the middle of the serial's line lies (default: anywhere).
-        orientation: which way up parts lie.
+        grammar: format of the serial's line.
+        chars: characters to search for.
+        height_mm: height of the characters, if known.
+        region: region that holds the middle of the serial's line (default: the whole view).
+        orientation: which way up the parts lie.
     """
 
     grammar: Grammar | None
@@ -77,11 +77,11 @@ class LineSearch:
 
     @property
     def rare(self) -> str:
-        """Signs that are rare on parts, where no format asks for them."""
+        """Signs that are rare on parts; none if there is a format."""
         return SIGNS if self.grammar is None else ""
 
     def heights_mm(self, view: View) -> list[float]:
-        """Character heights worth a scan of what a view shows, most promising first."""
+        """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
         return (
             [self.height_mm]
             if self.height_mm
@@ -89,10 +89,10 @@ class LineSearch:
         )
 
     def lines(self, view: View) -> list[ReadLine]:
-        """Lines of a view by a look each, most promising first; small lines that are a guess come last.
+        """Read the lines of a view, most promising first; small lines that are only a guess come last.
 
-        Other tries follow where the usual lines say little. Which try gave the best line, of 680 parts of the
-        calibration design (the first pass counts as well):
+        If the usual lines are not convincing, other searches follow. The table counts which search gave the best line
+        of 680 parts of the calibration design (the first pass counts as well):
 
             usual   faint   whole view   small   slanted   upside down   running down
         felt       617     213      17           3       1         0             0
@@ -103,11 +103,11 @@ class LineSearch:
         found = self._usual(view)
         seen = self.looks(view, _straight_and_bent(found[:1]))
         if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
-            # the same ink seen otherwise has no more to say; other lines on the part may. Without a format nobody
-            # knows how far the line goes
+            # reading the same ink in another way adds nothing, but the part may have other lines. Without a format
+            # the length of the line is unknown
             rest = _other_text(found, seen[0].line)
             return _rank([*seen, *self.looks(view, rest)])
-        # the two best are looked at as arcs as well
+        # the two best lines are also read as arcs
         others = [*_straight_and_bent(found[1:2]), *(one.line for one in found[2:])]
         seen = _rank([*seen, *self.looks(view, others)])
         tries = [
@@ -117,7 +117,7 @@ class LineSearch:
             (self._running_down, SOME),
             (self._slanted, SOME),
         ]
-        # of what was scanned the line is a large part; of what a camera sees it may be small
+        # a line fills much of a scan, but may be small in a photograph
         tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, SOME))
         guesses: list[ReadLine] = []
         for candidates, enough in tries:
@@ -125,23 +125,23 @@ class LineSearch:
                 break
             looked = self.looks(view, candidates(view, seen))
             if candidates == self._small:
-                # the best of many tiles of noise seems better than the whole: no promise, a guess
+                # the best of many noisy tiles looks better than the whole: without promise it is only a guess
                 guesses = [one for one in looked if promise_of(one) <= 0.0]
                 looked = looked[: len(looked) - len(guesses)]
             seen = _rank([*seen, *looked])
-        # on what was felt a guess would have a blank plate scanned as finely as small marks
+        # on a scan, a guess would cause a blank plate to be scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
 
     def candidates(self, view: View) -> list[TextLine]:
-        """Where lines may lie, most promising first, without a look at them."""
+        """Propose lines, most promising first, without reading them."""
         return [one.line for one in find_lines(view)]
 
     def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
-        """The lines that the serial's may be, by where they stand."""
+        """Keep the lines whose middle lies in the serial's region."""
         return [one for one in seen if stands_in(self.region, one.line, view)]
 
     def _usual(self, view: View) -> list[FoundLine]:
-        """The lines of the region first, then those of the whole view, each by its promise."""
+        """Find the lines of the region, then those of the whole view, each most promising first."""
         whole = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
         near = about_region(self.region, view)
         if near is view:
@@ -154,7 +154,7 @@ class LineSearch:
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
 
     def _small(self, view: View, seen: Sequence[ReadLine], *, most_small: int = 40) -> list[TextLine]:
-        # most_small: small ones that are looked at: among a machine's edges many are none.
+        # most_small: number of small lines that are read; many of those found are only edges of a machine
         found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm)[:most_small]
         lines = [one.line for one in found]
         return [*lines, *(line.reversed for line in lines)]
@@ -166,14 +166,14 @@ class LineSearch:
         return [one.line.reversed for one in seen[:MOST_TURNED]]
 
     def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return self._either_way(view, (90.0,))
+        return self._in_directions(view, (90.0,))
 
     def _slanted(self, view: View, seen: Sequence[ReadLine], *, slanted_sides: float = 2.5) -> list[TextLine]:
-        # slanted_sides: ratio of a view's sides from which a slanted line would have no room.
+        # slanted_sides: ratio of the view's sides from which there is no room for a slanted line
         short, long = sorted(view.size_mm)
-        return self._either_way(view, SLANTS_DEG) if long < slanted_sides * short else []
+        return self._in_directions(view, SLANTS_DEG) if long < slanted_sides * short else []
 
-    def _either_way(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
+    def _in_directions(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
         found = [
             one for turn in turns_deg for one in find_lines(view, height_mm=self.height_mm, turned_deg=turn)
         ]
@@ -182,7 +182,7 @@ class LineSearch:
         return [*lines, *(line.reversed for line in lines)]
 
     def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """One look at each line, most promising first."""
+        """Read each line once; the most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
         if not lines:
             return []
@@ -190,8 +190,8 @@ class LineSearch:
         beliefs = [line_belief([one], self.grammar) for one in steps]
         return _rank([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 
-    def _looks_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """Look at each line; those that a move has taken out of the region are dropped."""
+    def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+        """Read each line once; drop those that a move has taken out of the region."""
         return self.meant(view, self.looks(view, lines))
 
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
@@ -202,7 +202,7 @@ class LineSearch:
     def more_looks(
         self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = JITTERS
     ) -> list[Steps]:
-        """Run the recogniser along a line moved down, made higher, and with its first columns skipped."""
+        """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         return [
             steps
             for down, size, skip in moves
@@ -210,45 +210,45 @@ class LineSearch:
         ]
 
     def may_run(self, line: TextLine) -> bool:
-        """Whether a line may run in its direction, by how parts lie; one that runs up or down always may."""
+        """Whether the parts' orientation allows a line's direction; one that runs up or down is always allowed."""
         return self.orientation is Orientation.ANY or abs(line.turned_deg) < UPSIDE_DOWN_DEG
 
     def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
-        """The best line, moved and grown where that lets it say more."""
+        """Refine the best line: move and lengthen it where that makes it more promising."""
         best = seen[0]
         for one in seen[:MOST_MOVED]:
-            best = _rank([best, self._on_ink(view, one)])[0]
+            best = _rank([best, self._refit_to_ink(view, one)])[0]
             if says_much([best], SETTLED):
                 break
         if not says_much([best]):
             for one in seen[:MOST_MOVED]:
                 tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
-                best = _rank([best, *self._looks_inside(view, tried)])[0]
+                best = _rank([best, *self._read_inside(view, tried)])[0]
                 if says_much([best]):
                     break
         elif self.grammar is None:
-            # its length is not known: a word may stand beyond a gap
-            best = _rank([best, *self._looks_inside(view, longer(best.line))])[0]
+            # the length is unknown, so another word may follow after a gap
+            best = _rank([best, *self._read_inside(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
-            first, last = _at_ends(best)
+            first, last = _touches_ends(best)
             if not (first or last):
                 break
             tried = [lengthen(best.line, first * far, last * far) for far in GROWTHS]
-            looked = self._looks_inside(view, tried)
+            looked = self._read_inside(view, tried)
             if not looked or promise_of(looked[0]) <= promise_of(best):
                 break
             best = looked[0]
         return best
 
-    def _on_ink(self, view: View, one: ReadLine) -> ReadLine:
-        """A line that is in doubt, laid on its ink where that takes much of its doubt away."""
-        for _ in range(MOST_LAID):
+    def _refit_to_ink(self, view: View, one: ReadLine) -> ReadLine:
+        """Refit a doubtful line to its ink, if that removes much of the doubt."""
+        for _ in range(MOST_REFITS):
             doubt = one.belief.lattice.n_places - promise_of(one)
             if says_much([one], SETTLED):
                 break
             known = self.height_mm is not None
-            looked = self._looks_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
-            if not looked or promise_of(looked[0]) < promise_of(one) + LAID_GAIN * doubt:
+            looked = self._read_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
+            if not looked or promise_of(looked[0]) < promise_of(one) + REFIT_GAIN * doubt:
                 break
             one = looked[0]
         return one
@@ -262,21 +262,21 @@ def _shows_shapes(
     least_pixels: float = 4.0,
     most_sides: float = 1.4,
 ) -> bool:
-    """Whether a line is of a size at which characters can be seen.
+    """Whether the characters of a line are large enough to be seen, and the line fits the view.
 
     Args:
-        view: to be looked at.
-        line: in it.
-        most_columns: longest strip, some 200 characters.
-        least_pixels: to a character's height.
-        most_sides: a height to the view's smaller side.
+        view: view to be read.
+        line: line in the view.
+        most_columns: columns of the longest strip, some 200 characters.
+        least_pixels: fewest pixels for each character height.
+        most_sides: largest ratio of the character height to the view's smaller side.
     """
     least_mm, most_mm = least_pixels * view.pitch_mm, most_sides * min(view.size_mm)
     return line.columns() <= most_columns and least_mm <= line.height_mm <= most_mm
 
 
 def _other_text(found: Sequence[FoundLine], best: TextLine, *, text_share: float = 0.15) -> list[TextLine]:
-    """Lines beside the best one that are text: by their share of its score, some three characters."""
+    """Lines beside the best one that are probably text: their share of its score is that of some three characters."""
     return [
         one.line
         for one in found[1:]
@@ -285,7 +285,7 @@ def _other_text(found: Sequence[FoundLine], best: TextLine, *, text_share: float
 
 
 def of_other_scales(heights_mm: Iterable[float], *, ratio: float = 1.2) -> list[float]:
-    """Heights that are worth a scan of their own: from this ratio to those before."""
+    """Keep the heights that differ from all earlier ones by more than this ratio: each is worth its own scan."""
     kept: list[float] = []
     for one in heights_mm:
         if all(abs(math.log(one / other)) > math.log(ratio) for other in kept):
@@ -298,7 +298,7 @@ def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
 
 
 def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
-    """Whether the most promising line reaches a share of the greatest promise that its places allow."""
+    """Whether the first line is convincing: it reaches this share of the greatest promise that its places allow."""
     if not seen:
         return False
     belief = seen[0].belief
@@ -313,15 +313,15 @@ def promise_of(one: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0.
     """Line score minus penalties for rotation and for an arc.
 
     Args:
-        turned_cost: nats that a line must say more than another, to be read upside down, or down the plate.
-        bent_cost: nats that an arc must say more than a straight line.
+        turned_cost: nats that a line which is upside down or runs down the plate must gain over a level line.
+        bent_cost: nats that an arc must gain over a straight line.
     """
     turned, bent = abs(one.line.turned_deg) > 45.0, len(one.line.centre_mm) > 2
     return one.belief.promise - turned_cost * turned - bent_cost * bent
 
 
-def _at_ends(one: ReadLine) -> tuple[bool, bool]:
-    """Whether a character stands at the strip's start, and at its end: others may stand beyond."""
+def _touches_ends(one: ReadLine) -> tuple[bool, bool]:
+    """Whether a character lies at the strip's start, and whether one lies at its end: others may follow beyond."""
     columns = one.belief.columns
     if columns.size == 0:
         return False, False

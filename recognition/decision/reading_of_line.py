@@ -1,4 +1,4 @@
-"""Beliefs of a line made a reading: what the format chooses, how sure it is, and what to know about it."""
+"""Turn the posteriors of a line into a reading: the text that the format allows, its confidence and its warnings."""
 
 from __future__ import annotations
 
@@ -26,30 +26,31 @@ from recognition.views.text_line import HEIGHT_ROWS
 
 CANDIDATES = 5
 LEAST_READ, LEAST_MEAN = 0.52, 0.35
-"""Probability of the surest character, with the format and without it, and mean over the places under the format: below
-both there is no line. Pictures of something else reach 0.51 and 0.34."""
+"""Least probability of the surest character, with the format and without it; least mean over the places with the
+format. Below both there is no line. Pictures of other things reach 0.51 and 0.34."""
 LEAST_VALID_MASS = 0.02
-"""Belief in all serials of the format together below which another one stands there."""
+"""Total probability of all serials of the format, below which the line holds something else."""
 LEAST_PLACES = 4
-"""Characters of a line of which nothing is known, from which it is text although it is not sure."""
+"""Length from which a line without a format counts as text even if it is unsure."""
 TWINS = ("0O", "1I")
-"""Characters that most dies cut alike."""
-NOT_THE_SERIAL = -12.0
-"""Log probability of all that the format allows on a line, below which it is not the serial. Of 41 second lines of the
-exam, of six characters where the format has eight, -19.5 at most; of their serials -5.5 at least."""
+"""Characters that most dies cut with the same shape."""
+LEAST_SERIAL_EVIDENCE = -12.0
+"""Log probability of the format on a line, below which the line is not the serial. The exam has 41 second lines of six
+characters where the format has eight: they reach -19.5 at most, their serials -5.5 at least."""
 IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
-"""Log probability of all that the format allows on its line, twins counted, below which something else may stand there:
-1 in 100 of the exam's lines accepted by touch has less, of 48 photographs none. Of 134 felt lines with a sign of no
-alphabet 22 were accepted without this rule; with it 12 of 134, an Θ for a 0 or a Λ for an A."""
+"""Log probability of the format on its line, twins included, below which the line may hold something else. 1 in 100 of
+the exam's lines accepted by touch has less; none of 48 photographs has. Of 134 felt lines with a sign outside the
+alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a Λ for an A."""
 UNCHANGED = 0.5
-"""Belief before the format has its say in the text that it chose, twins counted, from which it has changed nothing."""
+"""Probability of the chosen text without the format, twins included, from which the format has changed nothing."""
 GAP_BELIEF, GAP_HINT = 0.4, 0.1
-"""In a word gap between two places, from which one is there; likewise where signs, which are narrow, do not explain a
-wide step."""
+"""Probability of a word gap between two places from which there is one; the lower value suffices if the step is wider
+than a narrow sign can explain."""
 SMALL_BELIEF = 0.5
-"""In a small letter where none was asked for, from which a person is asked."""
+"""Probability of a small letter, without a format, from which a person is asked."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
-"""Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
+"""A step between neighbouring characters is wide if it exceeds the usual one by so many character heights, and by this
+factor."""
 
 
 class LineSettings(Protocol):
@@ -65,7 +66,7 @@ class LineSettings(Protocol):
 
     @property
     def asked(self) -> Mapping[str, LineFormat]:
-        """Other lines that should stand on the part, by name."""
+        """Further lines that the part should have, by name."""
 
 
 def reading_of_line(
@@ -75,13 +76,13 @@ def reading_of_line(
     flags: ReadingFlag,
     source: str,
 ) -> Reading:
-    """The reading of a part's line as the format has it, with the contracts that it breaks; `scored` comes later.
+    """Make the reading of a part's line under its format, with the contracts that it breaks; `scored` comes later.
 
     Args:
-        part: its lines.
-        settings: threshold of acceptance, what the serial obeys, other lines that should stand on the part.
-        flags: known beforehand.
-        source: the sense.
+        part: the part's lines.
+        settings: acceptance threshold, format of the serial, further lines that the part should have.
+        flags: flags that are known beforehand.
+        source: source of the reading: "tactile" or "vision".
     """
     main, grammar, asked = part.main, settings.grammar, settings.asked
     nothing = Reading((), 0.0, flags | ReadingFlag.NO_CHARACTERS, source=source)
@@ -99,9 +100,9 @@ def reading_of_line(
         and len(choice.text) < LEAST_PLACES
         and choice.probability < settings.accept_confidence
     ):
-        # a scratch reads as a 1, two dents as OO
+        # a scratch is read as a 1, two dents as OO
         return nothing.with_trace(lattice=lattice)
-    changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
+    changed = _check_format_evidence(main, choice.text, grammar, least=IN_FORMAT[source])
     small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
     worth = score_of(source)
     others = [
@@ -113,9 +114,9 @@ def reading_of_line(
         OtherLine(
             "",
             with_spaces(text_of(one), spaces_of(text_of(one), None, one.belief.looks, one.belief.openly[1])),
-            worth.of_belief(_likely(one)),
+            worth.of_belief(_open_probability(one)),
             hull(one.open_boxes()),
-            may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
+            may_be_serial=one.belief.evidence_of(grammar) >= LEAST_SERIAL_EVIDENCE,
             line=one.line,
         )
         for one in part.others
@@ -143,11 +144,11 @@ def reading_of_line(
 
 
 def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tuple[Finding, ...]:
-    """Contracts about a part's other lines that are broken.
+    """Check the contracts about a part's other lines, and return the broken ones.
 
     Args:
-        others: that were read.
-        settings: which should stand on the part, and from which confidence they are read surely.
+        others: other lines that were read.
+        settings: lines that the part should have, and the acceptance threshold.
     """
     found = {other.name for other in others}
     return (
@@ -157,7 +158,7 @@ def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tupl
             if not other.name and other.may_be_serial
         ),
         *(
-            Finding(ReadingFlag.LINE_MISSING, f"nothing was read where {name} was asked for")
+            Finding(ReadingFlag.LINE_MISSING, f"no text was read for the line {name}")
             for name in settings.asked
             if name not in found
         ),
@@ -170,7 +171,7 @@ def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tupl
 
 
 def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | None) -> Reading:
-    """The reading with the contracts about format and check digit that its choice breaks."""
+    """Add the contracts about format and check digit that a choice breaks to its reading."""
     flags = ReadingFlag.NONE
     if choice.valid_mass < LEAST_VALID_MASS or not choice.text:
         flags |= ReadingFlag.FORMAT_OVERRULED
@@ -182,26 +183,26 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
 
 
 def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
-    """Report the text that stands there in place of a serial, where it can be read but breaks the format."""
+    """Report a text that can be read but breaks the format."""
     text = text_of(line)
     broken = () if grammar is None or not text else grammar.objections(text)
     if not broken or _surest(line.belief.openly[0]) < LEAST_READ:
         return ()
     why = "; ".join(broken).replace("mask:", "the format ")
     return (
-        Finding(ReadingFlag.NO_CHARACTERS, f"{_found_words(text)}: {why} (check the part and the format)"),
+        Finding(ReadingFlag.NO_CHARACTERS, f"{_describe_found(text)}: {why} (check the part and the format)"),
     )
 
 
-def _found_words(text: str) -> str:
-    """Say what was found: "found 1 character (“8”)"."""
+def _describe_found(text: str) -> str:
+    """Describe a text, such as "found 1 character (“8”)"."""
     return f"found {len(text)} character{'' if len(text) == 1 else 's'} (“{text}”)"
 
 
-def _beyond_format(
+def _check_format_evidence(
     line: ReadLine, text: str, grammar: Grammar | None, *, least: float
 ) -> tuple[Finding, ...]:
-    """Report that another text, or a sign outside the format, may stand there."""
+    """Report that the line may hold another text, or a sign outside the format."""
     if line.belief.evidence >= least:
         return ()
     changed = format_changed(line, text) if line.belief.evidence < math.log(LEAST_VALID_MASS) else ()
@@ -209,27 +210,27 @@ def _beyond_format(
         return changed
     k = line.belief.least_read()
     there = k < len(text)
-    sign = f"{text[k]} at place {k + 1} may be another sign" if there else "another sign may stand there"
-    what = f"{sign} than the format's (compare it with the part)"
+    sign = f"{text[k]} at place {k + 1} may be a sign" if there else "there may be a sign"
+    what = f"{sign} outside the format (compare it with the part)"
     return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
 
 
 def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
-    """Where the format has made something else of a line than what stands there by itself; nothing where it has not.
+    """Report where the format has changed the text of a line; nothing if it has not.
 
-    Twins, which most dies cut alike, are no change: to know O from 0 by its place is what a format is for.
+    Twins, which most dies cut with the same shape, are no change: a format is there to tell O from 0 by their places.
 
     Args:
-        line: as read.
-        text: what the format has chosen.
+        line: the line as read.
+        text: text chosen by the format.
     """
     lattice, _ = line.belief.openly
-    openly = text_of(line)
-    if len(openly) != len(text):
+    open_text = text_of(line)
+    if len(open_text) != len(text):
         return (
             Finding(
                 ReadingFlag.FORMAT_OVERRULED,
-                f"{_found_words(openly)} where the format has {len(text)} (check the part and the format)",
+                f"{_describe_found(open_text)} where the format has {len(text)} (check the part and the format)",
             ),
         )
     belief = np.exp(lattice.log_belief)
@@ -243,12 +244,12 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
         return ()
     changes = {
         k: f"{was} to {char} at place {k}"
-        for k, (was, char) in enumerate(zip(openly, text, strict=True), start=1)
+        for k, (was, char) in enumerate(zip(open_text, text, strict=True), start=1)
         if was not in _twins(char) and not _is_allowed(line, k - 1, was)
     }
     if not changes:
         least = int(same.argmin())
-        changes = {least + 1: f"{text[least]} at place {least + 1} is not sure without it"}
+        changes = {least + 1: f"{text[least]} at place {least + 1} is unsure without the format"}
     return (
         Finding(
             ReadingFlag.FORMAT_OVERRULED,
@@ -281,7 +282,7 @@ def _other(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLin
 
 
 def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
-    """The chosen character first, its rivals as the grammar leaves them."""
+    """List the candidates of each place: the chosen character first, then its rivals under the grammar."""
     made = []
     for k, chosen in enumerate(choice.text):
         beliefs = choice.place(k)
@@ -296,23 +297,23 @@ def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
 def spaces_of(
     text: str, grammar: Grammar | None, looks: Sequence[Steps], columns: NDArray[np.float64]
 ) -> frozenset[int]:
-    """Places of a text that a word gap follows: where the format has them, or else where they are seen.
+    """Find the places of a text that a word gap follows: from the format if it fixes them, or else from the line.
 
     Args:
-        text: without blanks.
-        grammar: what it may be.
-        looks: at its line.
-        columns: (places,) where each stands.
+        text: text without blanks.
+        grammar: format of the text.
+        looks: the recogniser's outputs along the line.
+        columns: (places,) column of each place.
     """
     known = None if grammar is None else grammar.spaces(text)
     return word_gaps(columns, looks) if known is None else known
 
 
 def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: str) -> tuple[Finding, ...]:
-    """Whether small letters may stand where, unasked for, they were counted as capitals.
+    """Report a capital that may be a small letter; small letters count as capitals without a format.
 
-    Many a die is small capitals, and many a letter has one shape for both: a person who knows the marking decides,
-    once, by a format.
+    Many dies have small capitals, and many letters have the same shape in both cases. A person who knows the marking
+    decides once, by giving a format.
     """
     if columns.size < 2:
         return ()
@@ -328,7 +329,7 @@ def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: st
 def _greatest_between(
     spans: Sequence[tuple[float, float]], looks: Sequence[Steps], what: Literal["gap", "small"]
 ) -> NDArray[np.float64] | None:
-    """(spans,) the greatest probability along each, mean of looks; None where there are none."""
+    """Find the greatest probability along each span, mean of all looks, shape (spans,); None if no look has it."""
     each = [
         [float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0)) for low, high in spans]
         for look in looks
@@ -338,7 +339,7 @@ def _greatest_between(
 
 
 def word_gaps(columns: NDArray[np.float64], looks: Sequence[Steps] = ()) -> frozenset[int]:
-    """Places after which there is a space: heard, or so wide against the line's usual step that a little is enough."""
+    """Find the places after which there is a space: a probable one, or a wide step with a less probable one."""
     if columns.size < 3:
         return frozenset()
     step = np.diff(columns) / HEIGHT_ROWS
@@ -351,33 +352,33 @@ def word_gaps(columns: NDArray[np.float64], looks: Sequence[Steps] = ()) -> froz
 
 
 def with_spaces(text: str, spaces: Collection[int]) -> str:
-    """A text with a blank after these places."""
+    """Insert a blank after each of these places of a text."""
     return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
 
 
 def _is_text(lattice: Lattice, openly: Lattice) -> bool:
-    """Whether anything can be read: one sure character, or something at most places."""
+    """Whether a line is text: it has one sure character, or probable characters at most places."""
     mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
     return mean >= LEAST_MEAN or min(_surest(lattice), _surest(openly)) >= LEAST_READ
 
 
 def _surest(lattice: Lattice) -> float:
-    """Belief in the character that is surest of all places."""
+    """Return the probability of the surest character of all places."""
     return float(np.exp(lattice.log_belief.max(initial=-np.inf)))
 
 
-def _likely(line: ReadLine) -> float:
+def _open_probability(line: ReadLine) -> float:
     return float(np.exp(line.belief.openly[0].log_belief.max(axis=1).sum()))
 
 
 def text_of(line: ReadLine) -> str:
-    """Return the text of a line at first look."""
+    """Return the text of a line without a format."""
     lattice, _ = line.belief.openly
     return "".join(lattice.chars[k] for k in lattice.log_belief.argmax(axis=1))
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:
-    """Return the common hull of boxes; None without any."""
+    """Return the common hull of boxes; None if there are none."""
     if not boxes:
         return None
     return Box(

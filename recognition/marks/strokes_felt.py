@@ -1,14 +1,14 @@
-"""Which strokes of a character were felt: of the one that was read, and of its rivals.
+"""Evidence from felt strokes, for the character that was read and against its rivals.
 
     R read, P its rival                             felt    missing
       .--.       P       .--.     R has, P has not     \\     against P, for P
       |__|               |__|     P has, R has not     -     nothing
       |  \\              |
 
-Both are laid over the surface where each lies deepest, in a font that nobody need have named: which strokes tell two
-characters apart hardly depends on the font. A piece of a stroke that was felt speaks for who has it. One that was not
-felt speaks against it, but never fully: it may be filled, the likelier the more is missing of the line's other
-strokes. Where the surface stands above the land, or was not scanned, nothing could be felt, and nothing is said.
+Both characters are laid over the surface where each lies deepest. Nobody needs to name the font, because the strokes
+that distinguish two characters hardly depend on it. A felt piece of a stroke supports the characters that contain it.
+A missing piece counts against them, but never fully: it may be filled with dirt. That is the likelier, the more of the
+line's other strokes is missing. Where the surface rises above the land, or was not scanned, there is no evidence.
 """
 
 from __future__ import annotations
@@ -31,39 +31,39 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief
 
 LIVE = 0.004
-"""Belief in a rival from which strokes must speak against it."""
+"""Probability of a rival from which strokes must exclude it."""
 _LEAST = 1e-12
-FITS, LEAST_FIT, GAIN = 0.6, 0.45, 0.08
-"""Mean score of the places from which a line's height is taken as found, that another height must reach, and by how
-much it must be better. Of the exam's lines, made half too high, 0.61 at most is left."""
-SIZES = (0.66, 0.57, 0.76, 0.87)
-"""Heights tried in place of the one found; the first tells whether it is worth while."""
+GOOD_FIT, LEAST_FIT, LEAST_GAIN = 0.6, 0.45, 0.08
+"""Mean score of the places from which a line keeps the height at which it was found; score that another height must
+reach; least gain in score over the height found. The exam's lines score at most 0.61 if made half too high."""
+HEIGHT_FACTORS = (0.66, 0.57, 0.76, 0.87)
+"""Factors of the height found that are tried instead; if the first brings no gain, the others are skipped."""
 PIECE_HEIGHTS = 0.25
-"""Length of a piece of a stroke that is felt or filled as one."""
-MISLED = 0.05
-"""Chance that a piece seems felt where none is: a scratch, or strokes that run otherwise in the part's font."""
+"""Length of the pieces of a stroke that are felt or filled independently, character heights."""
+FALSELY_FELT = 0.05
+"""Probability that a piece seems to be felt where there is none: a scratch, or other strokes in the part's font."""
 FILLED, FILLED_OF_MISSING = 0.03, 0.8
-"""Chance that a piece is filled where nothing of the line is missing, and what the line's missing share adds."""
+"""Probability that a piece is filled if no stroke of the line is missing, and its increase with the missing share."""
 MOST_FILLED = 0.7
 MOST_ABSENT = 6.0
-"""Nats that all missing pieces of a character together may say against it: absence never speaks fully."""
+"""Most evidence of all missing pieces against a character, nats: absence never excludes it fully."""
 EDGE_HEIGHTS = 0.15
-"""Of a place's box on each side, which may be land: boxes at a line's ends are 0.84 of a height wide, characters 0.5 to
-0.7."""
+"""Strip on each side of a place's box that may be land, character heights. Boxes at a line's ends are 0.84 heights
+wide, characters 0.5 to 0.7."""
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class RivalStrokes:
-    """Evidence of strokes against a rival at a place.
+    """Evidence from strokes against a rival at a place.
 
     Attributes:
-        char: the rival.
-        belief: in it without its strokes.
-        margin: nats by which strokes speak for the character that was read; negative for the rival.
-        apart_heights: length of the strokes that only one of them has.
-        more_heights: of these, what only the rival has.
-        hidden: share of the latter where nothing could be felt.
+        char: the rival character.
+        belief: probability of the rival without the evidence of strokes.
+        margin: evidence of the strokes for the character that was read, nats; negative if it supports the rival.
+        apart_heights: length of the strokes that only one of the two has, character heights.
+        more_heights: length of the strokes that only the rival has, character heights.
+        hidden: share of `more_heights` where nothing could be felt.
     """
 
     char: str
@@ -75,21 +75,21 @@ class RivalStrokes:
 
     @property
     def excluded_nats(self) -> float:
-        """Evidence of posterior and strokes together for the character that was read, nats."""
+        """Evidence from posterior and strokes together for the character that was read, nats."""
         return self.margin - math.log(max(self.belief, _LEAST))
 
 
 @dataclass(frozen=True)
 class PlaceStrokes:
-    """Strokes felt of the character read at a place.
+    """Felt strokes of the character that was read at a place.
 
     Attributes:
-        felt: share of its strokes that was felt, in the font that suits it best; None where no font has it.
-        score: how well its strokes lie in what is deepest there, at most 1.
-        font: that one's name.
-        rivals: that the format allows and that are live, or declared to be taken for it.
+        felt: share of its strokes that was felt, in the best-fitting font; None if no font has the character.
+        score: how well its strokes match the deepest parts of the place, at most 1.
+        font: name of the best-fitting font.
+        rivals: characters that the format allows and that are probable, or listed as easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
-        untold: why the lines felt do not tell the character from its rivals; empty where they do.
+        untold: why the scan lines cannot distinguish the character from its rivals; empty if they can.
     """
 
     felt: float | None
@@ -102,14 +102,14 @@ class PlaceStrokes:
 
 @dataclass(frozen=True, eq=False)
 class FeltLine:
-    """A line as it was felt: what is asked for the strokes of characters.
+    """A felt line in which the strokes of characters are compared with the surface.
 
     Attributes:
-        relief: the surface.
-        line: where the text lies.
-        columns: of its strip, where the places stand.
-        raised: whether its marks stand out.
-        fonts: whose strokes may be looked for.
+        relief: the felt surface.
+        line: position of the text.
+        columns: columns of the places in the line's strip.
+        raised: whether the marks are raised.
+        fonts: fonts whose strokes are compared.
     """
 
     relief: Relief
@@ -121,12 +121,12 @@ class FeltLine:
     def strokes(
         self, text: Sequence[str], lattice: Lattice, *, slope: float = 1.0
     ) -> tuple[PlaceStrokes, ...]:
-        """Strokes felt of the characters read, and of their rivals.
+        """Compute the felt strokes of the characters that were read and of their rivals.
 
         Args:
-            text: a character a place.
-            lattice: beliefs in all that may stand there.
-            slope: of what beliefs are worth, in log odds (`recognition.decision.score`).
+            text: one character for each place.
+            lattice: probabilities of all characters that may stand at each place.
+            slope: calibration slope of the probabilities, in log odds (`recognition.decision.score`).
         """
         if len(text) != self.columns.size or lattice.n_places != len(text):
             return ()
@@ -141,15 +141,15 @@ class FeltLine:
                 continue
             font, laid = one
             rivals = tuple(
-                _against(places, laid, places.lay(k, rival, font), rival, filled, belief)
-                for rival, belief in _rivals(char, lattice.chars, _worth(lattice.log_belief[k], slope))
+                _compare_strokes(places, laid, places.lay(k, rival, font), rival, filled, belief)
+                for rival, belief in _rivals(char, lattice.chars, _calibrated(lattice.log_belief[k], slope))
                 if rival in font.glyphs
             )
             made.append(PlaceStrokes(laid.share_felt(), laid.score, font.name, rivals, self.whole[k]))
         return tuple(made)
 
     def by_font(self, text: Sequence[str]) -> dict[str, float]:
-        """Return how well a text fits the depths along the line, mean of its places, in each font that has it all."""
+        """Return the mean score of a text over its places, for each font that has all its characters."""
         return {
             font.name: float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
             for font in self.fonts
@@ -157,34 +157,34 @@ class FeltLine:
         }
 
     def stands_out(self, text: Sequence[str]) -> bool | None:
-        """Whether the strokes of its text are ridges rather than grooves; None where no font has them all.
+        """Whether the strokes of a text are ridges rather than grooves; None if no font has all its characters.
 
-        Strokes are laid over the relief and over its negative. Ridges must fit as well as felt strokes do: under dirt a
-        text that is not read well fits neither, and dies strike grooves.
+        Strokes are laid over the relief and over its negative. Ridges must reach the score of felt strokes: under dirt
+        a badly read text fits neither way, and dies normally strike grooves.
         """
-        ridges, grooves = (replace(self, raised=raised)._fits(text) for raised in (True, False))
+        ridges, grooves = (replace(self, raised=raised)._mean_score(text) for raised in (True, False))
         return ridges > max(grooves, LEAST_FIT) if math.isfinite(ridges + grooves) else None
 
     def fit_size(self, text: Sequence[str]) -> FeltLine:
-        """The line at the height at which the strokes of its text lie best, its places where they are.
+        """Return the line at the height at which the strokes of its text fit best; its places stay where they are.
 
-        A recogniser reads a line that was found half too high as well as another; depth is not felt along it.
+        A recogniser reads a line that was found half too high as well as any other, but its strokes miss the grooves.
         """
-        best, most = self, self._fits(text)
-        if most >= FITS:
+        best, most = self, self._mean_score(text)
+        if most >= GOOD_FIT:
             return self
-        least = most + GAIN
-        for factor in SIZES:
+        least = most + LEAST_GAIN
+        for factor in HEIGHT_FACTORS:
             tried = self._at_height(factor * self.line.height_mm)
-            score = tried._fits(text)
+            score = tried._mean_score(text)
             if score > max(most, least):
                 best, most = tried, score
             elif best is self:
                 break
         return best if most >= LEAST_FIT else self
 
-    def _fits(self, text: Sequence[str]) -> float:
-        """Mean score of a text in the first font that has it all, which is enough to tell heights apart."""
+    def _mean_score(self, text: Sequence[str]) -> float:
+        """Compute the mean score of a text in the first font with all its characters, to compare heights."""
         font = next((one for one in self.fonts if all(c in one.glyphs for c in text)), None)
         if font is None or len(text) != self.columns.size:
             return math.inf
@@ -197,9 +197,9 @@ class FeltLine:
 
     @cached_property
     def whole(self) -> tuple[bool, ...]:
-        """Whether the surface is known from edge to edge of each place's character, in x and in y.
+        """Whether the scan covers each place's character from edge to edge, in x and in y.
 
-        What is covered or missing within is another question: this one is where the lines of the scan ended.
+        Only the ends of the scan lines matter here, not covered or missing samples within them.
         """
         known, pitch = np.isfinite(self.relief.height_mm), self.relief.pitch_mm
         spans = [np.flatnonzero(known.any(axis=axis)) for axis in (0, 1)]
@@ -219,7 +219,7 @@ class FeltLine:
 
     @cached_property
     def places(self) -> PlacesFelt:
-        """The surface about its places."""
+        """The surface around the places of the line."""
         field = DepthField(self.relief, raised=self.raised)
         at = places_mm(self.line, self.columns)
         ahead = places_mm(self.line, self.columns + 1.0) - at
@@ -228,15 +228,15 @@ class FeltLine:
         return PlacesFelt(field, middles, turns_deg, height_mm=self.line.height_mm)
 
 
-def _worth(log_belief: Floats, slope: float) -> Floats:
-    """Shares of belief among the characters of a place, as a calibration's slope has them."""
+def _calibrated(log_belief: Floats, slope: float) -> Floats:
+    """Calibrate the probabilities of a place's characters by the slope, keeping their sum."""
     total = np.logaddexp.reduce(log_belief)
     power = slope * (log_belief - total)
     return np.asarray(np.exp(power - np.logaddexp.reduce(power) + total))
 
 
 def _rivals(char: str, chars: Sequence[str], beliefs: Floats) -> list[tuple[str, float]]:
-    """Live ones, and those declared that the format allows."""
+    """List the probable rivals, and the declared ones that the format allows."""
     declared = {c for chars in SWAP_SETS if char in chars for c in chars}
     return [
         (c, float(b))
@@ -245,19 +245,19 @@ def _rivals(char: str, chars: Sequence[str], beliefs: Floats) -> list[tuple[str,
     ]
 
 
-def _against(
+def _compare_strokes(
     places: PlacesFelt, read: LaidCharacter, rival: LaidCharacter, char: str, filled: float, belief: float
 ) -> RivalStrokes:
     own, theirs = places.apart(read, rival), places.apart(rival, read)
-    felt, absent = -math.log(MISLED), -math.log(filled)
+    felt, absent = -math.log(FALSELY_FELT), -math.log(filled)
     pieces = STEP_HEIGHTS / PIECE_HEIGHTS
 
-    def many(laid: LaidCharacter, only: NDArray[np.bool_], felt: bool) -> float:
+    def count_pieces(laid: LaidCharacter, only: NDArray[np.bool_], felt: bool) -> float:
         return pieces * float((only & laid.open & (laid.felt == felt)).sum())
 
-    margin = felt * (many(read, own, True) - many(rival, theirs, True))
-    margin += min(absent * many(rival, theirs, False), MOST_ABSENT)
-    margin -= min(absent * many(read, own, False), MOST_ABSENT)
+    margin = felt * (count_pieces(read, own, True) - count_pieces(rival, theirs, True))
+    margin += min(absent * count_pieces(rival, theirs, False), MOST_ABSENT)
+    margin -= min(absent * count_pieces(read, own, False), MOST_ABSENT)
     return RivalStrokes(
         char=char,
         belief=belief,

@@ -213,7 +213,8 @@ class Chain(OneLine):
             sections = tuple(sections)
             if len(sections) != n:
                 raise WhiskerError(
-                    f"{len(sections)} sections for {n} segments", hint="give one for each segment, or a single one"
+                    f"{len(sections)} sections for {n} segments",
+                    hint="give one for each segment, or a single one",
                 )
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")

@@ -251,8 +251,8 @@ def of_flags(
 def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:
     """Draw the index of the level for each cell and round, shape (cells, rounds).
 
-    Within each block of `levels` rounds, counted from the first, a cell takes each level once. Within a round all levels
-    occur as equally often over the cells as possible.
+    Within each block of `levels` rounds, counted from the first, a cell takes each level once. Within a round the
+    levels occur over the cells as equally often as possible.
     """
     rng = np.random.default_rng(seed)
     out = np.empty((cells, rounds), dtype=np.int64)

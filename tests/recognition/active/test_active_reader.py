@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glyphs import HeightMap, stamp
-from recognition.active.active_reader import ActiveReader, ActiveSettings, around
+from recognition.active.active_reader import ActiveReader, ActiveSettings, region_around
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.moves import Way
 from recognition.active.policy import Ladder
@@ -122,10 +122,10 @@ def test_land_is_given_up_soon() -> None:
 def test_a_known_line_is_felt_and_nothing_else() -> None:
     line = TextLine.straight(6.0, 8.0, length_mm=20.0, height_mm=HEIGHT_MM)
     field = (0.0, 0.0, 60.0, 25.0)
-    x0, y0, x1, y1 = around(line, field)
+    x0, y0, x1, y1 = region_around(line, field)
     assert (x0, x1) == pytest.approx((2.0, 30.0))
     assert (y0, y1) == pytest.approx((3.0, 13.0))
-    assert around(line, (5.0, 4.0, 20.0, 12.0)) == (5.0, 4.0, 20.0, 12.0)
+    assert region_around(line, (5.0, 4.0, 20.0, 12.0)) == (5.0, 4.0, 20.0, 12.0)
     found = ActiveReader(reader()).read(mounted(part()), region_mm=(4.0, 2.0, 20.0, 12.0))
     for one in found.passes:
         first, last = (4.0, 20.0) if one.order.direction.along_x else (2.0, 12.0)

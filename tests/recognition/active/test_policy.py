@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.active.active_reader import around
+from recognition.active.active_reader import region_around
 from recognition.active.active_reading import StopReason
 from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
 from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
@@ -81,7 +81,7 @@ def test_regions_of_a_field_share_their_lines_and_samples() -> None:
 )
 def test_the_lines_of_a_step_cover_a_line_to_both_its_ends(begins: float, length: float, way: Way) -> None:
     text = TextLine.straight(begins, 12.0, length_mm=length, height_mm=5.0)
-    step = next_step(FITTING, around(text, FIELD), way, 0)
+    step = next_step(FITTING, region_around(text, FIELD), way, 0)
     assert step is not None
     laid = sorted(v for p in step.passes for v in p.line_mm if 0.0 <= v <= 60.0)
     # a line of the first step is an eighth of a height from the next

@@ -227,7 +227,7 @@ def lines_of(reading: Reading, *others: OtherLine) -> Reading:
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
     missed = lines_of(touch(of_text("AB1234", 0.999)))
     assert missed.decision is Decision.REVIEW
-    assert missed.messages() == ("nothing was read where lot was asked for",)
+    assert missed.messages() == ("no text was read for the line lot",)
     camera = lines_of(vision(of_text("AB1234", 0.999)), OtherLine("lot", "LOT77", 0.99))
     read = fuse(missed, camera, LINES)
     assert (read.decision, read.others, read.messages()) == (Decision.ACCEPT, camera.others, ())

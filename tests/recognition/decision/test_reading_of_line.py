@@ -131,9 +131,7 @@ def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> 
     assert belief is not None
     found = read(ReadLine(LINE, belief), grammar=grammar)
     assert (found.text, found.decision) == ("AB2", Decision.REVIEW)
-    assert found.messages() == (
-        "2 at place 3 may be another sign than the format's (compare it with the part)",
-    )
+    assert found.messages() == ("2 at place 3 may be a sign outside the format (compare it with the part)",)
     assert read(sure, grammar=grammar).decision is Decision.ACCEPT
 
 
@@ -178,7 +176,7 @@ def test_nothing_that_can_be_read_where_a_line_was_asked_for_is_no_line() -> Non
         part = PartLines(line_of("AB812"), {"lot": line_of("A8B", sure=sure, grammar=grammar)})
         found = reading_of_line(part, Rules(asked={"lot": lot}), flags=ReadingFlag.NONE, source="tactile")
         assert [line.text for line in found.others] == lines
-        words = () if lines else ("nothing was read where lot was asked for",)
+        words = () if lines else ("no text was read for the line lot",)
         assert found.messages()[: len(words)] == words
 
 
