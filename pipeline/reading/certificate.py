@@ -89,7 +89,7 @@ class Certificate:
         exact = share_bounds(self.wrong, self.accepted, confidence=self.confidence)[1]
         if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
             raise ValueError(
-                f"the bound for {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
+                f"the share of {self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}; "
                 f"it must not exceed the risk {self.risk:g}"
             )
         chosen = certified_threshold(self.tests)
