@@ -194,7 +194,7 @@ def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> Non
             )
         if run.quarantine is not None and run.summary.errors:
             print(
-                f"wrote {run.quarantine.path}, the parts that could not be read; correct them and give the list to "
+                f"wrote {run.quarantine.path}, the unread parts; correct their files and give the list to "
                 "read"
             )
     if options.summary is not None:
