@@ -319,9 +319,8 @@ class Client:
                 safe = answer.status_code in _BUSY and (asked_to_wait or repeatable)
                 wait_s = retry_after_s(answer.headers)
             wait_s = max(wait_s, min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2.0 ** (attempt - 1)))
-            wait_s *= (
-                1.0 + 0.25 * random.random()
-            )  # spreads the retries of clients that were refused at the same time
+            # spread the retries of clients that were refused at the same time
+            wait_s *= 1.0 + 0.25 * random.random()
             if not safe or time.monotonic() + wait_s > until:
                 raise failure
             time.sleep(wait_s)
