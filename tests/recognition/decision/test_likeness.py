@@ -49,7 +49,7 @@ def test_of_many_parts_quantiles_are_kept() -> None:
 
 
 def test_values_that_are_no_summary_are_refused() -> None:
-    with pytest.raises(ValueError, match="not a number"):
+    with pytest.raises(ValueError, match="not finite"):
         KindOfParts({Measure.FINE: (0.0, float("nan"))})
     with pytest.raises(ValueError, match="are not ascending"):
         KindOfParts({Measure.FINE: (1.0, 0.0)})
