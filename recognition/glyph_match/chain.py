@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
 
-MAX_CHARACTERS = 64
 _NONE = -1e9
 
 
@@ -120,6 +119,7 @@ def best_chain(
     gap_free: int,
     gap_cost: float,
     spacing: Spacing | None = None,
+    most_characters: int = 64,
 ) -> tuple[float, tuple[Placed, ...]]:
     """The chain that earns most.
 
@@ -131,13 +131,14 @@ def best_chain(
         reach: columns of land allowed between neighbours.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
         spacing: how far apart neighbours usually stand, if known.
+        most_characters: of a chain whose number of places is open.
 
     Returns:
         What it earned and the characters, left to right; (0, ()) when nothing earns anything, or when a fixed
         format finds no room.
     """
     free = allowed is None
-    table = np.ones((MAX_CHARACTERS, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
+    table = np.ones((most_characters, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
     cols = reward.shape[1]
     if spacing is None:
         spacing = Spacing(np.zeros(reward.shape[0]), np.zeros(reward.shape[0]), 0.0, 0.0)

@@ -5,7 +5,7 @@
 
 The correlation of a template t with the window w of the edge map around a pixel, both about their means, is
 
-    r = sum(t w) / sqrt(sum(t^2) (sum(w^2) + (LEAST_FELT^2) sum(t^2)))
+    r = sum(t w) / sqrt(sum(t^2) (sum(w^2) + (least_felt^2) sum(t^2)))
 
 so that bare land, where nothing is felt, answers nothing.
 """
@@ -30,31 +30,8 @@ from recognition.views.text_line import HEIGHT_ROWS, TextLine
 from recognition.views.view import EDGES, HEIGHTS, KNOWN, View, ViewKind
 
 Image: TypeAlias = NDArray[np.float32]
-LEAST_FELT = 0.1
-"""Share of a template's amplitude, below which a felt pattern is taken for land."""
-MARGIN_HEIGHTS = 0.12
-"""Land beside a template's ink that belongs to its window, character heights."""
-CHANCE = 0.45
-"""Correlation up to which a template explains nothing: what any strokes reach."""
-GAP_HEIGHTS, FREE_GAP_HEIGHTS, GAP_COST = 1.5, 0.5, 0.25
-"""Land between neighbours, character heights: at most, for nothing, and the cost of each height beyond."""
-SURELY_BESIDE = 0.65
-"""Correlation from which a character stands beside those that a format has."""
-OVERLAP_HEIGHTS = 0.08
-"""By which neighbours may intrude on each other, character heights."""
-ACROSS_HEIGHTS = 0.2
-CELL_SHIFT_HEIGHTS = 0.1
-"""By which a template is moved in its cell to fit best, character heights."""
 SMOOTH = 0.4
 """Standard deviation by which felt and predicted maps are smoothed alike before they are sampled, pixels."""
-LEAST_SIZE = 1e-9
-"""Sum of squares of a template that predicts nothing."""
-SURENESS = 30.0
-"""Belief, as a logarithm, of a unit of -log(1 - r^2) / 2: the likeliest of those tried from 4 to 30, on 672 places of
-gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6."""
-READ_FROM, READ_WIDTH = 0.4, 0.04
-"""Best correlation at which something readable stands at a place as likely as not, and the width of that step: of the
-same places all but 1 of 656 with at least 0.5 are right, and 12 of 15 with 0.3 to 0.5."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,21 +78,25 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
     return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTH), dtype=np.float32)
 
 
-def glyph_images(templates: TemplateSet, *, pixels: int, slopes: bool) -> GlyphImages:
+def glyph_images(
+    templates: TemplateSet, *, pixels: int, slopes: bool, margin_heights: float = 0.12
+) -> GlyphImages:
     """The templates on a grid of so many pixels; kept in the set's work space.
 
     Args:
         templates: of a font, of all four directions.
         pixels: to a character height.
         slopes: half differences of opposite directions, for what an instrument has measured.
+        margin_heights: land beside a template's ink that belongs to its window, character heights.
     """
     made: GlyphImages = templates.derive(
-        ("correlation", pixels, slopes), lambda: _glyph_images(templates, pixels, slopes=slopes)
+        ("correlation", pixels, slopes, margin_heights),
+        lambda: _glyph_images(templates, pixels, slopes=slopes, margin_heights=margin_heights),
     )
     return made
 
 
-def _glyph_images(templates: TemplateSet, pixels: int, *, slopes: bool) -> GlyphImages:
+def _glyph_images(templates: TemplateSet, pixels: int, *, slopes: bool, margin_heights: float) -> GlyphImages:
     from glyphs.opencv import cv2
 
     patches = templates.patches
@@ -126,7 +107,7 @@ def _glyph_images(templates: TemplateSet, pixels: int, *, slopes: bool) -> Glyph
     high = int(middle_row / ratio)
     images: list[Image] = []
     for patch, half in zip(patches, templates.half_width, strict=True):
-        wide = min(int(middle_col / ratio), math.ceil((half + MARGIN_HEIGHTS) * pixels))
+        wide = min(int(middle_col / ratio), math.ceil((half + margin_heights) * pixels))
         x, y = np.meshgrid(
             np.arange(-wide, wide + 1) * ratio + middle_col, np.arange(-high, high + 1) * ratio + middle_row
         )
@@ -155,7 +136,7 @@ def responses(image: Image, glyphs: GlyphImages, *, rows: slice) -> Image:
     return found
 
 
-def correlate(image: Image, templates: Sequence[Image]) -> Image:
+def correlate(image: Image, templates: Sequence[Image], *, least_felt: float = 0.1) -> Image:
     """(T, rows, columns) normalised correlation of templates of one size wherever they lie within an image.
 
     Layers that are zero everywhere, as of directions that were not felt, are left out of both.
@@ -163,6 +144,7 @@ def correlate(image: Image, templates: Sequence[Image]) -> Image:
     Args:
         image: (rows, columns, layers).
         templates: (rows, columns, layers).
+        least_felt: share of a template's amplitude, below which a felt pattern is taken for land.
     """
     from glyphs.opencv import cv2
 
@@ -174,9 +156,9 @@ def correlate(image: Image, templates: Sequence[Image]) -> Image:
     found = np.empty((len(templates), *energy.shape), dtype=np.float32)
     for made, one in zip(found, templates, strict=True):
         template = np.ascontiguousarray((one - one.mean(axis=(0, 1)))[..., known])
-        size = float(np.vdot(template, template)) + LEAST_SIZE
+        size = float(np.vdot(template, template)) + 1e-9  # above 0 where a template predicts nothing
         product = cv2.matchTemplate(image, template, cv2.TM_CCORR)
-        made[:] = product / np.sqrt(size * (energy + LEAST_FELT**2 * size))
+        made[:] = product / np.sqrt(size * (energy + least_felt**2 * size))
     return found
 
 
@@ -199,7 +181,17 @@ def _energy(image: Image, rows: int, columns: int) -> NDArray[np.float64]:
 
 
 def chain_of(
-    response: Image, glyphs: GlyphImages, font: Font, *, places: Sequence[str] | None, gaps: frozenset[int]
+    response: Image,
+    glyphs: GlyphImages,
+    font: Font,
+    *,
+    places: Sequence[str] | None,
+    gaps: frozenset[int],
+    chance: float = 0.45,
+    overlap_heights: float = 0.08,
+    gap_heights: float = 1.5,
+    free_gap_heights: float = 0.5,
+    gap_cost: float = 0.25,
 ) -> tuple[float, tuple[Placed, ...]]:
     """The characters side by side that explain most of a line, and their length times the share that they explain.
 
@@ -211,10 +203,15 @@ def chain_of(
         font: whose they are.
         places: characters that a format allows at each place; None where their number is open.
         gaps: places of the format before a word gap.
+        chance: correlation up to which a template explains nothing: what any strokes reach.
+        overlap_heights: by which neighbours may intrude on each other, character heights.
+        gap_heights: most land between neighbours, character heights.
+        free_gap_heights: land between neighbours that costs nothing, character heights.
+        gap_cost: of each height of land beyond, in characters of usual width that are explained whole.
     """
     pixels = glyphs.pixels
-    share = np.clip(response, 0.0, 1.0) ** 2 - CHANCE**2
-    full = glyphs.half_cols.astype(np.float64) * (1.0 - CHANCE**2)
+    share = np.clip(response, 0.0, 1.0) ** 2 - chance**2
+    full = glyphs.half_cols.astype(np.float64) * (1.0 - chance**2)
     usual = float(np.median(full))
     allowed = None
     if places is not None:
@@ -224,10 +221,10 @@ def chain_of(
         (glyphs.half_cols[:, None] / usual * share).astype(np.float32),
         glyphs.half_cols,
         allowed=allowed,
-        overlap=round(OVERLAP_HEIGHTS * pixels),
-        reach=round(GAP_HEIGHTS * pixels),
-        gap_free=round(FREE_GAP_HEIGHTS * pixels),
-        gap_cost=GAP_COST / pixels,
+        overlap=round(overlap_heights * pixels),
+        reach=round(gap_heights * pixels),
+        gap_free=round(free_gap_heights * pixels),
+        gap_cost=gap_cost / pixels,
     )
     total, placed = best()
     if places is None or not placed:
@@ -236,7 +233,9 @@ def chain_of(
     return (total, placed) if spacing is None else best(spacing=spacing)
 
 
-def beside(response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Placed]) -> tuple[Placed, ...]:
+def beside(
+    response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Placed], *, surely: float = 0.65
+) -> tuple[Placed, ...]:
     """The characters of a chain, and those that surely stand in a line beside them, left to right.
 
     Args:
@@ -244,8 +243,9 @@ def beside(response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Pl
         glyphs: the templates.
         font: whose they are.
         placed: characters of a format.
+        surely: correlation from which a character stands beside those that a format has.
     """
-    free = np.where(response > SURELY_BESIDE, response, 0.0)
+    free = np.where(response > surely, response, 0.0)
     columns = np.arange(response.shape[1])
     for one in placed:
         room = glyphs.half_cols + glyphs.half_cols[one.template]
@@ -255,7 +255,14 @@ def beside(response: Image, glyphs: GlyphImages, font: Font, placed: Sequence[Pl
 
 
 def cell_correlations(
-    image: Image, glyphs: GlyphImages, *, row: int, column: int, bounds: tuple[int, int]
+    image: Image,
+    glyphs: GlyphImages,
+    *,
+    row: int,
+    column: int,
+    bounds: tuple[int, int],
+    shift_heights: float = 0.1,
+    across_heights: float = 0.2,
 ) -> NDArray[np.float64]:
     """(T,) best correlation of every template with the same cell of an image, moved a little to fit best.
 
@@ -264,12 +271,14 @@ def cell_correlations(
         glyphs: the templates.
         row, column: of the image, where the character stands.
         bounds: columns of the cell: the first one, and the one after the last.
+        shift_heights: by which a template is moved up and down in its cell to fit best, character heights.
+        across_heights: by which it is moved to the left and right, character heights.
     """
-    shift = round(CELL_SHIFT_HEIGHTS * glyphs.pixels)
+    shift = round(shift_heights * glyphs.pixels)
     high = max(one.shape[0] // 2 for one in glyphs.images)
     low, end = bounds
     pad = high + shift + 1
-    side = round(ACROSS_HEIGHTS * glyphs.pixels)
+    side = round(across_heights * glyphs.pixels)
     padded = np.pad(image, ((pad, pad), (side, side), (0, 0)))
     window = padded[row + pad - high - shift : row + pad + high + shift + 1, low : end + 2 * side]
     cells = np.zeros((len(glyphs.images), 2 * high + 1, end - low, image.shape[2]), dtype=np.float32)
@@ -287,6 +296,9 @@ def steps_of(
     *,
     chars: str,
     rare: str = "",
+    sureness: float = 30.0,
+    read_from: float = 0.4,
+    read_width: float = 0.04,
 ) -> Steps:
     """Beliefs along a line: a step at every place, and a blank one before, between and after.
 
@@ -296,11 +308,16 @@ def steps_of(
         columns: (places,) of the line's strip, where the places stand.
         chars: all that is looked for.
         rare: signs that are rare on parts, where no format asks for them.
+        sureness: belief, as a logarithm, of a unit of -log(1 - r^2) / 2: the likeliest of those tried from 4 to 30, on
+            672 places of gothic, futuram, timesr, DejaVu Sans, Roboto Bold and Lato with dirt 0, 0.3 and 0.6.
+        read_from: best correlation at which something readable stands at a place as likely as not: of the same places
+            all but 1 of 656 with at least 0.5 are right, and 12 of 15 with 0.3 to 0.5.
+        read_width: correlation over which that chance rises.
     """
     score = -0.5 * np.log(1.0 - np.clip(cells, 0.0, 0.999) ** 2)
-    shares = np.exp(SURENESS * (score - score.max(axis=1, keepdims=True)))
+    shares = np.exp(sureness * (score - score.max(axis=1, keepdims=True)))
     shares /= shares.sum(axis=1, keepdims=True)
-    read = 1.0 / (1.0 + np.exp(-(cells.max(axis=1) - READ_FROM) / READ_WIDTH))
+    read = 1.0 / (1.0 + np.exp(-(cells.max(axis=1) - read_from) / read_width))
     places, at = len(cells), slice(1, None, 2)
     blank, of = np.ones(2 * places + 1), np.zeros((2 * places + 1, len(chars)))
     blank[at] = 1.0 - read

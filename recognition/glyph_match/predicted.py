@@ -44,14 +44,8 @@ from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 
-CELL_MARGIN_HEIGHTS, LAND_HEIGHTS = 0.16, 0.25
-"""Land kept around a glyph in its cell, in character heights; and that the plate has above and below all of them."""
 CANONICAL_HEIGHT_MM = 5.0
 """Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
-_ROUGHNESS, _REFLECTANCE, _MIDDLE_GREY = 0.4, 0.3, 0.2
-"""Reflectance of brushed metal; mean of a well exposed photograph, linear."""
-_STEP = 0.1
-"""Between two sets, of preload and depth."""
 PIXELS = 40
 """Template pixels to a character height."""
 
@@ -88,20 +82,33 @@ class TemplateKey:
 
 
 def template_key(
-    font: Font, touch: Touch, *, height_mm: float, raised: bool = False, face: Face = Face.FLAT
+    font: Font,
+    touch: Touch,
+    *,
+    height_mm: float,
+    raised: bool = False,
+    face: Face = Face.FLAT,
+    step: float = 0.1,
 ) -> TemplateKey:
-    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
+    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set.
+
+    Args:
+        font: of the characters.
+        touch: with which they are felt.
+        height_mm: of the characters.
+        raised: whether they stand out.
+        face: of the die.
+        step: relative step of preload and depth between two sets; twice that of the tip's radius.
+    """
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
     arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
-    depth = round_to_ladder(default_depth_mm(height_mm) / height_mm, _STEP)
+    depth = round_to_ladder(default_depth_mm(height_mm) / height_mm, step)
     return TemplateKey(
         raised=raised,
         compliance=tuple(float(f"{c:.4g}") for c in compliance.ravel()),
         arm=tuple(float(f"{a:.4g}") for a in arm),
-        preload=round_to_ladder(touch.preload_mm / height_mm, _STEP),
-        tip_radius=round_to_ladder(touch.tip_radius_mm / height_mm, 2 * _STEP)
-        if touch.tip_radius_mm
-        else 0.0,
+        preload=round_to_ladder(touch.preload_mm / height_mm, step),
+        tip_radius=round_to_ladder(touch.tip_radius_mm / height_mm, 2 * step) if touch.tip_radius_mm else 0.0,
         friction=round(touch.friction, 2),
         die=default_die(CANONICAL_HEIGHT_MM, font=font, face=face, depth_mm=depth * CANONICAL_HEIGHT_MM),
     )
@@ -175,8 +182,24 @@ def line_of(middles_mm: NDArray[np.float64], height_mm: float) -> TextLine:
     return TextLine(np.array([[x0 - 0.5 * height_mm, y], [x1 + 0.5 * height_mm, y]]), height_mm)
 
 
-def ideal_plate(font: Font, chars: str, die: Die, *, raised: bool = False) -> IdealPlate:
+def ideal_plate(
+    font: Font,
+    chars: str,
+    die: Die,
+    *,
+    raised: bool = False,
+    cell_margin_heights: float = 0.16,
+    land_heights: float = 0.25,
+) -> IdealPlate:
     """Strike the plate, at the canonical height and half the templates' pitch.
+
+    Args:
+        font: of the characters.
+        chars: to strike.
+        die: that strikes them.
+        raised: whether they stand out.
+        cell_margin_heights: land kept around a glyph in its cell, character heights.
+        land_heights: land that the plate has above and below all glyphs, character heights.
 
     Raises:
         FontError: a character that the font has not got.
@@ -187,8 +210,8 @@ def ideal_plate(font: Font, chars: str, die: Die, *, raised: bool = False) -> Id
     boxes = [shape.ink_box for shape in shapes]
     half = 0.5 * np.array([b[2] - b[0] for b in boxes])
     tall = max(max(abs(b[1] - 0.5), abs(b[3] - 0.5)) for b in boxes)
-    n_cols = math.ceil((float(half.max()) + CELL_MARGIN_HEIGHTS) * PIXELS)
-    n_rows, own = (math.ceil((tall + land) * PIXELS) for land in (LAND_HEIGHTS, CELL_MARGIN_HEIGHTS))
+    n_cols = math.ceil((float(half.max()) + cell_margin_heights) * PIXELS)
+    n_rows, own = (math.ceil((tall + land) * PIXELS) for land in (land_heights, cell_margin_heights))
     # cells are felt at the template's pitch; the plate is drawn at half of it
     fine = 0.5 * pitch
     rows, cols = 2 * n_rows + 1, 2 * n_cols + 1
@@ -205,25 +228,36 @@ def ideal_plate(font: Font, chars: str, die: Die, *, raised: bool = False) -> Id
     return IdealPlate(surface, middles, half, (rows, cols), own_rows)
 
 
-def lit_views(plate: IdealPlate, lights: Sequence[Light], *, albedo: float = 0.3) -> tuple[View, ...]:
+def lit_views(
+    plate: IdealPlate,
+    lights: Sequence[Light],
+    *,
+    albedo: float = 0.3,
+    roughness: float = 0.4,
+    reflectance: float = 0.3,
+    middle_grey: float = 0.2,
+) -> tuple[View, ...]:
     """Photographs of an ideal plate of matt metal, one under each light.
 
     Args:
         plate: to be seen.
         lights: under which.
         albedo: share of the light that it throws back.
+        roughness: of brushed metal, 0 to 1.
+        reflectance: of brushed metal, 0 to 1.
+        middle_grey: mean of a well exposed photograph, linear.
     """
     shape = plate.surface.shape
     look = Look(
         np.full((*shape, 3), albedo, dtype=np.float32),
-        np.full(shape, _ROUGHNESS, dtype=np.float32),
-        np.full(shape, _REFLECTANCE, dtype=np.float32),
+        np.full(shape, roughness, dtype=np.float32),
+        np.full(shape, reflectance, dtype=np.float32),
     )
     views = []
     for light in lights:
         seen = radiance(plate.surface, look, light)[..., 1]
         layers = np.zeros((LAYERS, *shape), dtype=np.float32)
-        layers[GREY] = np.clip(_MIDDLE_GREY * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
+        layers[GREY] = np.clip(middle_grey * seen / seen.mean(), 0.0, 1.0) ** (1.0 / 2.2)
         layers[KNOWN] = 1.0
         views.append(View(ViewKind.PHOTO, layers, plate.surface.pitch_mm))
     return tuple(views)
@@ -287,16 +321,19 @@ def _felt_relief(
     return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
 
 
-MOST_SETS = 1024
-"""64 fonts at the heights of a batch: to predict a set takes 0.2 s, to look it up nothing."""
 MOST_BYTES, SET_BYTES = 400_000_000, 15_000_000
 """Most memory of all templates and what matching derives from them (a reader stays below 1 GB), and of one set."""
 
 
 class TemplateCache:
-    """Keeps the template sets last used; a reader owns one."""
+    """Keeps the template sets last used; a reader owns one.
 
-    def __init__(self, *, keep: int = MOST_SETS, most_bytes: int = MOST_BYTES) -> None:
+    Args:
+        keep: most sets: 64 fonts at the heights of a batch. To predict a set takes 0.2 s, to look it up nothing.
+        most_bytes: most memory of all templates and what matching derives from them.
+    """
+
+    def __init__(self, *, keep: int = 1024, most_bytes: int = MOST_BYTES) -> None:
         self._keep, self._most_bytes = keep, most_bytes
         self._sets: OrderedDict[object, TemplateSet] = OrderedDict()
 

@@ -32,19 +32,8 @@ from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 
-HALF_STEPS = 8
-"""Steps of features on either side of a character's middle: as wide as a W."""
-BESIDE_STEPS = 2.0
-"""Beside a character's ink that count as its own."""
-MOVED_STEPS, MOVE_COST = 3, 0.007
-"""By which a place may lie off, and the cosine that a step costs."""
-SHARPNESS = 28.0
-"""Belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less what it keeps out
-(320 characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the recogniser 0.071 (alone 0.075).
-"""
 LIGHTS = (*(Light(azimuth_deg=azimuth) for azimuth in (45.0, 135.0, 225.0, 315.0)), Light(elevation_deg=75.0))
 """Under which photographs are predicted: lamps from four sides, and one that stands high."""
-_LEAST_SPREAD = 1e-3
 
 Floats = NDArray[np.float64]
 
@@ -80,12 +69,13 @@ def felt_prototypes(templates: TemplateSet) -> Prototypes:
     return made
 
 
-def lit_prototypes(font: Font, chars: str) -> tuple[Prototypes, ...]:
-    """The characters of a font as a camera sees them, under each of `LIGHTS`.
+def lit_prototypes(font: Font, chars: str, *, lights: Sequence[Light] = LIGHTS) -> tuple[Prototypes, ...]:
+    """The characters of a font as a camera sees them, under each of some lights.
 
     Args:
         font: which.
         chars: characters that it has.
+        lights: under which photographs are predicted.
 
     Raises:
         FontError: a character that the font has not got.
@@ -93,7 +83,7 @@ def lit_prototypes(font: Font, chars: str) -> tuple[Prototypes, ...]:
     """
     plate = ideal_plate(font, chars, default_die(CANONICAL_HEIGHT_MM, font=font))
     where = (plate.middles_mm, plate.half_width, CANONICAL_HEIGHT_MM)
-    return tuple(cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, LIGHTS))
+    return tuple(cut_out(font.name, tuple(chars), view, *where) for view in lit_views(plate, lights))
 
 
 def cut_out(
@@ -103,6 +93,10 @@ def cut_out(
     middles_mm: Floats,
     half_width: Floats,
     height_mm: float,
+    *,
+    half_steps: int = 8,
+    beside_steps: float = 2.0,
+    least_spread: float = 1e-3,
 ) -> Prototypes:
     """The prototypes of a plate that is seen.
 
@@ -113,16 +107,19 @@ def cut_out(
         middles_mm: (T, 2) x, y of their middles.
         half_width: (T,) half the ink's width, character heights.
         height_mm: of the characters.
+        half_steps: of features on either side of a character's middle: as wide as a W.
+        beside_steps: steps beside a character's ink that count as its own.
+        least_spread: added to the spread of each feature, which may be 0.
     """
     line = line_of(middles_mm, height_mm)
     features = features_of(view.strip(line))
     mean = features.mean(axis=(1, 2), keepdims=True)
-    spread = features.std(axis=(1, 2), keepdims=True) + _LEAST_SPREAD
+    spread = features.std(axis=(1, 2), keepdims=True) + least_spread
     along = np.linalg.norm(middles_mm - line.centre_mm[0], axis=1) / height_mm
-    windows = _windows((features - mean) / spread, (along + MARGIN) * HEIGHT_ROWS - 0.5, HALF_STEPS)
-    steps = np.abs(np.arange(-HALF_STEPS, HALF_STEPS + 1))
+    windows = _windows((features - mean) / spread, (along + MARGIN) * HEIGHT_ROWS - 0.5, half_steps)
+    steps = np.abs(np.arange(-half_steps, half_steps + 1))
     half = half_width[:, None] * HEIGHT_ROWS / FEATURE_COLUMNS
-    own = np.clip(half + BESIDE_STEPS - steps, 0.0, 1.0).astype(np.float32)
+    own = np.clip(half + beside_steps - steps, 0.0, 1.0).astype(np.float32)
     return Prototypes(font, chars, windows * own[:, None, None], own, mean, spread)
 
 
@@ -158,16 +155,26 @@ def _suits(cosine: Floats) -> float:
     return float(cosine.max(axis=1).mean())
 
 
-def cosines(features: Features, columns: Floats, prototypes: Prototypes) -> Floats:
+def cosines(
+    features: Features,
+    columns: Floats,
+    prototypes: Prototypes,
+    *,
+    moved_steps: int = 3,
+    move_cost: float = 0.007,
+) -> Floats:
     """(places, T) greatest cosine of every prototype with every place, moved a little.
 
     Args:
         features: of a strip.
         columns: (places,) of the strip, where characters stand.
         prototypes: of a font.
+        moved_steps: by which a place may lie off.
+        move_cost: cosine that a step costs.
     """
     seen = (features - prototypes.mean) / prototypes.spread
-    windows = _windows(seen, columns, HALF_STEPS + MOVED_STEPS)
+    wide = prototypes.own.shape[1]
+    windows = _windows(seen, columns, wide // 2 + moved_steps)
     squares = (windows**2).sum(axis=(1, 2))
     count = len(prototypes.chars)
     flat = prototypes.values.reshape(count, -1)
@@ -175,16 +182,16 @@ def cosines(features: Features, columns: Floats, prototypes: Prototypes) -> Floa
         (prototypes.values**2 / np.maximum(prototypes.own, 1e-6)[:, None, None]).sum(axis=(1, 2, 3))
     )
     best = np.full((columns.size, count), -1.0)
-    for move in range(2 * MOVED_STEPS + 1):
-        now = slice(move, move + 2 * HALF_STEPS + 1)
+    for move in range(2 * moved_steps + 1):
+        now = slice(move, move + wide)
         product = windows[..., now].reshape(columns.size, -1) @ flat.T
         energy = np.sqrt(squares[:, now] @ prototypes.own.T)
-        cost = MOVE_COST * abs(move - MOVED_STEPS)
+        cost = move_cost * abs(move - moved_steps)
         np.maximum(best, product / np.maximum(size * energy, 1e-9) - cost, out=best)
     return best
 
 
-def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice) -> Lattice:
+def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice, *, sharpness: float = 28.0) -> Lattice:
     """Turn cosines into a lattice over the characters that another lattice allows.
 
     Of what a font has not got it says nothing: as likely as its least likely one.
@@ -193,12 +200,15 @@ def lattice_of(cosine: Floats, chars: Sequence[str], lattice: Lattice) -> Lattic
         cosine: (places, T).
         chars: (T,) of the prototypes.
         lattice: what others believe of the places.
+        sharpness: belief, as a logarithm, of a unit of cosine. Of 16 to 36, on 40 parts drawn like the exam's, less
+            what it keeps out (320 characters): log loss of templates alone 0.080 (0.091 at 20), of the mean with the
+            recogniser 0.071 (alone 0.075).
     """
     allowed = np.isfinite(lattice.log_belief)
     log = np.full(allowed.shape, np.nan)
     for k, char in enumerate(chars):
         if char in lattice.chars:
-            log[:, lattice.chars.index(char)] = SHARPNESS * cosine[:, k]
+            log[:, lattice.chars.index(char)] = sharpness * cosine[:, k]
     log = np.where(allowed, log, np.nan)
     known = np.isfinite(log)
     least = np.where(known, log, np.inf).min(axis=1, keepdims=True)

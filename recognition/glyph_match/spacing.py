@@ -11,10 +11,6 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Font
 from recognition.glyph_match.chain import Placed, Spacing
 
-SIDE_HEIGHTS = 0.25
-"""Land beside a character's ink that its place takes in at most."""
-STEP_COST, STEP_LIMIT, STANDS_OUT = 6.0, 1.2, 0.35
-
 
 def usual_spacing(
     placed: Sequence[Placed],
@@ -24,11 +20,24 @@ def usual_spacing(
     full: NDArray[np.float64],
     gaps: frozenset[int] = frozenset(),
     pixels: int,
+    step_cost: float = 6.0,
+    step_limit: float = 1.2,
+    stands_out: float = 0.35,
 ) -> Spacing | None:
     """Estimate the spacing of characters from neighbours that both stand out; None if none do.
 
-    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. Of templates
-    (T,) `chars` are the characters, and `full` is what each earns standing there clean.
+    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely.
+
+    Args:
+        placed: the characters.
+        chars: (T,) characters of the templates.
+        font: whose they are.
+        full: (T,) what each template earns where its character stands clean.
+        gaps: places before a word gap.
+        pixels: to a character height.
+        step_cost: of a distance that is off by a character height, in units of `full`.
+        step_limit: greatest such cost.
+        stands_out: share of `full` that both neighbours must earn.
     """
     glyphs = [font.glyph(c) for c in chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
@@ -37,20 +46,25 @@ def usual_spacing(
     pairs = [
         (a, b)
         for k, (a, b) in enumerate(pairwise(placed))
-        if k not in gaps and min(a.reward / full[a.template], b.reward / full[b.template]) > STANDS_OUT
+        if k not in gaps and min(a.reward / full[a.template], b.reward / full[b.template]) > stands_out
     ]
     if not pairs:
         return None
     apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
     extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])
-    cost, limit = STEP_COST / pixels**2, STEP_LIMIT
+    cost, limit = step_cost / pixels**2, step_limit
     if np.abs(extra - np.median(extra)).mean() <= np.abs(apart - np.median(apart)).mean():
         return Spacing(before, after + float(np.median(extra)), cost, limit, gaps)
     return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit, gaps)
 
 
 def place_bounds(
-    placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int, *, pixels: int
+    placed: Sequence[Placed],
+    half_cols: NDArray[np.int64],
+    width: int,
+    *,
+    pixels: int,
+    side_heights: float = 0.25,
 ) -> list[tuple[int, int]]:
     """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's.
 
@@ -59,10 +73,11 @@ def place_bounds(
         half_cols: (T,) half the ink's width of each template, pixels.
         width: of the image.
         pixels: to a character height.
+        side_heights: land beside a character's ink that its place takes in at most, character heights.
     """
     left = [p.column - int(half_cols[p.template]) for p in placed]
     right = [p.column + int(half_cols[p.template]) for p in placed]
-    side = round(SIDE_HEIGHTS * pixels)
+    side = round(side_heights * pixels)
     out = []
     for i in range(len(placed)):
         low, high = left[i] - side, right[i] + side

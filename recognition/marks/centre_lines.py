@@ -17,12 +17,6 @@ from glyphs.stamping.die import die_glyph
 from glyphs.stamping.faces import Face, default_die
 from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
 
-STEP_HEIGHTS = 0.025
-"""Distance of points along a stroke: that of the samples, 40 to the height."""
-RIDGE_PITCH_HEIGHTS = 0.02
-RIDGE_SHARE = 0.85
-"""Share of the median half width that a limb must reach: thinner are corners, and serifs too thin for a tip."""
-
 
 @dataclass(frozen=True, eq=False)
 class CentreLine:
@@ -41,7 +35,15 @@ class CentreLine:
 
 
 @lru_cache(maxsize=1024)
-def centre_line(font: Font, char: str, *, face: Face = Face.FLAT) -> CentreLine:
+def centre_line(
+    font: Font,
+    char: str,
+    *,
+    face: Face = Face.FLAT,
+    step_heights: float = 0.025,
+    ridge_pitch_heights: float = 0.02,
+    ridge_share: float = 0.85,
+) -> CentreLine:
     """The centre line of a font's character; n is 0 without ink.
 
     Half a stroke's width is left out at both ends of a stroke: there dies are rounded, and a character that was
@@ -51,6 +53,10 @@ def centre_line(font: Font, char: str, *, face: Face = Face.FLAT) -> CentreLine:
         font: its letters.
         char: one of them.
         face: of the die; a dotted one has points for lines.
+        step_heights: distance of points along a stroke, character heights: that of the samples, 40 to the height.
+        ridge_pitch_heights: distance of points along the skeleton of an outline, character heights.
+        ridge_share: share of the median half width that a limb of an outline must reach: thinner are corners, and
+            serifs too thin for a tip.
 
     Raises:
         FontError: the font lacks the character.
@@ -61,17 +67,17 @@ def centre_line(font: Font, char: str, *, face: Face = Face.FLAT) -> CentreLine:
     if not shape.inked:
         return CentreLine(np.empty((0, 2)), np.empty((0, 2)), 0.0)
     if shape.contours:
-        points, normals, half = _ridge(shape)
+        points, normals, half = _ridge(shape, pitch=ridge_pitch_heights, share=ridge_share)
     else:
         half = 0.5 * shape.stroke
-        parts = [_along(stroke, trim=half) for stroke in shape.strokes]
+        parts = [_along(stroke, trim=half, step=step_heights) for stroke in shape.strokes]
         points, normals = (np.concatenate(part) for part in zip(*parts, strict=True))
     x0, _, x1, _ = shape.ink_box
     offsets = (points - (0.5 * (x0 + x1), 0.5)) * (1.0, -1.0)
     return CentreLine(offsets, normals * (1.0, -1.0), half)
 
 
-def _along(stroke: Points, *, trim: float) -> tuple[Points, Points]:
+def _along(stroke: Points, *, trim: float, step: float) -> tuple[Points, Points]:
     """Points and normals along a polyline, evenly, its ends trimmed unless it is closed; a dot is one point."""
     run = np.diff(stroke, axis=0)
     length = np.hypot(run[:, 0], run[:, 1])
@@ -82,7 +88,7 @@ def _along(stroke: Points, *, trim: float) -> tuple[Points, Points]:
     at = np.append(0.0, np.cumsum(length))
     closed = bool(np.hypot(*(stroke[-1] - stroke[0])) < 1e-6)
     cut = 0.0 if closed else min(trim, 0.5 * float(at[-1]))
-    count = max(1, round((float(at[-1]) - 2.0 * cut) / STEP_HEIGHTS) + 1)
+    count = max(1, round((float(at[-1]) - 2.0 * cut) / step) + 1)
     where = np.linspace(cut, float(at[-1]) - cut, count)
     piece = np.clip(np.searchsorted(at, where, side="right") - 1, 0, length.size - 1)
     points = np.column_stack([np.interp(where, at, corner[:, 0]), np.interp(where, at, corner[:, 1])])
@@ -90,20 +96,20 @@ def _along(stroke: Points, *, trim: float) -> tuple[Points, Points]:
     return points, np.column_stack([-ahead[:, 1], ahead[:, 0]])
 
 
-def _ridge(shape: Glyph) -> tuple[Points, Points, float]:
+def _ridge(shape: Glyph, *, pitch: float, share: float) -> tuple[Points, Points, float]:
     """Skeleton of an outline, its normals and the median half width, cap heights."""
     from skimage.morphology import skeletonize
 
     x0, y0, x1, y1 = shape.ink_box
-    x = np.arange(x0, x1 + RIDGE_PITCH_HEIGHTS, RIDGE_PITCH_HEIGHTS)
-    y = np.arange(y0, y1 + RIDGE_PITCH_HEIGHTS, RIDGE_PITCH_HEIGHTS)
+    x = np.arange(x0, x1 + pitch, pitch)
+    y = np.arange(y0, y1 + pitch, pitch)
     inside = -signed_distance(shape, x[None, :], y[:, None], stroke=0.0).astype(np.float64)
-    dy, dx = np.gradient(inside, RIDGE_PITCH_HEIGHTS)
-    dxy, dxx = np.gradient(dx, RIDGE_PITCH_HEIGHTS)
-    dyy = np.gradient(dy, RIDGE_PITCH_HEIGHTS, axis=0)
+    dy, dx = np.gradient(inside, pitch)
+    dxy, dxx = np.gradient(dx, pitch)
+    dyy = np.gradient(dy, pitch, axis=0)
     ridge = np.asarray(skeletonize(inside > 0.0))  # type: ignore[no-untyped-call,unused-ignore]
     half = float(np.median(inside[ridge]))
-    ridge &= inside >= RIDGE_SHARE * half
+    ridge &= inside >= share * half
     row, col = np.nonzero(ridge)
     # the distance is most curved across the limb: the eigenvector of its Hessian with the lesser eigenvalue
     along = 0.5 * np.arctan2(2.0 * dxy[ridge], dxx[ridge] - dyy[ridge])

@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,33 +52,95 @@ from recognition.marks.depth_sampling import (
 from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
-SHALLOW_PERCENTILE = 10.0
-"""Quantile of the depths along the centre line that counts as the least: a shallow leg of a character is a quarter or
-more of its line and shows in full, a tenth is as short as a crossing, a stroke's end or a bad sample."""
-DEEP_PERCENTILE = 90.0
-SETTLE_HEIGHTS, SETTLE_STEPS = 0.05, 2
-"""Search radius of a character beside where it was read, and its steps."""
-SETTLE_TURNS_DEG, SETTLE_SIZES = (-3.0, -1.5, 0.0, 1.5, 3.0), (0.96, 0.98, 1.0, 1.02, 1.04)
-"""Turns and sizes tried about those read: cells are turned by 3 degrees or not at all, heights right to 5 percents."""
-SETTLE_EVERY = 3
-"""Points of the centre line, one in so many, that settle where it lies."""
-SIDEWAYS_HEIGHTS = 0.03
-SIDEWAYS_STEPS = 13
-"""Search radius across a stroke for its middle, and the number of steps."""
-BURR_STEPS = 9
-"""Places across the rim, from the stroke's edge to where land begins, of which the highest counts."""
-SMOOTHING_POINTS = 5
-"""Points along the stroke over which the middle is looked for together: one bad sample moves nothing."""
-LAND_REACH_HEIGHTS = 0.35
-BURR_REACH_HEIGHTS = 0.1
-"""Land is looked for so far about the character, and taken so far from any ink; burrs are half as wide."""
-PLANE_SAMPLES = 400
-LEAST_LAND = 30
-LEAST_KNOWN = 0.5
-"""Samples of land, and share of the centre line that must have been felt, for a depth to be given."""
-
-
 Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SettleSearch:
+    """Poses about the one read in which a character's centre line is looked for.
+
+    Attributes:
+        shift_heights: greatest shift down and to the right, either way, character heights.
+        shift_steps: number of shifts each way.
+        turns_deg: turns about the one read: cells are turned by 3 degrees or not at all.
+        sizes: factors of the size: heights are right to 5 percent.
+        every: one in so many points of the centre line settles where it lies.
+
+    Raises:
+        ValueError: nothing to try, a size that is not positive, or fewer than one step or point.
+    """
+
+    shift_heights: float = 0.05
+    shift_steps: int = 2
+    turns_deg: tuple[float, ...] = (-3.0, -1.5, 0.0, 1.5, 3.0)
+    sizes: tuple[float, ...] = (0.96, 0.98, 1.0, 1.02, 1.04)
+    every: int = 3
+
+    def __post_init__(self) -> None:
+        if not (self.turns_deg and self.sizes) or min(self.sizes) <= 0.0:
+            raise ValueError(f"{self} needs a turn and a size above 0; give 0 and 1 to leave them")
+        if min(self.shift_steps, self.every) < 1:
+            raise ValueError(f"shift_steps {self.shift_steps} and every {self.every} must be 1 or more")
+
+    @cached_property
+    def turns(self) -> tuple[Points, ...]:
+        """Matrices that turn row vectors."""
+        return tuple(turn_matrix(angle) for angle in self.turns_deg)
+
+
+@dataclass(frozen=True)
+class DepthRules:
+    """Measures of depth along a centre line, and of the land beside it.
+
+    Lengths are character heights.
+
+    Attributes:
+        shallow_percentile: quantile of the depths along the centre line that counts as the least, percent: a shallow
+            leg of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
+            stroke's end or a bad sample.
+        deep_percentile: the quantile that counts as the greatest, percent.
+        sideways_heights: search radius across a stroke for its middle.
+        sideways_steps: number of places across a stroke.
+        burr_steps: places across the rim, from the stroke's edge to where land begins, of which the highest counts.
+        smoothing_points: points along the stroke over which the middle is looked for together: one bad sample moves
+            nothing.
+        land_reach_heights: land is looked for so far about the character.
+        burr_reach_heights: land is taken so far from any ink; burrs are half as wide.
+        plane_samples: most samples of land that the plane is fitted to.
+        least_land: samples of land that must have been felt for a depth to be given.
+        least_known: share of the centre line that must have been felt for a depth to be given.
+
+    Raises:
+        ValueError: quantiles that are not in order within 0 to 100, or a number that is below 1 (of land 3, for a
+            plane).
+    """
+
+    shallow_percentile: float = 10.0
+    deep_percentile: float = 90.0
+    sideways_heights: float = 0.03
+    sideways_steps: int = 13
+    burr_steps: int = 9
+    smoothing_points: int = 5
+    land_reach_heights: float = 0.35
+    burr_reach_heights: float = 0.1
+    plane_samples: int = 400
+    least_land: int = 30
+    least_known: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.shallow_percentile <= self.deep_percentile <= 100.0:
+            raise ValueError(
+                f"shallow_percentile {self.shallow_percentile} and deep_percentile {self.deep_percentile} must be in "
+                "order within 0 to 100"
+            )
+        if min(self.sideways_steps, self.burr_steps, self.smoothing_points) < 1:
+            raise ValueError(f"{self} has a number of steps or points below 1")
+        if min(self.plane_samples, self.least_land) < 3:
+            raise ValueError(f"{self} has fewer than 3 samples of land, and a plane needs 3")
+
+
+SETTLE_SEARCH = SettleSearch()
+DEPTH_RULES = DepthRules()
 
 
 @dataclass(frozen=True)
@@ -111,21 +174,29 @@ class MarkDepth:
             raise ValueError(f"{self} has a least depth above its greatest")
 
 
-def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
+def mark_depths(
+    relief: Relief,
+    laid: LaidText,
+    *,
+    search: SettleSearch = SETTLE_SEARCH,
+    rules: DepthRules = DEPTH_RULES,
+) -> tuple[MarkDepth | None, ...]:
     """Depth of each character of a line; None where too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
         laid: the line's text in the templates of a font that has all its characters.
+        search: for the place of each character's centre line.
+        rules: of the measures there.
     """
     field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
     places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)
     marks = [
-        _settle(field, _place(field, laid, char, place, float(turn)), height_mm=height_mm)
+        _settle(field, _place(field, laid, char, place, float(turn)), search, height_mm=height_mm)
         for char, place, turn in places
     ]
-    land = _land(field, marks, height_mm=height_mm)
-    return tuple(_depth(field, mark, land, height_mm=height_mm) for mark in marks)
+    land = _land(field, marks, clear_mm=rules.burr_reach_heights * height_mm)
+    return tuple(_depth(field, mark, land, rules, height_mm=height_mm) for mark in marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,23 +218,22 @@ def _place(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn_
     return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * height_mm)
 
 
-def _settle(field: DepthField, mark: _Mark, *, height_mm: float) -> _Mark:
+def _settle(field: DepthField, mark: _Mark, search: SettleSearch, *, height_mm: float) -> _Mark:
     """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
     if not len(mark.points):
         return mark
     middle = mark.points.mean(axis=0)
-    thinned = mark.points[::SETTLE_EVERY] - middle
-    step = SETTLE_HEIGHTS / SETTLE_STEPS * height_mm / field.pitch_mm
-    moves = np.arange(-SETTLE_STEPS, SETTLE_STEPS + 1) * step
+    thinned = mark.points[:: search.every] - middle
+    step = search.shift_heights / search.shift_steps * height_mm / field.pitch_mm
+    moves = np.arange(-search.shift_steps, search.shift_steps + 1) * step
 
-    def along(poses: list[Points]) -> NDArray[np.float64]:
+    def along(poses: Sequence[Points]) -> NDArray[np.float64]:
         """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
         tried = np.stack([thinned @ pose for pose in poses])
         return np.asarray(mean_depths(field.depth_mm, tried, middle, moves))
 
-    poses = [turn_matrix(angle) for angle in SETTLE_TURNS_DEG]
-    turn = poses[int(np.argmax(along(poses).max(axis=(1, 2))))]
-    poses = [turn * size for size in SETTLE_SIZES]
+    turn = search.turns[int(np.argmax(along(search.turns).max(axis=(1, 2))))]
+    poses = [turn * size for size in search.sizes]
     table = along(poses)
     best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
     shift = (
@@ -183,7 +253,7 @@ def _vertex(values: NDArray[np.float64], at: int) -> float:
     return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
 
 
-def _land(field: DepthField, marks: Sequence[_Mark], *, height_mm: float) -> NDArray[np.bool_]:
+def _land(field: DepthField, marks: Sequence[_Mark], *, clear_mm: float) -> NDArray[np.bool_]:
     """Samples that were felt and lie clear of every character's ink and burr."""
     from scipy import ndimage
 
@@ -192,56 +262,60 @@ def _land(field: DepthField, marks: Sequence[_Mark], *, height_mm: float) -> NDA
     for mark in marks:
         at = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1)
         bare[at[:, 0], at[:, 1]] = False
-    clear = (half + BURR_REACH_HEIGHTS * height_mm) / field.pitch_mm
+    clear = (half + clear_mm) / field.pitch_mm
     return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(field.depth_mm))
 
 
-def _depth(field: DepthField, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float) -> MarkDepth | None:
+def _depth(
+    field: DepthField, mark: _Mark, land: NDArray[np.bool_], rules: DepthRules, *, height_mm: float
+) -> MarkDepth | None:
     n = len(mark.points)
     if n == 0:
         return None
-    plane = _plane(field, mark, land, height_mm=height_mm)
-    reach = SIDEWAYS_HEIGHTS * height_mm / field.pitch_mm
-    aside = np.linspace(-reach, reach, SIDEWAYS_STEPS)
+    plane = _plane(field, mark, land, rules, height_mm=height_mm)
+    reach = rules.sideways_heights * height_mm / field.pitch_mm
+    aside = np.linspace(-reach, reach, rules.sideways_steps)
     if plane is None:
         return None
     depth = across(field.depth_mm, mark.points, mark.normals, aside, plane)
     known = np.isfinite(depth).all(axis=0)
-    if known.mean() < LEAST_KNOWN:
+    if known.mean() < rules.least_known:
         return None
-    below = np.maximum(deepest(np.ascontiguousarray(depth[:, known]), SMOOTHING_POINTS), 0.0)
-    low, high = (percentile(below, percent) for percent in (SHALLOW_PERCENTILE, DEEP_PERCENTILE))
-    burr = _burr_mm(field, mark, plane, height_mm=height_mm)
+    below = np.maximum(deepest(np.ascontiguousarray(depth[:, known]), rules.smoothing_points), 0.0)
+    low, high = (percentile(below, percent) for percent in (rules.shallow_percentile, rules.deep_percentile))
+    burr = _burr_mm(field, mark, plane, rules, height_mm=height_mm)
     return MarkDepth(mean_mm=float(below.mean()), min_mm=low, max_mm=high, burr_mm=burr)
 
 
-def _burr_mm(field: DepthField, mark: _Mark, plane: NDArray[np.float64], *, height_mm: float) -> float | None:
+def _burr_mm(
+    field: DepthField, mark: _Mark, plane: NDArray[np.float64], rules: DepthRules, *, height_mm: float
+) -> float | None:
     """Height of the rim beside the strokes above the land; None where too little of it was felt."""
     half = mark.half_width_mm / field.pitch_mm
-    beside = half + np.linspace(0.0, BURR_REACH_HEIGHTS * height_mm / field.pitch_mm, BURR_STEPS)
+    beside = half + np.linspace(0.0, rules.burr_reach_heights * height_mm / field.pitch_mm, rules.burr_steps)
     crests = []
     for side in (-beside, beside):
         rise = -across(field.depth_mm, mark.points, mark.normals, side, plane)
         rise = np.ascontiguousarray(rise[:, np.isfinite(rise).all(axis=0)])
-        crests.append(crest(rise, SMOOTHING_POINTS) if rise.size else np.empty(0))
+        crests.append(crest(rise, rules.smoothing_points) if rise.size else np.empty(0))
     rim = np.concatenate(crests)
-    if rim.size < LEAST_KNOWN * 2 * len(mark.points):
+    if rim.size < rules.least_known * 2 * len(mark.points):
         return None
-    return max(percentile(rim, DEEP_PERCENTILE), 0.0)
+    return max(percentile(rim, rules.deep_percentile), 0.0)
 
 
 def _plane(
-    field: DepthField, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float
+    field: DepthField, mark: _Mark, land: NDArray[np.bool_], rules: DepthRules, *, height_mm: float
 ) -> NDArray[np.float64] | None:
     """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
-    reach = LAND_REACH_HEIGHTS * height_mm / field.pitch_mm
+    reach = rules.land_reach_heights * height_mm / field.pitch_mm
     low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
     high = np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1
     window = (slice(low[0], max(high[0], 0)), slice(low[1], max(high[1], 0)))
     row, col = np.nonzero(land[window])
-    if row.size < LEAST_LAND:
+    if row.size < rules.least_land:
         return None
-    thinned = slice(None, None, -(-row.size // PLANE_SAMPLES))
+    thinned = slice(None, None, -(-row.size // rules.plane_samples))
     row, col = row[thinned], col[thinned]
     level = field.depth_mm[window][row, col]
     middle = mark.points.mean(axis=0)

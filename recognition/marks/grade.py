@@ -19,34 +19,64 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-STROKE_SHARE = 0.3
-"""Share of the strongest predicted edge that counts as a stroke's edge."""
-CONTRAST_PERCENTILE = 75.0
-"""Quantile of the edge response along the strokes: a half-filled mark is judged by its rest."""
-FELT_SHARE, LEAST_FELT = 0.4, 0.1
-"""Share of the contrast, and of the predicted edge, from which an edge counts as felt."""
-FOREIGN_SHARE = 0.5
-"""Share of the strongest predicted edge times the contrast that is foreign where nothing is predicted."""
-LEAST_CONTRAST = 0.3
-"""Contrast that contamination is measured against at least: noise about a faint mark is not dirt."""
-TOLERANCE_PIXELS = 1
-"""Greatest distance of an edge from where it is predicted."""
-LEAST_VALID = 0.5
-"""Share of the predicted edges that must have been felt over for a grade."""
-PASSING = 2
-"""Least grade that asks for nothing: C, as is usual."""
-
-LIMITS: dict[str, tuple[float, float, float, float]] = {
-    "contrast": (0.7, 0.55, 0.4, 0.25),
-    "completeness": (0.92, 0.84, 0.75, 0.6),
-    "contamination": (0.02, 0.05, 0.08, 0.15),
-}
-"""Least values (of contamination the most) for the grades 4, 3, 2 and 1."""
-LETTERS = "FDCBA"
-
 
 class GradeError(ValueError):
-    """Arrays that do not go together: the message says which."""
+    """Arrays that do not go together, or rules that cannot be: the message says which."""
+
+
+@dataclass(frozen=True)
+class GradeRules:
+    """Measures of a mark and the limits of its grades.
+
+    Attributes:
+        stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
+        contrast_percentile: quantile of the edge response along the strokes: a half-filled mark is judged by its rest.
+        felt_share: share of the contrast from which an edge counts as felt.
+        least_felt: share of the predicted edge that it must reach as well.
+        foreign_share: share of the strongest predicted edge times the contrast that is foreign where nothing is
+            predicted.
+        least_contrast: contrast that contamination is measured against at least: noise about a faint mark is not dirt.
+        least_valid: share of the predicted edges that must have been felt over for a grade.
+        passing: least grade that asks for nothing: C, as is usual.
+        contrast: least values for the grades 4, 3, 2 and 1.
+        completeness: least values for the same.
+        contamination: greatest values for the same.
+
+    Raises:
+        GradeError: limits that are not four in order, a share beyond 0 to 1, a quantile beyond 0 to 100, or a grade
+            beyond 0 to 4.
+    """
+
+    stroke_share: float = 0.3
+    contrast_percentile: float = 75.0
+    felt_share: float = 0.4
+    least_felt: float = 0.1
+    foreign_share: float = 0.5
+    least_contrast: float = 0.3
+    least_valid: float = 0.5
+    passing: int = 2
+    contrast: tuple[float, float, float, float] = (0.7, 0.55, 0.4, 0.25)
+    completeness: tuple[float, float, float, float] = (0.92, 0.84, 0.75, 0.6)
+    contamination: tuple[float, float, float, float] = (0.02, 0.05, 0.08, 0.15)
+
+    def __post_init__(self) -> None:
+        falling = (self.contrast, self.completeness, self.contamination[::-1])
+        if any(len(limits) != 4 or list(limits) != sorted(limits, reverse=True) for limits in falling):
+            raise GradeError(
+                "limits are four: of contrast and completeness from the greatest to the least, of contamination the "
+                "other way round"
+            )
+        shares = (self.stroke_share, self.felt_share, self.least_felt, self.foreign_share)
+        if not all(0.0 <= share <= 1.0 for share in (*shares, self.least_contrast, self.least_valid)):
+            raise GradeError(f"{self} has a share beyond 0 to 1")
+        if not 0.0 <= self.contrast_percentile <= 100.0:
+            raise GradeError(f"contrast_percentile is {self.contrast_percentile}; give 0 to 100")
+        if self.passing not in range(5):
+            raise GradeError(f"passing is {self.passing}; give a grade from 0 to 4")
+
+
+GRADE_RULES = GradeRules()
+LETTERS = "FDCBA"
 
 
 class Action(StrEnum):
@@ -132,7 +162,8 @@ def grade_character(
     predicted: NDArray[np.floating],
     valid: NDArray[np.floating] | NDArray[np.bool_] | None = None,
     *,
-    tolerance_px: int = TOLERANCE_PIXELS,
+    tolerance_px: int = 1,
+    rules: GradeRules = GRADE_RULES,
 ) -> MarkGrade:
     """Grade one character.
 
@@ -142,6 +173,7 @@ def grade_character(
         predicted: the same, of the template in its place.
         valid: (rows, cols) weight of each pixel, 0 where nothing was measured (default: all 1).
         tolerance_px: how far an edge may lie from where it is predicted.
+        rules: of the measures and their grades.
 
     Raises:
         GradeError: shapes that do not agree, values that are not numbers where weights are not 0, a template
@@ -153,38 +185,40 @@ def grade_character(
     seen = np.where(known, felt, 0.0).astype(np.float64)
     size = np.abs(predicted).astype(np.float64)
     peak = float(size.max())
-    stroke = size >= STROKE_SHARE * peak
+    stroke = size >= rules.stroke_share * peak
     length = size * stroke * weight
-    if length.sum() < LEAST_VALID * float((size * stroke).sum()):
+    if length.sum() < rules.least_valid * float((size * stroke).sum()):
         return MarkGrade((), Action.SCAN_AGAIN)
     rising, falling = reaching(seen, tolerance_px), reaching(-seen, tolerance_px)
     answer = np.clip(np.where(predicted > 0.0, rising, falling)[stroke] / size[stroke], 0.0, None)
     along = length[stroke]
-    contrast = min(1.0, _percentile(answer, along, CONTRAST_PERCENTILE))
-    share_felt = answer >= max(FELT_SHARE * contrast, LEAST_FELT)
+    contrast = min(1.0, _percentile(answer, along, rules.contrast_percentile))
+    share_felt = answer >= max(rules.felt_share * contrast, rules.least_felt)
     completeness = float(along[share_felt].sum() / along.sum())
     beside = ~_spread((size >= 0.1 * peak).any(axis=0), tolerance_px) & known
-    foreign = np.abs(seen).max(axis=0) >= FOREIGN_SHARE * peak * max(contrast, LEAST_CONTRAST)
+    foreign = np.abs(seen).max(axis=0) >= rules.foreign_share * peak * max(contrast, rules.least_contrast)
     area = float(weight[known].sum())
     contamination = float(weight[beside & foreign].sum()) / area
     values = {"contrast": contrast, "completeness": completeness, "contamination": contamination}
-    parameters = tuple(Parameter(name, value, grade_value(name, value)) for name, value in values.items())
-    return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}))
+    parameters = tuple(
+        Parameter(name, value, grade_value(name, value, rules=rules)) for name, value in values.items()
+    )
+    return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}, rules.passing))
 
 
-def grade_value(name: str, value: float) -> int:
+def grade_value(name: str, value: float, *, rules: GradeRules = GRADE_RULES) -> int:
     """The grade, 4 to 0, of a parameter's value."""
-    limits = LIMITS[name]
     if name == "contamination":
-        return sum(value <= limit for limit in limits)
+        return sum(value <= limit for limit in rules.contamination)
+    limits = {"contrast": rules.contrast, "completeness": rules.completeness}[name]
     return sum(value >= limit for limit in limits)
 
 
-def _action(grades: dict[str, int]) -> Action:
-    shallow = grades["contrast"] < PASSING
-    if grades["contamination"] < PASSING:
+def _action(grades: dict[str, int], passing: int) -> Action:
+    shallow = grades["contrast"] < passing
+    if grades["contamination"] < passing:
         return Action.CLEAN
-    if grades["completeness"] < PASSING:
+    if grades["completeness"] < passing:
         # dirt beside the strokes, or strokes as deep as they should be where they are felt: likely filled
         return Action.RE_STRIKE if shallow and grades["contamination"] == 4 else Action.CLEAN_FIRST
     return Action.RE_STRIKE if shallow else Action.NONE

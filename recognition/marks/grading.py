@@ -12,15 +12,14 @@ from recognition.marks.laid_text import LaidText
 
 ALIKE_LETTERS = "AB"
 """Grade of completeness from which strokes of an unnamed font are those of the part."""
-TALL_HEIGHTS = 0.58
-"""Rows about a character's middle that are graded with it."""
 
 
-def grades_of(laid: LaidText) -> tuple[MarkGrade | None, ...]:
+def grades_of(laid: LaidText, *, tall_heights: float = 0.58) -> tuple[MarkGrade | None, ...]:
     """The grade of every character of a text; None where its font has no template, or it stands beyond the map.
 
     Args:
         laid: the text in the templates of a font.
+        tall_heights: rows about a character's middle that are graded with it, character heights either way.
     """
     felt = np.abs(laid.image).max(axis=(0, 1)) > 0.0
     image = np.pad(_steps(laid.image, felt), ((0, 0), (PIXELS, PIXELS), (PIXELS, PIXELS)))
@@ -31,7 +30,7 @@ def grades_of(laid: LaidText) -> tuple[MarkGrade | None, ...]:
             continue
         template = laid.glyphs.images[laid.glyphs.chars.index(char)]
         middle, side = (n // 2 for n in template.shape[:2])
-        tall = min(middle, round(TALL_HEIGHTS * PIXELS))
+        tall = min(middle, round(tall_heights * PIXELS))
         want = _steps(template[middle - tall : middle + tall + 1], felt)
         r, c = int(row) + PIXELS - tall, int(column) + PIXELS - side
         grades.append(_grade(image[:, r : r + want.shape[1], c : c + want.shape[2]], want))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -19,42 +19,121 @@ from glyphs.fonts.glyph import Font
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.depth_sampling import DepthField, mean_depths, percentile, turn_matrix
 
-STEP_HEIGHTS, SETTLE_EVERY = 0.05, 3
-"""Between points of a stroke; of these, one in so many settles where it lies."""
-ALIKE_HEIGHTS = 0.13
-"""Between strokes of two characters below which they are the same one."""
-FELT_SHARE, FELT_NOISE = 0.4, 3.0
-"""Share of a character's usual depth, and multiple of the land's spread, from which a stroke is felt."""
-HEAP_SHARE = 0.5
-"""Height above the land, as a share of the line's depth, from which dirt covers what is below."""
-BESIDE_HEIGHTS = 0.07
-"""About a point of a stroke where its groove is looked for."""
-TURNS_DEG, WIDTHS, HEIGHTS = (-14.0, -7.0, 0.0, 7.0, 14.0), (0.78, 0.9, 1.0, 1.12, 1.28), (0.95, 1.05)
-"""Search ranges of a character against the font's: blows turn it, and so does an arc that was taken for a line;
-fonts are wider or narrower; lines are found so well."""
-SHIFT_HEIGHTS, SHIFT_STEPS = 0.16, 5
-TURN_COST, WIDTH_COST, HEIGHT_COST, SHIFT_COST = 0.006, 0.2, 0.4, 0.2
-"""Share of the depth that a degree, a unit of the logarithms and a height of either shift must gain."""
-LAND_HEIGHTS, LAND_STEPS = 1.2, 6
-"""Window whose median is the land, and samples of it to a height."""
-WINDOW_HEIGHTS, CELL_HEIGHTS = 0.9, 0.6
-"""About the middle of a place: what is looked at, and what is its own where no neighbour is nearer."""
-DEEP_PERCENT = 95.0
-CALM_PERCENT, CALM_SPREADS = 30.0, 0.385
-"""Quantile of all depths that is surely land, and the same of normal noise in standard deviations."""
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_TRIED = tuple(product(TURNS_DEG, WIDTHS, HEIGHTS))
-_POSES = np.stack([np.diag((wide, tall)) @ turn_matrix(turn) for turn, wide, tall in _TRIED])
-"""(poses, 2, 2) that turn and size row vectors (right, down)."""
-_COSTS = np.array(
-    [
-        TURN_COST * abs(turn) + WIDTH_COST * abs(math.log(wide)) + HEIGHT_COST * abs(math.log(tall))
-        for turn, wide, tall in _TRIED
-    ]
-)
+
+@dataclass(frozen=True)
+class PoseSearch:
+    """Poses in which a character is tried against the font's, and the depth that each must gain.
+
+    Blows turn a character, and so does an arc that was taken for a line; fonts are wider or narrower; lines are found
+    as well as the heights say. Costs are shares of the depth of the place.
+
+    Attributes:
+        turns_deg: turns.
+        widths: factors of the width.
+        heights: factors of the height.
+        shift_heights: greatest shift down and to the right, either way, character heights.
+        shift_steps: number of shifts along each axis.
+        every: one in so many points of a stroke settles where it lies.
+        turn_cost: of a degree.
+        width_cost: of a unit of the width's logarithm.
+        height_cost: of a unit of the height's logarithm.
+        shift_cost: of a shift by a character height, either way.
+
+    Raises:
+        ValueError: nothing to try, a factor that is not positive, or fewer than one step or point.
+    """
+
+    turns_deg: tuple[float, ...] = (-14.0, -7.0, 0.0, 7.0, 14.0)
+    widths: tuple[float, ...] = (0.78, 0.9, 1.0, 1.12, 1.28)
+    heights: tuple[float, ...] = (0.95, 1.05)
+    shift_heights: float = 0.16
+    shift_steps: int = 5
+    every: int = 3
+    turn_cost: float = 0.006
+    width_cost: float = 0.2
+    height_cost: float = 0.4
+    shift_cost: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not (self.turns_deg and self.widths and self.heights):
+            raise ValueError("a search needs a turn, a width and a height; give 0, 1 and 1 to leave them")
+        if min(*self.widths, *self.heights) <= 0.0:
+            raise ValueError(f"factors of the size must be positive: {self.widths}, {self.heights}")
+        if min(self.shift_steps, self.every) < 1:
+            raise ValueError(f"shift_steps {self.shift_steps} and every {self.every} must be 1 or more")
+
+    @cached_property
+    def matrices(self) -> Floats:
+        """(poses, 2, 2) that turn and size row vectors (right, down)."""
+        tried = product(self.turns_deg, self.widths, self.heights)
+        return np.stack([np.diag((wide, tall)) @ turn_matrix(turn) for turn, wide, tall in tried])
+
+    @cached_property
+    def costs(self) -> Floats:
+        """(poses,) cost of each, without its shift."""
+        tried = product(self.turns_deg, self.widths, self.heights)
+        return np.array(
+            [
+                self.turn_cost * abs(turn)
+                + self.width_cost * abs(math.log(wide))
+                + self.height_cost * abs(math.log(tall))
+                for turn, wide, tall in tried
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class StrokeLimits:
+    """Limits from which a stroke counts as felt, and the windows in which it is looked for.
+
+    Lengths are character heights.
+
+    Attributes:
+        step_heights: between points of a stroke.
+        alike_heights: between strokes of two characters below which they are the same one.
+        felt_share: share of a character's usual depth from which a stroke is felt.
+        felt_noise: multiple of the land's spread that it must reach as well.
+        heap_share: height above the land, as a share of the line's depth, from which dirt covers what is below.
+        beside_heights: about a point of a stroke where its groove is looked for.
+        land_heights: window whose median is the land.
+        land_steps: samples of that window to a character height.
+        window_heights: about the middle of a place: what is looked at.
+        cell_heights: about the middle of a place: what is its own where no neighbour is nearer.
+        deep_percent: quantile of a place's depths that is its depth, percent.
+        calm_percent: quantile of all magnitudes of depth that is surely land, percent.
+        calm_spreads: the same quantile of normal noise, standard deviations.
+
+    Raises:
+        ValueError: a length or a spread that is not positive, or a quantile beyond 0 to 100.
+    """
+
+    step_heights: float = 0.05
+    alike_heights: float = 0.13
+    felt_share: float = 0.4
+    felt_noise: float = 3.0
+    heap_share: float = 0.5
+    beside_heights: float = 0.07
+    land_heights: float = 1.2
+    land_steps: int = 6
+    window_heights: float = 0.9
+    cell_heights: float = 0.6
+    deep_percent: float = 95.0
+    calm_percent: float = 30.0
+    calm_spreads: float = 0.385
+
+    def __post_init__(self) -> None:
+        lengths = (self.step_heights, self.land_heights, self.window_heights, self.cell_heights)
+        if min(*lengths, self.land_steps, self.calm_spreads) <= 0.0:
+            raise ValueError(f"{self} has a length, a number of samples or a spread that is not positive")
+        if not all(0.0 <= percent <= 100.0 for percent in (self.deep_percent, self.calm_percent)):
+            raise ValueError(f"{self} has a quantile beyond 0 to 100 percent")
+
+
+POSE_SEARCH = PoseSearch()
+STROKE_LIMITS = StrokeLimits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +142,7 @@ class LaidCharacter:
 
     Attributes:
         score: mean depth of its strokes, of the deepest about the place, less what its pose costs; 1 at best.
-        points: (n, 2) of its strokes, (row, col) of the place's window, STEP_HEIGHTS apart.
+        points: (n, 2) of its strokes, (row, col) of the place's window, `StrokeLimits.step_heights` apart.
         felt: (n,) whether the stroke was felt there.
         open: (n,) whether one could be felt.
         within: (n,) whether this is the place's own, and not its neighbours'.
@@ -95,7 +174,16 @@ class _Window:
 class PlacesFelt:
     """The surface about the places of a line."""
 
-    def __init__(self, field: DepthField, middles: Floats, turns_deg: Floats, *, height_mm: float) -> None:
+    def __init__(
+        self,
+        field: DepthField,
+        middles: Floats,
+        turns_deg: Floats,
+        *,
+        height_mm: float,
+        poses: PoseSearch = POSE_SEARCH,
+        limits: StrokeLimits = STROKE_LIMITS,
+    ) -> None:
         """Level it.
 
         Args:
@@ -103,17 +191,19 @@ class PlacesFelt:
             middles: (places, 2) (row, col) of the field.
             turns_deg: (places,) of the line there.
             height_mm: of the characters.
+            poses: in which characters are tried.
+            limits: of strokes that are felt.
         """
         from scipy import ndimage
 
-        self.height_px = height_mm / field.pitch_mm
-        self._reach = max(2, round(WINDOW_HEIGHTS * self.height_px))
+        self.height_px, self.limits, self._poses = height_mm / field.pitch_mm, limits, poses
+        self._reach = max(2, round(limits.window_heights * self.height_px))
         known = np.isfinite(field.depth_mm)
         depth = np.where(known, field.depth_mm, 0.0)
-        depth -= _land(depth, self.height_px)
+        depth -= _land(depth, self.height_px, limits)
         blurred = ndimage.uniform_filter(depth, 3)
-        self.noise = _spread(blurred[known]) if known.any() else 0.0
-        wide = max(3, round(2 * BESIDE_HEIGHTS * self.height_px) | 1)
+        self.noise = _spread(blurred[known], limits) if known.any() else 0.0
+        wide = max(3, round(2 * limits.beside_heights * self.height_px) | 1)
         maps = (depth, ndimage.maximum_filter(blurred, wide), ndimage.uniform_filter(depth, wide), known)
         self._windows = [self._window(maps, middles, k, float(turn)) for k, turn in enumerate(turns_deg)]
 
@@ -129,11 +219,11 @@ class PlacesFelt:
             0.5 * float(np.linalg.norm(middles[k] - middles[place])) if 0 <= k < len(middles) else math.inf
             for k in (place - 1, place + 1)
         )
-        most = CELL_HEIGHTS * self.height_px
+        most = self.limits.cell_heights * self.height_px
         own = (along > -min(before, most)) & (along < min(after, most))
         depth = np.where(own, cut[0], 0.0)
-        deep = max(percentile(depth[own], DEEP_PERCENT), 1e-9)
-        open_ = cut[3].astype(np.bool_) & (cut[2] > -HEAP_SHARE * deep)
+        deep = max(percentile(depth[own], self.limits.deep_percent), 1e-9)
+        open_ = cut[3].astype(np.bool_) & (cut[2] > -self.limits.heap_share * deep)
         return _Window(deep, matrix, np.minimum(depth, deep), cut[1], open_, own)
 
     def depth_mm(self) -> float:
@@ -147,26 +237,27 @@ class PlacesFelt:
 
     def lay(self, place: int, char: str, font: Font) -> LaidCharacter:
         """A character where it lies deepest about a place, turned and sized a little."""
-        shape, window = _pieces(font, char), self._windows[place]
+        limits, search = self.limits, self._poses
+        shape, window = _pieces(font, char, limits.step_heights), self._windows[place]
         if not len(shape):
             none = np.zeros(0, dtype=np.bool_)
             return LaidCharacter(-1.0, np.zeros((0, 2)), none, none, none)
         middle = np.full(2, float(self._reach))
-        poses = (shape @ _POSES @ window.turn)[:, :, ::-1] * self.height_px
-        moves = np.linspace(-SHIFT_HEIGHTS, SHIFT_HEIGHTS, SHIFT_STEPS) * self.height_px
-        table = mean_depths(window.depth, poses[:, ::SETTLE_EVERY], middle, moves) / window.deep
-        far = SHIFT_COST * np.abs(moves) / self.height_px
-        table -= _COSTS[:, None, None] + far[:, None] + far
+        poses = (shape @ search.matrices @ window.turn)[:, :, ::-1] * self.height_px
+        moves = np.linspace(-search.shift_heights, search.shift_heights, search.shift_steps) * self.height_px
+        table = mean_depths(window.depth, poses[:, :: search.every], middle, moves) / window.deep
+        far = search.shift_cost * np.abs(moves) / self.height_px
+        table -= search.costs[:, None, None] + far[:, None] + far
         best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
         points = poses[int(best)] + middle + (moves[i], moves[j])
         row, col = np.clip(np.rint(points).astype(np.intp), 0, 2 * self._reach).T
         deepest = window.near[row, col]
-        felt = deepest > FELT_SHARE * window.deep
+        felt = deepest > limits.felt_share * window.deep
         usual = float(np.median(deepest[felt])) if felt.any() else window.deep
         return LaidCharacter(
             float(table[best, i, j]),
             points,
-            deepest > max(FELT_SHARE * usual, FELT_NOISE * self.noise),
+            deepest > max(limits.felt_share * usual, limits.felt_noise * self.noise),
             window.open[row, col],
             window.own[row, col],
         )
@@ -174,14 +265,14 @@ class PlacesFelt:
     def apart(self, one: LaidCharacter, other: LaidCharacter) -> Bools:
         """(n,) points of a character that are the place's own and that the other has no stroke by."""
         far = np.linalg.norm(one.points[:, None] - other.points, axis=2).min(axis=1, initial=np.inf)
-        return np.asarray((far > ALIKE_HEIGHTS * self.height_px) & one.within)
+        return np.asarray((far > self.limits.alike_heights * self.height_px) & one.within)
 
 
 @lru_cache(maxsize=1024)
-def _pieces(font: Font, char: str) -> Floats:
-    """(n, 2) points along a character's strokes, one to a square of STEP_HEIGHTS: a double stroke counts once."""
+def _pieces(font: Font, char: str, step: float) -> Floats:
+    """(n, 2) points along a character's strokes, one to a square of a step: a double stroke counts once."""
     points = centre_line(font, char).points
-    _, first = np.unique(np.floor(points / STEP_HEIGHTS), axis=0, return_index=True)
+    _, first = np.unique(np.floor(points / step), axis=0, return_index=True)
     return points[np.sort(first)]
 
 
@@ -197,18 +288,18 @@ def _square_about(values: NDArray[np.generic], low: NDArray[np.intp], size: int)
     return out
 
 
-def _spread(depth: Floats) -> float:
+def _spread(depth: Floats, limits: StrokeLimits) -> float:
     """Standard deviation of the land, from the least of its magnitudes: marks and dirt are the others."""
-    return percentile(np.abs(depth), CALM_PERCENT) / CALM_SPREADS
+    return percentile(np.abs(depth), limits.calm_percent) / limits.calm_spreads
 
 
-def _land(depth: Floats, height_px: float) -> Floats:
+def _land(depth: Floats, height_px: float, limits: StrokeLimits) -> Floats:
     """Level of the land: the median about each place, of a thinned map."""
     from scipy import ndimage
 
     from glyphs.opencv import cv2
 
-    every = max(1, int(height_px / LAND_STEPS))
+    every = max(1, int(height_px / limits.land_steps))
     thinned = depth[::every, ::every]
-    level = ndimage.median_filter(thinned, size=int(LAND_HEIGHTS * height_px / every) | 1)
+    level = ndimage.median_filter(thinned, size=int(limits.land_heights * height_px / every) | 1)
     return np.asarray(cv2.resize(level, depth.shape[::-1], interpolation=cv2.INTER_LINEAR))

@@ -34,21 +34,41 @@ from whisker_array.whisker.touch import Touch
 
 MARGIN_HEIGHTS = 1.0
 """Margins of the strip along and across the line: room for a template at either end."""
-MOVED_HEIGHTS = 0.15
-"""By which a character may lie off its place."""
-STRUCK_FIT = 0.7
-"""Mean correlation with a flat die below which a dotted one is tried."""
 OWN_FIT = 0.75
 """Mean correlation from which an unnamed font is taken for the part's."""
 MOST_SAG_HEIGHTS = 0.3
 """A line that bends more has each character turned otherwise than templates, which are straight."""
-COARSE_PIXELS = 20
-"""To a character height, for the choice of the font and of the line's height."""
-SIZE_STEP, MOST_STEPS = 1.04, 5
-"""Between two heights of a line that are tried while its text fits better, and how many: turned lines are found too
-high, by 16 % at 8 degrees."""
-LEAST_DIRECTION = 0.1
-"""Character heights on either side of a place that tell its line's direction."""
+
+
+@dataclass(frozen=True)
+class FitSearch:
+    """Fonts, dies, heights and places that are tried for a text.
+
+    Attributes:
+        moved_heights: by which a character may lie off its place, character heights.
+        struck_fit: mean correlation with a flat die below which a dotted one is tried.
+        coarse_pixels: pixels to a character height for the choice of the font and of the line's height.
+        size_step: factor between two heights of a line that are tried while its text fits better.
+        most_steps: of them each way: turned lines are found too high, by 16 % at 8 degrees.
+
+    Raises:
+        ValueError: a factor that is not above 1, or no pixels.
+    """
+
+    moved_heights: float = 0.15
+    struck_fit: float = 0.7
+    coarse_pixels: int = 20
+    size_step: float = 1.04
+    most_steps: int = 5
+
+    def __post_init__(self) -> None:
+        if not self.size_step > 1.0:
+            raise ValueError(f"size_step is {self.size_step}; give a factor above 1")
+        if self.coarse_pixels < 1:
+            raise ValueError(f"coarse_pixels is {self.coarse_pixels}; give 1 or more")
+
+
+FIT_SEARCH = FitSearch()
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +130,9 @@ class LaidText:
         height = self.image.shape[0] * HEIGHT_ROWS / PIXELS
         return self.line.places_mm(u + ahead_heights * HEIGHT_ROWS, v, margin=MARGIN_HEIGHTS, of_rows=height)
 
-    def turns_deg(self) -> NDArray[np.float64]:
-        """(places,) direction of the line at each character."""
-        along = self.places_mm(ahead_heights=LEAST_DIRECTION) - self.places_mm(ahead_heights=-LEAST_DIRECTION)
+    def turns_deg(self, *, ahead_heights: float = 0.1) -> NDArray[np.float64]:
+        """(places,) direction of the line at each character, from so many character heights on either side."""
+        along = self.places_mm(ahead_heights=ahead_heights) - self.places_mm(ahead_heights=-ahead_heights)
         return np.asarray(np.degrees(np.arctan2(along[:, 1], along[:, 0])))
 
 
@@ -127,6 +147,7 @@ def laid_text(
     cache: TemplateCache,
     chars: str,
     raised: bool | None,
+    search: FitSearch = FIT_SEARCH,
 ) -> LaidText | None:
     """The text in the font and the kind of die that suits it best; None where no font has any of its characters.
 
@@ -140,6 +161,7 @@ def laid_text(
         cache: of template sets.
         chars: characters that may occur.
         raised: whether the marks stand out; whatever fits better where that is not known.
+        search: for the font, the height and the places.
     """
 
     def best(face: Face) -> LaidText | None:
@@ -150,33 +172,38 @@ def laid_text(
                 continue
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
             templates = cache.get(font, own, key)
-            rough = glyph_images(templates, pixels=COARSE_PIXELS, slopes=False)
-            tried.append((*_fit_size(view, line, columns, text, rough), templates, font, out))
+            rough = glyph_images(templates, pixels=search.coarse_pixels, slopes=False)
+            tried.append((*_fit_size(view, line, columns, text, rough, search), templates, font, out))
         if not tried:
             return None
         _, size, templates, font, out = max(tried, key=lambda one: one[0])
         glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
-        sized, image, rows, at, fits = _lay(view, line, columns, text, glyphs, size)
+        sized, image, rows, at, fits = _lay(view, line, columns, text, glyphs, size, search.moved_heights)
         return LaidText(tuple(text), font, face, out, glyphs, sized, image, at, rows, fits)
 
     flat = best(Face.FLAT)
-    if flat is not None and flat.fit >= STRUCK_FIT:
+    if flat is not None and flat.fit >= search.struck_fit:
         return flat
     either = [one for one in (flat, best(Face.DOTTED)) if one is not None]
     return max(either, key=lambda one: one.fit, default=None)
 
 
 def _fit_size(
-    view: View, line: TextLine, columns: NDArray[np.float64], text: Sequence[str], glyphs: GlyphImages
+    view: View,
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    glyphs: GlyphImages,
+    search: FitSearch,
 ) -> tuple[float, float]:
     """Return the best fit of a text over heights, and that height in units of the line's."""
 
     def fit(size: float) -> float:
-        return float(_lay(view, line, columns, text, glyphs, size)[-1].mean())
+        return float(_lay(view, line, columns, text, glyphs, size, search.moved_heights)[-1].mean())
 
     best = (fit(1.0), 1.0)
-    for step in (1.0 / SIZE_STEP, SIZE_STEP):
-        for k in range(1, MOST_STEPS + 1):
+    for step in (1.0 / search.size_step, search.size_step):
+        for k in range(1, search.most_steps + 1):
             other = (fit(step**k), step**k)
             if other <= best:
                 break
@@ -193,6 +220,7 @@ def _lay(
     text: Sequence[str],
     glyphs: GlyphImages,
     size: float,
+    moved_heights: float,
 ) -> tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """A line of another size, its image, and rows, columns and correlations of the text's characters on it."""
     sized = TextLine(line.centre_mm, size * line.height_mm)
@@ -200,7 +228,9 @@ def _lay(
     image = image_of(view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
     along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
     believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
-    placed = np.array([_best_place(image, glyphs, c, at) for c, at in zip(text, believed, strict=True)])
+    placed = np.array(
+        [_best_place(image, glyphs, c, at, moved_heights) for c, at in zip(text, believed, strict=True)]
+    )
     rows, at = placed[:, :2].astype(np.int64).T
     return sized, image, rows, at, placed[:, 2]
 
@@ -212,13 +242,15 @@ def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple
     return (best,) if votes[best.name] else tuple(fonts)
 
 
-def _best_place(image: Image, glyphs: GlyphImages, char: str, column: int) -> tuple[int, int, float]:
+def _best_place(
+    image: Image, glyphs: GlyphImages, char: str, column: int, moved_heights: float
+) -> tuple[int, int, float]:
     """Row and column of an image where a character fits best about a column of the line, and how well."""
     row = image.shape[0] // 2
     if char not in glyphs.chars:
         return row, column, 0.0
     template = glyphs.images[glyphs.chars.index(char)]
-    move = round(MOVED_HEIGHTS * glyphs.pixels)
+    move = round(moved_heights * glyphs.pixels)
     high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
     padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
     at = min(max(column, 0), image.shape[1] - 1)

@@ -12,28 +12,30 @@ import numpy as np
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.marks.strokes_felt import FeltLine
 
-LEAST_DEPTH = 0.25
-"""Share of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46 of it."""
-LEAST_FELT = 0.5
-"""Share of strokes felt, mean of the characters: those lines had 0.8 at least."""
 
-
-def felt_others(part: PartLines, main: FeltLine) -> PartLines:
+def felt_others(
+    part: PartLines, main: FeltLine, *, least_depth: float = 0.25, least_felt: float = 0.5
+) -> PartLines:
     """Drop unassigned lines that were not felt as marks are.
 
     Args:
         part: its lines.
         main: the serial's as it was felt.
+        least_depth: share of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46
+            of it.
+        least_felt: share of strokes felt, mean of the characters: those lines had 0.8 at least.
     """
     if not part.others:
         return part
-    least_mm = LEAST_DEPTH * main.places.depth_mm()
-    return replace(part, others=tuple(one for one in part.others if _is_felt(one, main, least_mm)))
+    least_mm = least_depth * main.places.depth_mm()
+    return replace(
+        part, others=tuple(one for one in part.others if _is_felt(one, main, least_mm, least_felt))
+    )
 
 
-def _is_felt(one: ReadLine, main: FeltLine, least_mm: float) -> bool:
+def _is_felt(one: ReadLine, main: FeltLine, least_mm: float, least_felt: float) -> bool:
     lattice, columns = one.belief.openly
     line = replace(main, line=one.line, columns=columns)
     text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
     felt = [place.felt for place in line.strokes(text, lattice) if place.felt is not None]
-    return line.places.depth_mm() >= least_mm and (not felt or float(np.mean(felt)) >= LEAST_FELT)
+    return line.places.depth_mm() >= least_mm and (not felt or float(np.mean(felt)) >= least_felt)

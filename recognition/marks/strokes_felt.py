@@ -26,31 +26,56 @@ from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.lines.places import boxes_of, places_mm
 from recognition.marks.depth_sampling import DepthField
-from recognition.marks.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
+from recognition.marks.laid_strokes import (
+    POSE_SEARCH,
+    STROKE_LIMITS,
+    LaidCharacter,
+    PlacesFelt,
+    PoseSearch,
+    StrokeLimits,
+)
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief
 
 LIVE = 0.004
 """Probability of a rival from which strokes must exclude it."""
-_LEAST = 1e-12
-GOOD_FIT, LEAST_FIT, LEAST_GAIN = 0.6, 0.45, 0.08
-"""Mean score of the places from which a line keeps the height at which it was found; score that another height must
-reach; least gain in score over the height found. The exam's lines score at most 0.61 if made half too high."""
-HEIGHT_FACTORS = (0.66, 0.57, 0.76, 0.87)
-"""Factors of the height found that are tried instead; if the first brings no gain, the others are skipped."""
-PIECE_HEIGHTS = 0.25
-"""Length of the pieces of a stroke that are felt or filled independently, character heights."""
-FALSELY_FELT = 0.05
-"""Probability that a piece seems to be felt where there is none: a scratch, or other strokes in the part's font."""
-FILLED, FILLED_OF_MISSING = 0.03, 0.8
-"""Probability that a piece is filled if no stroke of the line is missing, and its increase with the missing share."""
-MOST_FILLED = 0.7
-MOST_ABSENT = 6.0
-"""Most evidence of all missing pieces against a character, nats: absence never excludes it fully."""
-EDGE_HEIGHTS = 0.15
-"""Strip on each side of a place's box that may be land, character heights. Boxes at a line's ends are 0.84 heights
-wide, characters 0.5 to 0.7."""
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StrokeEvidence:
+    """Evidence from felt and missing pieces of strokes.
+
+    Attributes:
+        piece_heights: length of the pieces of a stroke that are felt or filled independently, character heights.
+        falsely_felt: probability that a piece seems to be felt where there is none: a scratch, or other strokes in the
+            part's font.
+        filled: probability that a piece is filled if no stroke of the line is missing.
+        filled_of_missing: increase of that probability with the missing share of the line's strokes.
+        most_filled: greatest such probability.
+        most_absent: most evidence of all missing pieces against a character, nats: absence never excludes it fully.
+
+    Raises:
+        ValueError: a probability that is not above 0 and at most 1, or a piece without length.
+    """
+
+    piece_heights: float = 0.25
+    falsely_felt: float = 0.05
+    filled: float = 0.03
+    filled_of_missing: float = 0.8
+    most_filled: float = 0.7
+    most_absent: float = 6.0
+
+    def __post_init__(self) -> None:
+        if not all(0.0 < share <= 1.0 for share in (self.falsely_felt, self.filled, self.most_filled)):
+            raise ValueError(f"{self} has a probability that is not above 0 and at most 1")
+        if not self.piece_heights > 0.0:
+            raise ValueError(
+                f"pieces of strokes are {self.piece_heights} heights long; give a length above 0"
+            )
+
+
+STROKE_EVIDENCE = StrokeEvidence()
 
 
 @dataclass(frozen=True)
@@ -76,7 +101,7 @@ class RivalStrokes:
     @property
     def excluded_nats(self) -> float:
         """Evidence from posterior and strokes together for the character that was read, nats."""
-        return self.margin - math.log(max(self.belief, _LEAST))
+        return self.margin - math.log(max(self.belief, 1e-12))
 
 
 @dataclass(frozen=True)
@@ -110,6 +135,12 @@ class FeltLine:
         columns: columns of the places in the line's strip.
         raised: whether the marks are raised.
         fonts: fonts whose strokes are compared.
+        poses: poses in which their characters are tried.
+        limits: limits from which a stroke counts as felt.
+        edge_heights: strip on each side of a place's box that may be land, character heights. Boxes at a line's ends
+            are 0.84 heights wide, characters 0.5 to 0.7.
+        least_fit: mean score of the places that another height of the line, or ridges for grooves, must reach. The
+            exam's lines score at most 0.61 if made half too high.
     """
 
     relief: Relief
@@ -117,9 +148,18 @@ class FeltLine:
     columns: Floats
     raised: bool
     fonts: tuple[Font, ...]
+    poses: PoseSearch = POSE_SEARCH
+    limits: StrokeLimits = STROKE_LIMITS
+    edge_heights: float = 0.15
+    least_fit: float = 0.45
 
     def strokes(
-        self, text: Sequence[str], lattice: Lattice, *, slope: float = 1.0
+        self,
+        text: Sequence[str],
+        lattice: Lattice,
+        *,
+        slope: float = 1.0,
+        evidence: StrokeEvidence = STROKE_EVIDENCE,
     ) -> tuple[PlaceStrokes, ...]:
         """Compute the felt strokes of the characters that were read and of their rivals.
 
@@ -127,13 +167,15 @@ class FeltLine:
             text: one character for each place.
             lattice: probabilities of all characters that may stand at each place.
             slope: calibration slope of the probabilities, in log odds (`recognition.decision.score`).
+            evidence: evidence from pieces of strokes.
         """
         if len(text) != self.columns.size or lattice.n_places != len(text):
             return ()
         places = self.places
         best = [places.best_font(k, char, self.fonts) for k, char in enumerate(text)]
         missing = [1.0 - one[1].share_felt() for one in best if one is not None]
-        filled = min(FILLED + FILLED_OF_MISSING * float(np.mean(missing or [0.0])), MOST_FILLED)
+        share_missing = float(np.mean(missing or [0.0]))
+        filled = min(evidence.filled + evidence.filled_of_missing * share_missing, evidence.most_filled)
         made = []
         for k, (char, one) in enumerate(zip(text, best, strict=True)):
             if one is None:
@@ -141,7 +183,7 @@ class FeltLine:
                 continue
             font, laid = one
             rivals = tuple(
-                _compare_strokes(places, laid, places.lay(k, rival, font), rival, filled, belief)
+                _compare_strokes(places, laid, places.lay(k, rival, font), rival, filled, belief, evidence)
                 for rival, belief in _rivals(char, lattice.chars, _calibrated(lattice.log_belief[k], slope))
                 if rival in font.glyphs
             )
@@ -163,25 +205,39 @@ class FeltLine:
         a badly read text fits neither way, and dies normally strike grooves.
         """
         ridges, grooves = (replace(self, raised=raised)._mean_score(text) for raised in (True, False))
-        return ridges > max(grooves, LEAST_FIT) if math.isfinite(ridges + grooves) else None
+        return ridges > max(grooves, self.least_fit) if math.isfinite(ridges + grooves) else None
 
-    def fit_size(self, text: Sequence[str]) -> FeltLine:
+    def fit_size(
+        self,
+        text: Sequence[str],
+        *,
+        good_fit: float = 0.6,
+        least_gain: float = 0.08,
+        factors: Sequence[float] = (0.66, 0.57, 0.76, 0.87),
+    ) -> FeltLine:
         """Return the line at the height at which the strokes of its text fit best; its places stay where they are.
 
         A recogniser reads a line that was found half too high as well as any other, but its strokes miss the grooves.
+
+        Args:
+            text: one character for each place.
+            good_fit: mean score of the places from which the line keeps the height at which it was found.
+            least_gain: least gain in score over the height found.
+            factors: factors of the height found that are tried instead; if the first brings no gain, the others are
+                skipped.
         """
         best, most = self, self._mean_score(text)
-        if most >= GOOD_FIT:
+        if most >= good_fit:
             return self
-        least = most + LEAST_GAIN
-        for factor in HEIGHT_FACTORS:
+        least = most + least_gain
+        for factor in factors:
             tried = self._at_height(factor * self.line.height_mm)
             score = tried._mean_score(text)
             if score > max(most, least):
                 best, most = tried, score
             elif best is self:
                 break
-        return best if most >= LEAST_FIT else self
+        return best if most >= self.least_fit else self
 
     def _mean_score(self, text: Sequence[str]) -> float:
         """Compute the mean score of a text in the first font with all its characters, to compare heights."""
@@ -208,7 +264,7 @@ class FeltLine:
         ends = [
             (o + pitch * s[0], o + pitch * s[-1]) for o, s in zip(self.relief.origin_mm, spans, strict=True)
         ]
-        spare = EDGE_HEIGHTS * self.line.height_mm
+        spare = self.edge_heights * self.line.height_mm
         return tuple(
             ends[0][0] <= box.x0_mm + spare
             and box.x1_mm - spare <= ends[0][1]
@@ -225,7 +281,14 @@ class FeltLine:
         ahead = places_mm(self.line, self.columns + 1.0) - at
         middles = (at[:, ::-1] - np.array(field.origin_mm)[::-1]) / field.pitch_mm
         turns_deg = np.degrees(np.arctan2(ahead[:, 1], ahead[:, 0]))
-        return PlacesFelt(field, middles, turns_deg, height_mm=self.line.height_mm)
+        return PlacesFelt(
+            field,
+            middles,
+            turns_deg,
+            height_mm=self.line.height_mm,
+            poses=self.poses,
+            limits=self.limits,
+        )
 
 
 def _calibrated(log_belief: Floats, slope: float) -> Floats:
@@ -246,23 +309,30 @@ def _rivals(char: str, chars: Sequence[str], beliefs: Floats) -> list[tuple[str,
 
 
 def _compare_strokes(
-    places: PlacesFelt, read: LaidCharacter, rival: LaidCharacter, char: str, filled: float, belief: float
+    places: PlacesFelt,
+    read: LaidCharacter,
+    rival: LaidCharacter,
+    char: str,
+    filled: float,
+    belief: float,
+    evidence: StrokeEvidence,
 ) -> RivalStrokes:
     own, theirs = places.apart(read, rival), places.apart(rival, read)
-    felt, absent = -math.log(FALSELY_FELT), -math.log(filled)
-    pieces = STEP_HEIGHTS / PIECE_HEIGHTS
+    felt, absent = -math.log(evidence.falsely_felt), -math.log(filled)
+    step = places.limits.step_heights
+    pieces = step / evidence.piece_heights
 
     def count_pieces(laid: LaidCharacter, only: NDArray[np.bool_], felt: bool) -> float:
         return pieces * float((only & laid.open & (laid.felt == felt)).sum())
 
     margin = felt * (count_pieces(read, own, True) - count_pieces(rival, theirs, True))
-    margin += min(absent * count_pieces(rival, theirs, False), MOST_ABSENT)
-    margin -= min(absent * count_pieces(read, own, False), MOST_ABSENT)
+    margin += min(absent * count_pieces(rival, theirs, False), evidence.most_absent)
+    margin -= min(absent * count_pieces(read, own, False), evidence.most_absent)
     return RivalStrokes(
         char=char,
         belief=belief,
         margin=float(margin),
-        apart_heights=float(own.sum() + theirs.sum()) * STEP_HEIGHTS,
-        more_heights=float(theirs.sum()) * STEP_HEIGHTS,
+        apart_heights=float(own.sum() + theirs.sum()) * step,
+        more_heights=float(theirs.sum()) * step,
         hidden=float((theirs & ~rival.open).sum() / max(theirs.sum(), 1)),
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.glyph_match.correlation import LEAST_FELT, correlate, steps_of
+from recognition.glyph_match.correlation import correlate, steps_of
 
 
-def by_formula(image: np.ndarray, template: np.ndarray) -> np.ndarray:
+def by_formula(image: np.ndarray, template: np.ndarray, *, least_felt: float) -> np.ndarray:
     rows, columns, _ = template.shape
     about = template - template.mean(axis=(0, 1))
     size = (about**2).sum()
@@ -16,7 +16,7 @@ def by_formula(image: np.ndarray, template: np.ndarray) -> np.ndarray:
     for i, j in np.ndindex(*found.shape):
         window = image[i : i + rows, j : j + columns]
         window = window - window.mean(axis=(0, 1))
-        found[i, j] = (about * window).sum() / np.sqrt(size * ((window**2).sum() + LEAST_FELT**2 * size))
+        found[i, j] = (about * window).sum() / np.sqrt(size * ((window**2).sum() + least_felt**2 * size))
     return found
 
 
@@ -24,10 +24,10 @@ def test_correlations_are_those_of_the_formula() -> None:
     rng = np.random.default_rng(3)
     image = rng.normal(size=(14, 20, 4)).astype(np.float32)
     templates = rng.normal(size=(3, 7, 5, 4)).astype(np.float32)
-    found = correlate(image, list(templates))
+    found = correlate(image, list(templates), least_felt=0.2)
     assert found.shape == (3, 8, 16)
     for one, template in zip(found, templates, strict=True):
-        assert one == pytest.approx(by_formula(image, template), abs=1e-4)
+        assert one == pytest.approx(by_formula(image, template, least_felt=0.2), abs=1e-4)
 
 
 def test_a_template_answers_most_where_it_lies_and_bare_land_answers_nothing() -> None:

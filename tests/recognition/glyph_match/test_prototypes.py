@@ -25,9 +25,6 @@ from recognition.glyph_match.predicted import (
 )
 from recognition.glyph_match.prototypes import (
     LIGHTS,
-    MOVE_COST,
-    MOVED_STEPS,
-    SHARPNESS,
     Prototypes,
     belief_of,
     cosines,
@@ -122,9 +119,9 @@ def test_what_is_seen_of_a_fonts_own_plate_is_read_back_under_each_light(
 def test_a_place_may_lie_off_by_some_steps(sets: Callable[[str], TemplateSet]) -> None:
     one = sets("gothic")
     features, columns = of_plate(one.view, one.middles_mm, one.height_mm)
-    for steps in range(-MOVED_STEPS, MOVED_STEPS + 1):
+    for steps in range(-3, 4):
         cosine = cosines(features, columns + steps * FEATURE_COLUMNS, felt_prototypes(one))
-        np.testing.assert_allclose(np.diag(cosine), 1.0 - MOVE_COST * abs(steps), atol=1e-5)
+        np.testing.assert_allclose(np.diag(cosine), 1.0 - 0.007 * abs(steps), atol=1e-5)
 
 
 # ------------------------------------------------------------------------------------------------------ parts
@@ -183,7 +180,7 @@ def test_a_lattice_has_what_cosines_make_of_what_is_allowed() -> None:
         before = Lattice(tuple("ABC8"), np.log(np.array([[0.4, 0.3, 0.3, 0.0], [0.1, 0.2, 0.6, 0.1]])))
     # the font has no C, and a Z that nobody looks for
     cosine = np.array([[0.9, 0.8, 0.95, 1.0], [0.5, 0.6, 0.4, 0.9]])
-    made = lattice_of(cosine, "AB8Z", before)
+    made = lattice_of(cosine, "AB8Z", before, sharpness=20.0)
     assert made.chars == before.chars
     belief = np.exp(made.log_belief)
     np.testing.assert_allclose(belief.sum(axis=1), 1.0)
@@ -195,8 +192,8 @@ def test_a_lattice_has_what_cosines_make_of_what_is_allowed() -> None:
     assert belief[1, 2] == pytest.approx(belief[1, [0, 1, 3]].min())
     # what others believed of a place does not count, the difference of cosines does
     log = made.log_belief
-    assert log[0, 0] - log[0, 1] == pytest.approx(SHARPNESS * 0.1)
-    assert log[1, 1] - log[1, 3] == pytest.approx(SHARPNESS * 0.2)
+    assert log[0, 0] - log[0, 1] == pytest.approx(20.0 * 0.1)
+    assert log[1, 1] - log[1, 3] == pytest.approx(20.0 * 0.2)
 
 
 def test_a_font_that_has_nothing_of_what_is_allowed_says_nothing() -> None:

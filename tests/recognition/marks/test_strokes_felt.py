@@ -21,7 +21,13 @@ from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
 from recognition.marks.grade import Action, MarkGrade, Parameter
-from recognition.marks.strokes_felt import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
+from recognition.marks.strokes_felt import (
+    LIVE,
+    FeltLine,
+    PlaceStrokes,
+    RivalStrokes,
+    StrokeEvidence,
+)
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief, Route
 
@@ -110,7 +116,7 @@ def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) 
         worn = filled(worn, part, which, window=(-0.1, 0.5, 1.1, 1.1))
     dirty = rival(felt_line(part, worn).strokes("PJ3E8", beliefs), 0, "R")
     assert 0.0 < dirty.margin < 0.7 * clean.margin
-    assert clean.margin <= MOST_ABSENT
+    assert clean.margin <= StrokeEvidence().most_absent
     assert dirty.hidden == clean.hidden == 0.0
 
 
