@@ -31,8 +31,9 @@ from recognition.glyph_match.correlation import (
     responses,
     steps_of,
 )
-from recognition.glyph_match.predicted import TemplateCache, template_key
+from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.spacing import place_bounds
+from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind

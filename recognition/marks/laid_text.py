@@ -25,8 +25,9 @@ from recognition.glyph_match.correlation import (
     glyph_images,
     image_of,
 )
-from recognition.glyph_match.predicted import PIXELS, TemplateCache, template_key
+from recognition.glyph_match.predicted import PIXELS, template_key
 from recognition.glyph_match.spacing import place_bounds
+from recognition.glyph_match.template_cache import TemplateCache
 from recognition.marks.strokes_felt import PlaceStrokes
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View

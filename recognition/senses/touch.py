@@ -29,8 +29,9 @@ from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
-from recognition.glyph_match.predicted import MOST_BYTES, SET_BYTES, TemplateCache, template_key
+from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.prototypes import belief_of, felt_prototypes
+from recognition.glyph_match.template_cache import MOST_BYTES, SET_BYTES, TemplateCache
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.depth import MarkDepth, mark_depths

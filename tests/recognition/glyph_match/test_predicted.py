@@ -15,7 +15,6 @@ from glyphs.stamping.faces import default_depth_mm, default_die
 from recognition.glyph_match.predicted import (
     CANONICAL_HEIGHT_MM,
     PIXELS,
-    TemplateCache,
     TemplateKey,
     TemplateSet,
     ideal_plate,
@@ -24,6 +23,7 @@ from recognition.glyph_match.predicted import (
     round_to_ladder,
     template_key,
 )
+from recognition.glyph_match.template_cache import TemplateCache
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import DIRECTIONS, GREY, HEIGHTS, ViewKind
 from whisker_array.estimation.edges import edge_map

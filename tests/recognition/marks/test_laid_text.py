@@ -14,7 +14,7 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.faces import Face
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
-from recognition.glyph_match.predicted import TemplateCache
+from recognition.glyph_match.template_cache import TemplateCache
 from recognition.marks.laid_text import OWN_FIT, FitSearch, LaidText, laid_text, suited_fonts
 from recognition.views.curves import arc_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
