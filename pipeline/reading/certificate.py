@@ -1,4 +1,4 @@
-"""Certificates: a confidence threshold for acceptance that labelled parts have proved, and where it is valid.
+"""Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for.
 
     parts, truth --certify--> Certificate --> JSON, page
     JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.certified)

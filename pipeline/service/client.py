@@ -8,7 +8,7 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
 
 * Every part is sent with an idempotency key. It becomes one part, even if it is sent several times.
 * If the service is busy, the client waits as long as the answer says and sends the request again. If the connection is
-  lost, it sends the request again only where that does nothing twice. Retries end `patience_s` after the first attempt.
+  lost, it sends the request again only if that cannot have an effect twice. Retries end `patience_s` after the first attempt.
 """
 
 from __future__ import annotations
@@ -282,7 +282,7 @@ class Client:
         repeatable: bool = True,
         **request: Any,
     ) -> httpx.Response:
-        """Send a request, with retries where they help.
+        """Send a request, and retry it where that is safe.
 
         Args:
             method: HTTP method.

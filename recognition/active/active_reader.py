@@ -243,7 +243,7 @@ class _Part:
         return look
 
     def _reading_is_due(self, look: Look | None) -> bool:
-        """Whether a full reading is due: a look is sure, or several looks were not."""
+        """Whether a full reading is due: a look is sure, several looks were unsure, or lines were missing."""
         if self.edges is None:
             return False
         if self.looks_since >= LOOKS_PER_READING:

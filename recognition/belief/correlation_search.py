@@ -214,7 +214,7 @@ class CorrelationSearch(LineSearch):
         return sorted(seen, key=promise_of, reverse=True)
 
     def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
-        """Read a line where it is, or where its characters show that it should be."""
+        """Read a line, after moving it to the line through its characters if they lie off it."""
         glyphs = self._glyphs(view, font, style, line.height_mm, pixels=FINE_PIXELS, touch=view.touch)
         found = self._place(view, line, font, glyphs)
         for _ in range(MOST_REREADS):

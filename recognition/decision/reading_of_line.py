@@ -49,8 +49,8 @@ than a narrow sign can explain."""
 SMALL_BELIEF = 0.5
 """Probability of a small letter, without a format, from which a person is asked."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
-"""A step between neighbouring characters is wide if it exceeds the usual one by so many character heights, and by this
-factor."""
+"""A step between neighbouring characters is wide if it exceeds the usual step by more than this many character
+heights, and by more than this factor."""
 
 
 class LineSettings(Protocol):
@@ -230,7 +230,7 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
         return (
             Finding(
                 ReadingFlag.FORMAT_OVERRULED,
-                f"{_describe_found(open_text)} where the format has {len(text)} (check the part and the format)",
+                f"{_describe_found(open_text)}, but the format has {len(text)} (check the part and the format)",
             ),
         )
     belief = np.exp(lattice.log_belief)

@@ -221,7 +221,7 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     made = add_stroke_findings(junk.with_findings(Finding(ReadingFlag.LOW_CONFIDENCE, "?")))
     assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
     # what is surely read there, and is no serial of the format, is named
-    short = "found 1 character (“8”) where the format has 4 (check the part and the format)"
+    short = "found 1 character (“8”), but the format has 4 (check the part and the format)"
     refused = junk.with_findings(Finding(ReadingFlag.FORMAT_OVERRULED, short))
     for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
