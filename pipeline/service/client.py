@@ -8,7 +8,8 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
 
 * Every part is sent with an idempotency key. It becomes one part, even if it is sent several times.
 * If the service is busy, the client waits as long as the answer says and sends the request again. If the connection is
-  lost, it sends the request again only if that cannot have an effect twice. Retries end `patience_s` after the first attempt.
+  lost, it sends the request again only if that cannot have an effect twice. Retries end `patience_s` after the first
+  attempt.
 """
 
 from __future__ import annotations
