@@ -57,14 +57,14 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SettleSearch:
-    """Poses about the one read in which a character's centre line is looked for.
+    """Poses to try for a character's centre line, about the pose that was read.
 
     Attributes:
         shift_heights: greatest shift down and to the right, either way, character heights.
         shift_steps: number of shifts each way.
-        turns_deg: turns about the one read: cells are turned by 3 degrees or not at all.
+        turns_deg: angles about the one read: cells are turned by 3 degrees or not at all.
         sizes: factors of the size: heights are right to 5 percent.
-        every: one in so many points of the centre line settles where it lies.
+        every: use every so many-th point of the centre line.
 
     Raises:
         ValueError: nothing to try, a size that is not positive, or fewer than one step or point.
@@ -104,8 +104,8 @@ class DepthRules:
         burr_steps: places across the rim, from the stroke's edge to where land begins, of which the highest counts.
         smoothing_points: points along the stroke over which the middle is looked for together: one bad sample moves
             nothing.
-        land_reach_heights: land is looked for so far about the character.
-        burr_reach_heights: land is taken so far from any ink; burrs are half as wide.
+        land_reach_heights: search radius for land about the character.
+        burr_reach_heights: least distance of land from any ink; burrs are half as wide.
         plane_samples: most samples of land that the plane is fitted to.
         least_land: samples of land that must have been felt for a depth to be given.
         least_known: share of the centre line that must have been felt for a depth to be given.
@@ -186,8 +186,8 @@ def mark_depths(
     Args:
         relief: the surface as felt.
         laid: the line's text in the templates of a font that has all its characters.
-        search: for the place of each character's centre line.
-        rules: of the measures there.
+        search: poses to try for each character's centre line.
+        rules: quantiles, search radii and least numbers of samples.
     """
     field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
     places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)

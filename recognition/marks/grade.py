@@ -39,8 +39,8 @@ class GradeRules:
         least_valid: share of the predicted edges that must have been felt over for a grade.
         passing: least grade that asks for nothing: C, as is usual.
         contrast: least values for the grades 4, 3, 2 and 1.
-        completeness: least values for the same.
-        contamination: greatest values for the same.
+        completeness: least values for the same grades.
+        contamination: greatest values for the same grades.
 
     Raises:
         GradeError: limits that are not four in order, a share beyond 0 to 1, a quantile beyond 0 to 100, or a grade
@@ -173,7 +173,7 @@ def grade_character(
         predicted: the same, of the template in its place.
         valid: (rows, cols) weight of each pixel, 0 where nothing was measured (default: all 1).
         tolerance_px: how far an edge may lie from where it is predicted.
-        rules: of the measures and their grades.
+        rules: measures, and limits of their grades.
 
     Raises:
         GradeError: shapes that do not agree, values that are not numbers where weights are not 0, a template

@@ -25,22 +25,22 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class PoseSearch:
-    """Poses in which a character is tried against the font's, and the depth that each must gain.
+    """Poses of a character to try, and the gain in depth that each must bring.
 
-    Blows turn a character, and so does an arc that was taken for a line; fonts are wider or narrower; lines are found
-    as well as the heights say. Costs are shares of the depth of the place.
+    Blows turn a character, and so does an arc that was taken for a line; fonts are wider or narrower than the one
+    laid; the height of a line is found to 5 percent. Costs are shares of the depth of the place.
 
     Attributes:
-        turns_deg: turns.
-        widths: factors of the width.
-        heights: factors of the height.
+        turns_deg: angles to try.
+        widths: factors of the font's width to try.
+        heights: factors of the font's height to try.
         shift_heights: greatest shift down and to the right, either way, character heights.
         shift_steps: number of shifts along each axis.
-        every: one in so many points of a stroke settles where it lies.
-        turn_cost: of a degree.
-        width_cost: of a unit of the width's logarithm.
-        height_cost: of a unit of the height's logarithm.
-        shift_cost: of a shift by a character height, either way.
+        every: use every so many-th point of the strokes.
+        turn_cost: cost of a degree.
+        width_cost: cost of a unit of the width's logarithm.
+        height_cost: cost of a unit of the height's logarithm.
+        shift_cost: cost of a shift by a character height along either axis.
 
     Raises:
         ValueError: nothing to try, a factor that is not positive, or fewer than one step or point.
@@ -92,19 +92,19 @@ class StrokeLimits:
     Lengths are character heights.
 
     Attributes:
-        step_heights: between points of a stroke.
-        alike_heights: between strokes of two characters below which they are the same one.
+        step_heights: distance between points of a stroke.
+        alike_heights: distance between strokes of two characters below which they are the same stroke.
         felt_share: share of a character's usual depth from which a stroke is felt.
-        felt_noise: multiple of the land's spread that it must reach as well.
+        felt_noise: multiple of the land's spread that a felt stroke must reach as well.
         heap_share: height above the land, as a share of the line's depth, from which dirt covers what is below.
-        beside_heights: about a point of a stroke where its groove is looked for.
-        land_heights: window whose median is the land.
+        beside_heights: search radius for the groove about a point of a stroke.
+        land_heights: size of the window whose median is the land.
         land_steps: samples of that window to a character height.
-        window_heights: about the middle of a place: what is looked at.
-        cell_heights: about the middle of a place: what is its own where no neighbour is nearer.
-        deep_percent: quantile of a place's depths that is its depth, percent.
-        calm_percent: quantile of all magnitudes of depth that is surely land, percent.
-        calm_spreads: the same quantile of normal noise, standard deviations.
+        window_heights: half the size of the window about the middle of a place.
+        cell_heights: greatest distance along the line from the middle of a place that belongs to the place.
+        deep_percent: quantile of the depths of a place that is taken for its depth, percent.
+        calm_percent: quantile of the magnitudes of all depths that is surely land, percent.
+        calm_spreads: same quantile of the magnitudes of normal noise, standard deviations.
 
     Raises:
         ValueError: a length or a spread that is not positive, or a quantile beyond 0 to 100.
@@ -191,8 +191,8 @@ class PlacesFelt:
             middles: (places, 2) (row, col) of the field.
             turns_deg: (places,) of the line there.
             height_mm: of the characters.
-            poses: in which characters are tried.
-            limits: of strokes that are felt.
+            poses: poses in which characters are tried.
+            limits: limits from which a stroke counts as felt.
         """
         from scipy import ndimage
 

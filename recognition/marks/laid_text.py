@@ -43,14 +43,14 @@ MOST_SAG_HEIGHTS = 0.3
 
 @dataclass(frozen=True)
 class FitSearch:
-    """Fonts, dies, heights and places that are tried for a text.
+    """Limits of the search for the font, die, height and places of a text.
 
     Attributes:
-        moved_heights: by which a character may lie off its place, character heights.
+        moved_heights: search radius of a character about its place, character heights.
         struck_fit: mean correlation with a flat die below which a dotted one is tried.
         coarse_pixels: pixels to a character height for the choice of the font and of the line's height.
-        size_step: factor between two heights of a line that are tried while its text fits better.
-        most_steps: of them each way: turned lines are found too high, by 16 % at 8 degrees.
+        size_step: factor between two heights of a line; the next is tried while the text fits better.
+        most_steps: most such steps either way: turned lines are found too high, by 16 % at 8 degrees.
 
     Raises:
         ValueError: a factor that is not above 1, or no pixels.
@@ -162,7 +162,7 @@ def laid_text(
         cache: of template sets.
         chars: characters that may occur.
         raised: whether the marks stand out; whatever fits better where that is not known.
-        search: for the font, the height and the places.
+        search: limits of the search for font, die, height and places.
     """
 
     def best(face: Face) -> LaidText | None:
