@@ -97,7 +97,9 @@ class VisionReader:
             clean = stainless_view(bare)
             if clean is not None:
                 other = self._of_views(photo, [clean], about, timer)
-                if log_odds(other.confidence) > log_odds(made.confidence) + CLEARLY_NATS:
+                surer = log_odds(other.confidence) > log_odds(made.confidence) + CLEARLY_NATS
+                # the same text again is no further evidence: it is the same photograph
+                if surer and other.text != made.text:
                     made = other
         return made
 
