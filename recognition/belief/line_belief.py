@@ -25,11 +25,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
 Floats = NDArray[np.float64]
-MOST_COUNTED = 32
-"""Most characters of a line without a format."""
 _LEAST = 1e-12
-SLIP = 1e-4
-"""Least share of belief that all allowed characters have together, whatever the experts say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,27 +145,29 @@ def _with_alike(chars: str, alike: Sequence[str]) -> str:
     return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
-def count_places(looks: Sequence[Steps], *, most_counts: int = 3) -> tuple[int, float]:
+def count_places(looks: Sequence[Steps], *, most_counts: int = 3, most_places: int = 32) -> tuple[int, float]:
     """The likeliest number of characters, and its probability.
 
     Args:
         most_counts: looks by which characters are counted.
+        most_places: most characters of a line without a format.
     """
-    logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:most_counts]]
+    logs = [np.maximum(steps.count(), -50.0)[: most_places + 1] for steps in looks[:most_counts]]
     total = np.mean(
-        [np.pad(log, (0, MOST_COUNTED + 1 - log.size), constant_values=-50.0) for log in logs], axis=0
+        [np.pad(log, (0, most_places + 1 - log.size), constant_values=-50.0) for log in logs], axis=0
     )
     many = int(np.argmax(total))
     return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
 
 
-def pool(lattices: Mapping[str, Lattice]) -> Lattice:
+def pool(lattices: Mapping[str, Lattice], *, slip: float = 1e-4) -> Lattice:
     """The geometric mean of experts' beliefs; a place that any has read is read.
 
     Recogniser and templates see through the same layers and err alike, so together they are hardly surer than one.
 
     Args:
         lattices: of as many places, over the same characters.
+        slip: least share of belief that all allowed characters have together, whatever the experts say.
     """
     first = next(iter(lattices.values()))
     reads = [np.logaddexp.reduce(own.log_belief, axis=1) for own in lattices.values()]
@@ -179,8 +177,8 @@ def pool(lattices: Mapping[str, Lattice]) -> Lattice:
         total += power * np.where(allowed, own.log_belief - read[:, None], 0.0)
     total = np.where(allowed, total, -np.inf)
     total -= np.logaddexp.reduce(total, axis=1)[:, None]
-    slip = np.log(SLIP / allowed.sum(axis=1) + _LEAST)[:, None]
-    total = np.where(allowed, np.logaddexp(total + math.log1p(-SLIP), slip), -np.inf)
+    even = np.log(slip / allowed.sum(axis=1) + _LEAST)[:, None]
+    total = np.where(allowed, np.logaddexp(total + math.log1p(-slip), even), -np.inf)
     unread = np.min([1.0 - np.exp(np.minimum(read, 0.0)) for read in reads], axis=0)
     total += np.log(np.maximum(1.0 - unread, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
     return replace(first, log_belief=np.minimum(total, 0.0))

@@ -38,9 +38,6 @@ from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-MOST_CANDIDATES, MOST_ACROSS = 4, 0.9
-"""Lines that are named to a person where none was read, and share of the view's width that they may take."""
-
 
 @dataclass(frozen=True)
 class LineReader:
@@ -174,12 +171,21 @@ class LineReader:
         return None if belief is None else ReadLine(line, belief)
 
 
-def _candidates(view: View, meant: Sequence[ReadLine]) -> tuple[TextLine, ...]:
-    """Lines that lie apart, as many as a person may want to look at, without those tried across the whole view."""
+def _candidates(
+    view: View, meant: Sequence[ReadLine], *, most_candidates: int = 4, most_across: float = 0.9
+) -> tuple[TextLine, ...]:
+    """Lines that lie apart, as many as a person may want to look at, without those tried across the whole view.
+
+    Args:
+        view: of the part.
+        meant: lines that may be the serial's, most promising first.
+        most_candidates: lines that are named to a person where none was read.
+        most_across: share of the view's width that they may take.
+    """
     kept: list[ReadLine] = []
     for one in meant:
-        across = one.line.length_mm > MOST_ACROSS * view.size_mm[0]
-        if not across and len(kept) < MOST_CANDIDATES and all(apart(one, other) for other in kept):
+        across = one.line.length_mm > most_across * view.size_mm[0]
+        if not across and len(kept) < most_candidates and all(apart(one, other) for other in kept):
             kept.append(one)
     return tuple(one.line for one in kept)
 

@@ -16,8 +16,6 @@ from recognition.views.view import View
 
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""
-REGION_MARGINS = (0.5, 1.0)
-"""Margin around a region, as a share of its size: the line's middle lies in it, not its ends."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +58,23 @@ def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
     return bool(left <= x <= right and top <= y <= bottom)
 
 
-def about_region(region: Region | None, view: View, *, most_of_view: float = 0.6) -> View:
+def about_region(
+    region: Region | None,
+    view: View,
+    *,
+    margins: tuple[float, float] = (0.5, 1.0),
+    most_of_view: float = 0.6,
+) -> View:
     """The part of a view in which a line lies whose middle is in a region; the view itself where that is most of it.
 
     Args:
+        margins: around a region, across and down, as shares of its size: the line's middle lies in it, not its ends.
         most_of_view: share of a view from which its part about a region is not worth a search of its own.
     """
     if region is None:
         return view
     left, top, right, bottom = region
-    wide, high = REGION_MARGINS[0] * (right - left), REGION_MARGINS[1] * (bottom - top)
+    wide, high = margins[0] * (right - left), margins[1] * (bottom - top)
     across, down = (
         (max(left - wide, 0.0), min(right + wide, 1.0)),
         (max(top - high, 0.0), min(bottom + high, 1.0)),

@@ -29,10 +29,6 @@ THRESHOLDS = (
     0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5,
 )  # fmt: skip
 """Confidences from which readings may be accepted, strictest first; fixed before any part is read."""
-ALLOWED_WRONG = (2, 1, 0)
-"""The first test waits for so many accepted that this many wrong ones would not decide it, if there are."""
-_MOST_TIMES = 1e4
-_STEP = 1.02
 
 
 class Shown(StrEnum):
@@ -118,6 +114,7 @@ def threshold_tests(
     risk: float,
     confidence: float,
     thresholds: Sequence[float] = THRESHOLDS,
+    allowed_wrong: Sequence[int] = (2, 1, 0),
 ) -> tuple[ThresholdTest, ...]:
     """Every threshold tested, see the module; the last one shown is the one to use.
 
@@ -127,6 +124,8 @@ def threshold_tests(
         risk: share of wrong ones among the accepted that is not to be passed.
         confidence: of the answer.
         thresholds: strictest first; fixed without a look at the parts.
+        allowed_wrong: the first test waits for so many accepted that this many wrong ones would not decide it, if there
+            are.
 
     Raises:
         ValueError: lengths that differ, shares that are none, thresholds in another order.
@@ -138,7 +137,7 @@ def threshold_tests(
         raise ValueError("thresholds must fall, each once")
     counts = [(t, int((said >= t).sum()), int((~good[said >= t]).sum())) for t in thresholds]
     most = max((n for _, n, _ in counts), default=0)
-    needed = [parts_needed(risk, confidence=confidence, wrong=wrong) for wrong in ALLOWED_WRONG]
+    needed = [parts_needed(risk, confidence=confidence, wrong=wrong) for wrong in allowed_wrong]
     least = next((n for n in needed if n <= most), needed[-1])
     tests, going = [], True
     for threshold, accepted, wrong in counts:
@@ -180,18 +179,28 @@ def parts_missing(
     return max(1, min(totals) - parts) if totals else None
 
 
-def _times_needed(test: ThresholdTest, risk: float, confidence: float) -> float | None:
-    """Return the multiple of these parts that would show the risk at a threshold; None where none would."""
+def _times_needed(
+    test: ThresholdTest, risk: float, confidence: float, *, most_times: float = 1e4, step: float = 1.02
+) -> float | None:
+    """Return the multiple of these parts that would show the risk at a threshold; None where none would.
+
+    Args:
+        test: of the threshold.
+        risk: that is to be shown.
+        confidence: with which.
+        most_times: multiple from which no number of parts is taken to show it.
+        step: ratio between two multiples that are tried.
+    """
     if test.wrong == 0:
         return parts_needed(risk, confidence=confidence) / test.accepted
     if test.wrong / test.accepted >= risk:
         return None
     times = 1.0
-    while times < _MOST_TIMES:
+    while times < most_times:
         accepted, wrong = round(test.accepted * times), math.ceil(test.wrong * times - 1e-9)
         if share_bounds(wrong, accepted, confidence=confidence)[1] <= risk:
             return times
-        times *= _STEP
+        times *= step
     return None
 
 

@@ -44,8 +44,6 @@ CONTRACTS = MappingProxyType(
 )
 """Flags that send a reading to review whatever its score, and the rule that each stands for."""
 BROKEN = reduce(or_, CONTRACTS)
-HOPELESS_SHARE = 0.5
-"""Share of places that cannot be read from which a part is rejected."""
 
 
 class Decision(StrEnum):
@@ -64,7 +62,14 @@ class Place(Protocol):
         """Read, confused, not read or mismatch; None where it was not determined."""
 
 
-def decide(places: Sequence[Place], *, score: float, threshold: float | None, flags: ReadingFlag) -> Decision:
+def decide(
+    places: Sequence[Place],
+    *,
+    score: float,
+    threshold: float | None,
+    flags: ReadingFlag,
+    hopeless_share: float = 0.5,
+) -> Decision:
     """Decide on a reading.
 
     Args:
@@ -72,9 +77,10 @@ def decide(places: Sequence[Place], *, score: float, threshold: float | None, fl
         score: probability that all of them are right, 0 to 1.
         threshold: least score for acceptance; None asks for none.
         flags: what is known about it.
+        hopeless_share: share of places that cannot be read from which a part is rejected.
     """
     unread = sum(one.state is not None and one.state.state is CharacterState.NOT_READ for one in places)
-    if unread >= HOPELESS_SHARE * len(places):
+    if unread >= hopeless_share * len(places):
         return Decision.REJECT
     if flags & BROKEN or (threshold is not None and score < threshold):
         return Decision.REVIEW

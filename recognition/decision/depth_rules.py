@@ -22,10 +22,6 @@ from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import CharacterReading, Reading
 
 INCH_MM = 25.4
-WALL_BEVEL_DEG = 45.0
-"""Slope of a stamp's walls: a mark is smaller at its bottom than at the surface by one wall at either end."""
-HEIGHT_TOLERANCE = 0.05
-"""Share by which a height may be read wrongly: a window is for characters that are as much higher or lower."""
 
 
 class DepthRuleError(MarksError, ValueError):
@@ -64,10 +60,16 @@ class DepthWindow:
                 hint="the least height is not negative, and below the greatest",
             )
 
-    def is_for(self, height_mm: float) -> bool:
-        """Whether characters that were read so high may be of its heights."""
+    def is_for(self, height_mm: float, *, tolerance: float = 0.05) -> bool:
+        """Whether characters that were read so high may be of its heights.
+
+        Args:
+            height_mm: as read.
+            tolerance: share by which a height may be read wrongly: a window is for characters that are as much higher
+                or lower.
+        """
         low, high = self.heights_mm
-        return low * (1.0 - HEIGHT_TOLERANCE) <= height_mm <= high * (1.0 + HEIGHT_TOLERANCE)
+        return low * (1.0 - tolerance) <= height_mm <= high * (1.0 + tolerance)
 
 
 @dataclass(frozen=True)
@@ -254,10 +256,15 @@ def _is_unmeasured(character: CharacterReading, window: DepthWindow | None, *, w
     return wants_burr and character.depth.burr_mm is None
 
 
-def print_size_mm(reading: Reading) -> float:
+def print_size_mm(reading: Reading, *, wall_bevel_deg: float = 45.0) -> float:
     """Height of the characters between the ends of their bottoms, as 27 CFR 478.92 measures it.
 
     The height read is that at the surface, where walls of 45 degrees stand a depth further out at either end.
+
+    Args:
+        reading: with the depth of its characters.
+        wall_bevel_deg: slope of a stamp's walls: a mark is smaller at its bottom than at the surface by one wall at
+            either end.
     """
-    wall = (reading.depth_mean_mm or 0.0) / math.tan(math.radians(WALL_BEVEL_DEG))
+    wall = (reading.depth_mean_mm or 0.0) / math.tan(math.radians(wall_bevel_deg))
     return reading.height_mm - 2.0 * wall

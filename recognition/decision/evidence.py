@@ -19,18 +19,6 @@ from recognition.decision.reading import Reading
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
 
-FINE_MM, COARSE_MM = 0.1, 0.4
-"""Between places of the land whose heights are compared: grains, and lumps."""
-FINE_PX, COARSE_PX = 1, 4
-"""The same of a photograph."""
-MOST_ODDS = 50.0
-"""Log odds that stand for certainty."""
-DECIDING_HEIGHTS = 0.25
-"""Length from which strokes that only one of two characters has decide between them, character heights."""
-_ENOUGH_SAMPLES = 100_000
-"""Samples of a surface; their median is off by half a per cent."""
-_DARKEST = 1.0 / 255.0
-"""Median brightness of a photograph that shows nothing."""
 _NORMAL = 1.4826
 """Standard deviation of normal noise whose median absolute deviation is 1."""
 
@@ -59,8 +47,18 @@ class Measure(StrEnum):
     PATCHES = "patches of the photograph"
 
 
-def measures_of(reading: Reading) -> Mapping[Measure, float]:
-    """Return the measures that are known of the part."""
+def measures_of(
+    reading: Reading, *, fine_mm: float = 0.1, coarse_mm: float = 0.4, fine_px: int = 1, coarse_px: int = 4
+) -> Mapping[Measure, float]:
+    """Return the measures that are known of the part.
+
+    Args:
+        reading: of the part.
+        fine_mm: between places of the land whose heights are compared for fine roughness: grains.
+        coarse_mm: the same for coarse roughness: lumps.
+        fine_px: the same as `fine_mm` on a photograph.
+        coarse_px: the same as `coarse_mm` on a photograph.
+    """
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
         Measure.ODDS: _within(reading.trace.odds),
@@ -82,8 +80,8 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     if touch is not None and touch.trace.relief is not None:
         relief = touch.trace.relief
         heights_um = 1e3 * relief.height_mm.astype(np.float64)
-        found[Measure.FINE] = roughness(heights_um, max(1, round(FINE_MM / relief.pitch_mm)))
-        found[Measure.COARSE] = roughness(heights_um, max(1, round(COARSE_MM / relief.pitch_mm)))
+        found[Measure.FINE] = roughness(heights_um, max(1, round(fine_mm / relief.pitch_mm)))
+        found[Measure.COARSE] = roughness(heights_um, max(1, round(coarse_mm / relief.pitch_mm)))
         if touch.trace.felt_line is not None:
             depth_um = 1e3 * touch.trace.felt_line.places.depth_mm()
             for share, rough in ((Measure.FINE_SHARE, Measure.FINE), (Measure.COARSE_SHARE, Measure.COARSE)):
@@ -91,11 +89,11 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
                 found[share] = None if rough_um is None else rough_um / max(depth_um, 1.0)
     if vision is not None and vision.trace.photo is not None:
         grey = _evenly_lit(vision.trace.photo)
-        found[Measure.GRAIN], found[Measure.PATCHES] = roughness(grey, FINE_PX), roughness(grey, COARSE_PX)
+        found[Measure.GRAIN], found[Measure.PATCHES] = roughness(grey, fine_px), roughness(grey, coarse_px)
     return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
 
 
-def roughness(surface: NDArray[np.float64], step: int) -> float | None:
+def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float | None:
     """Roughness of the land, in the unit of the surface; marks and edges hardly count.
 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
@@ -103,9 +101,10 @@ def roughness(surface: NDArray[np.float64], step: int) -> float | None:
     Args:
         surface: (rows, cols), NaN where not known.
         step: samples between the three.
+        enough_samples: samples of a surface that are used; their median is off by half a per cent.
     """
     # of a large picture every n-th row says the median as well
-    every = max(1, round(surface.size / _ENOUGH_SAMPLES))
+    every = max(1, round(surface.size / enough_samples))
     bends = [
         np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
         for z in (surface, surface.T)
@@ -115,15 +114,21 @@ def roughness(surface: NDArray[np.float64], step: int) -> float | None:
     return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else None
 
 
-def _within(odds: float | None) -> float | None:
-    """Log odds as a number: certainty is no missing value."""
-    return None if odds is None else min(max(odds, -MOST_ODDS), MOST_ODDS)
+def _within(odds: float | None, *, most_odds: float = 50.0) -> float | None:
+    """Log odds as a number: certainty is no missing value, but `most_odds`."""
+    return None if odds is None else min(max(odds, -most_odds), most_odds)
 
 
-def _greatest_cover(reading: Reading) -> float | None:
-    """Greatest share of the strokes that only a rival has where nothing could be felt; None where none were asked."""
+def _greatest_cover(reading: Reading, *, deciding_heights: float = 0.25) -> float | None:
+    """Greatest share of the strokes that only a rival has where nothing could be felt; None where none were asked.
+
+    Args:
+        reading: with the strokes in its trace.
+        deciding_heights: length from which strokes that only one of two characters has decide between them, character
+            heights.
+    """
     places = reading.trace.strokes
-    hidden = (r.hidden for place in places for r in place.rivals if r.more_heights >= DECIDING_HEIGHTS)
+    hidden = (r.hidden for place in places for r in place.rivals if r.more_heights >= deciding_heights)
     return max(hidden, default=0.0) if places else None
 
 
@@ -136,7 +141,12 @@ def _belief(reading: Reading) -> float | None:
     return float(np.exp(lattice.log_belief.max(axis=1)).mean())
 
 
-def _evenly_lit(photo: Photo) -> NDArray[np.float64]:
-    """Brightness over its median, so that exposure does not count."""
+def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:
+    """Brightness over its median, so that exposure does not count.
+
+    Args:
+        photo: of the part.
+        darkest: median brightness of a photograph that shows nothing.
+    """
     grey = np.asarray(photo.grey(), dtype=np.float64)
-    return grey / max(float(np.median(grey)), _DARKEST)
+    return grey / max(float(np.median(grey)), darkest)

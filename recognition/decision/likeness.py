@@ -22,8 +22,6 @@ P_VALUE = 1e-4
 """Chance of a false alarm on parts of the same kind, for one test of all measures."""
 LEAST_PARTS = 20
 """Fewest parts on either side for a comparison."""
-MOST_KEPT = 200
-"""Most values of a measure that are kept; of more parts, as many quantiles are kept."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +45,18 @@ class KindOfParts:
                 raise ValueError(f"the values of {name.value} are not ascending")
 
     @classmethod
-    def of(cls, parts: Collection[Mapping[Measure, float]]) -> KindOfParts:
-        """Take the distributions over these parts; measures that fewer than LEAST_PARTS have are left out."""
+    def of(cls, parts: Collection[Mapping[Measure, float]], *, most_kept: int = 200) -> KindOfParts:
+        """Take the distributions over these parts; measures that fewer than LEAST_PARTS have are left out.
+
+        Args:
+            parts: measures of each part.
+            most_kept: most values of a measure that are kept; of more parts, as many quantiles are kept.
+        """
         found = {}
         for name in Measure:
             values = np.sort([part[name] for part in parts if name in part])
-            if values.size > MOST_KEPT:
-                values = np.quantile(values, (np.arange(MOST_KEPT) + 0.5) / MOST_KEPT)
+            if values.size > most_kept:
+                values = np.quantile(values, (np.arange(most_kept) + 0.5) / most_kept)
             if values.size >= LEAST_PARTS:
                 found[name] = tuple(float(f"{v:.6g}") for v in values)
         return cls(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,13 +20,12 @@ if TYPE_CHECKING:
     from whisker_array.scan.sweep import Sweep
 
 BOX_COLOUR = "#e4572e"
-_MOST_PIXELS_A_SIDE = 1600
-_SHOWN_CANDIDATES = 4
 Extent = tuple[float, float, float, float]
 
 
-def _thin_out(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in values.shape]
+def _thin_out(values: NDArray[Any], *, most_a_side: int = 1600) -> NDArray[Any]:
+    """Every n-th pixel, so that a picture has at most so many a side."""
+    steps = [max(1, -(-n // most_a_side)) for n in values.shape[:2]]
     return values[:: steps[0], :: steps[1]]
 
 
@@ -186,8 +185,7 @@ def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
     """The photograph, with what the camera read; boxes in its own frame."""
     pitch = photo_pitch_mm(photo)
     axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
-    steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in photo.shape]
-    pixels = photo.eight_bit[:: steps[0], :: steps[1]]
+    pixels = _thin_out(photo.eight_bit)
     extent = _extent(photo.shape, pitch, photo_origin_mm(photo))
     # without limits grey pictures would be stretched from black to white
     axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
@@ -199,7 +197,7 @@ def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
         _boxes(axes, reading)
 
 
-def candidate_panel(axes: Axes, reading: Reading) -> None:
+def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> None:
     """The first candidates of every place and the belief in them; below them state and grade of the mark."""
     graded = any(c.grade is not None for c in reading.characters)
     more = ", its state and its mark's grade" if graded else ""
@@ -208,7 +206,7 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
         _say(axes, "; ".join(reading.messages()) or "no characters found")
         return
     for place, character in enumerate(reading.characters):
-        for rank, candidate in enumerate(character.candidates[:_SHOWN_CANDIDATES]):
+        for rank, candidate in enumerate(character.candidates[:most_shown]):
             belief = min(1.0, max(0.0, candidate.probability))
             y = -float(rank)
             colour = BOX_COLOUR if rank == 0 else "#7a8b99"
@@ -217,10 +215,10 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
                 place + 0.3, y, candidate.char, ha="right", va="center", fontsize=12, family="monospace"
             )
             axes.text(place + 0.38, y, f"{belief:.3f}", va="center", fontsize=7)
-        axes.text(place + 0.2, -_SHOWN_CANDIDATES + 0.25, _judgement(character), va="top", fontsize=7)
+        axes.text(place + 0.2, -most_shown + 0.25, _judgement(character), va="top", fontsize=7)
     axes.set_xlim(-0.1, max(8, len(reading.characters)))
     judged = any(_judgement(c) for c in reading.characters)
-    axes.set_ylim(-_SHOWN_CANDIDATES + (-0.9 if judged else 0.3), 0.7)
+    axes.set_ylim(-most_shown + (-0.9 if judged else 0.3), 0.7)
     axes.set_axis_off()
 
 

@@ -9,18 +9,24 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from recognition import CharacterReading
 
-SHOWN = 2
-"""Alternatives of a character."""
 _CELL = "text-align:center;padding:1px 8px"
 
 
-def table_html(headline: str, characters: Sequence[CharacterReading], messages: Sequence[str]) -> str:
+def table_html(
+    headline: str,
+    characters: Sequence[CharacterReading],
+    messages: Sequence[str],
+    *,
+    most_alternatives: int = 2,
+) -> str:
     """The reading in one line over its characters, their confidence and alternatives, and what to know about it."""
     rows = {
         "character": [f"<b style='font-size:150%'>{escape(c.char)}</b>" for c in characters],
         "confidence": [f"{c.confidence:.3f}" for c in characters],
         "or": [
-            "<br>".join(f"{escape(o.char)} {o.probability:.3f}" for o in c.candidates[1 : SHOWN + 1])
+            "<br>".join(
+                f"{escape(o.char)} {o.probability:.3f}" for o in c.candidates[1 : most_alternatives + 1]
+            )
             for c in characters
         ],
     }

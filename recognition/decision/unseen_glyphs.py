@@ -12,18 +12,18 @@ from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.marks.laid_text import LaidText
 
-NEAR_SCORE = 0.05
-"""Correlation by which a guess may fall short and still be meant: where a character that was felt answered instead of
-the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O)."""
 
-
-def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | None) -> Reading:
+def doubted_guesses(
+    reading: Reading, laid: LaidText, places: Sequence[str] | None, *, near_score: float = 0.05
+) -> Reading:
     """The reading, sent to review where a character of it may be one that its font was never taught.
 
     Args:
         reading: of the line.
         laid: its text in the templates of a font.
         places: characters allowed at each place of a known format, or None.
+        near_score: correlation by which a guess may fall short and still be meant: where a character that was felt
+            answered instead of the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O).
     """
     known = laid.glyphs.chars
     guessed = {c for c in known if laid.font.glyphs[c].guessed}
@@ -34,7 +34,7 @@ def doubted_guesses(reading: Reading, laid: LaidText, places: Sequence[str] | No
         best = dict(zip(known, scores.tolist(), strict=True))
         allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
         own = best.get(character.char, -1.0)
-        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - NEAR_SCORE]
+        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - near_score]
         if character.char in guessed:
             doubted[k + 1] = f"place {k + 1}: {character.char} was never enrolled in {reading.font}"
         elif near:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recognition.decision.evidence import Measure, roughness
-from recognition.decision.likeness import LEAST_PARTS, MOST_KEPT, KindOfParts, unlike
+from recognition.decision.likeness import LEAST_PARTS, KindOfParts, unlike
 
 
 def parts(n: int, seed: int, *, rough_um: float = 1.0) -> list[dict[Measure, float]]:
@@ -42,8 +42,8 @@ def test_parts_of_the_same_kind_are_hardly_ever_called_unlike() -> None:
 
 
 def test_of_many_parts_quantiles_are_kept() -> None:
-    kind = KindOfParts.of(parts(3000, 1))
-    assert {len(values) for values in kind.values.values()} == {MOST_KEPT}
+    kind = KindOfParts.of(parts(3000, 1), most_kept=200)
+    assert {len(values) for values in kind.values.values()} == {200}
     assert not unlike(kind, parts(200, 2))
     assert unlike(kind, parts(200, 3, rough_um=1.3))
 
