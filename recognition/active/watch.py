@@ -95,7 +95,7 @@ class LineWatch:
             return None
         if not self._sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
-        self.line, self._sure = seen[0].line, says_much(seen)
+        self.line, self._sure = seen[0].line, says_much(seen, self.lines.search.limits.sure)
         choice = choose(seen[0].belief.lattice, self.lines.grammar)
         return Look(seen[0], choice, self._others) if choice.text else None
 

@@ -39,20 +39,6 @@ from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 from whisker_array.whisker.touch import Touch, default_touch
 
-COARSE_PIXELS, FINE_PIXELS = 16, 32
-"""Pixels for each character height, in the search and for reading."""
-SMALLEST, LARGEST, SIZE_STEP = 0.13, 0.95, 1.1
-"""Range of character heights, as shares of the view's smaller side, and the ratio between neighbouring heights."""
-SLOPES = (-0.09, -0.045, 0.0, 0.045, 0.09)
-"""Slopes of a line relative to the view's rows, positive if it falls along +x: up to 5 degrees."""
-ROWS_A_SIZE, MOST_LINES = 20, 3
-"""Number of rows of each size that are tried as lines; number of lines that are read at full resolution."""
-BEYOND_HEIGHTS = 1.0
-"""Margin that is read before and after a line, character heights: a character may stand there."""
-MOST_REREADS, OFF_HEIGHTS = 3, 0.06
-"""A line is read again along its characters if one lies further from its row than this, character heights; how often
-at most."""
-
 
 @dataclass(frozen=True)
 class MarkStyle:
@@ -63,13 +49,52 @@ class MarkStyle:
 
 
 STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
-FIRST_SIZES, FURTHER_SIZES = slice(0, 3), slice(3, 9)
-TRIES = (
-    (STYLES[0], FIRST_SIZES),
-    (STYLES[0], FURTHER_SIZES),
-    *((style, FIRST_SIZES) for style in STYLES[1:]),
-)
-"""Mark styles and ranks of sizes, tried in this order until a line is convincing."""
+"""Appearances that are searched, most frequent first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrelationLimits:
+    """Resolution and range of a search by templates.
+
+    Attributes:
+        coarse_pixels: pixels for each character height in the search.
+        fine_pixels: pixels for each character height in reading.
+        smallest: least character height, as a share of the view's smaller side.
+        largest: greatest character height, as a share of the view's smaller side.
+        size_step: ratio between neighbouring heights.
+        first_sizes: heights that are searched at once, most promising first.
+        most_sizes: heights that are searched if those are not convincing.
+        slopes: slopes of a line relative to the view's rows, positive if it falls along +x: up to 5 degrees.
+        rows_a_size: number of rows of each size that are tried as lines.
+        most_lines: number of lines that are read at full resolution.
+        beyond_heights: margin that is read before and after a line, character heights: a character may stand there.
+        most_rereads: how often a line is read again along its characters at most.
+        off_heights: a line is read again if a character lies further from its row than this, character heights.
+
+    Raises:
+        ValueError: heights or their ratio out of range: the search would not end.
+    """
+
+    coarse_pixels: int = 16
+    fine_pixels: int = 32
+    smallest: float = 0.13
+    largest: float = 0.95
+    size_step: float = 1.1
+    first_sizes: int = 3
+    most_sizes: int = 9
+    slopes: tuple[float, ...] = (-0.09, -0.045, 0.0, 0.045, 0.09)
+    rows_a_size: int = 20
+    most_lines: int = 3
+    beyond_heights: float = 1.0
+    most_rereads: int = 3
+    off_heights: float = 0.06
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.smallest <= self.largest and self.size_step > 1.0):
+            raise ValueError(
+                f"sizes from {self.smallest} to {self.largest} by {self.size_step}; they must ascend, "
+                "and their ratio is above 1"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,10 +104,20 @@ class CorrelationSearch(LineSearch):
     Attributes:
         fonts: fonts to compare.
         cache: cache of template sets.
+        matching: resolution and range of the search.
     """
 
     fonts: Sequence[Font]
     cache: TemplateCache
+    matching: CorrelationLimits = CorrelationLimits()
+
+    @property
+    def _tries(self) -> Sequence[tuple[MarkStyle, slice]]:
+        """Mark styles and ranks of sizes, tried in this order until a line is convincing."""
+        first = slice(0, self.matching.first_sizes)
+        further = slice(self.matching.first_sizes, self.matching.most_sizes)
+        usual, *others = STYLES
+        return ((usual, first), (usual, further), *((style, first) for style in others))
 
     def heights_mm(self, view: View) -> list[float]:
         """Estimate the character heights at which a scan of the part is worth its time, most promising first."""
@@ -90,15 +125,15 @@ class CorrelationSearch(LineSearch):
 
     def candidates(self, view: View) -> list[TextLine]:
         """Propose lines, most promising first, without reading them."""
-        return self._candidates(view, *TRIES[0])
+        return self._candidates(view, *self._tries[0])
 
     def lines(self, view: View) -> list[ReadLine]:
         """Read the lines of a view, most promising first; try raised and dotted marks if sunk ones fail."""
         seen: list[ReadLine] = []
-        for style, sizes in TRIES:
+        for style, sizes in self._tries:
             lines = self._candidates(view, style, sizes)
             seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
-            if says_much(self.meant(view, seen)):
+            if says_much(self.meant(view, seen), self.limits.sure):
                 break
         return seen
 
@@ -107,7 +142,7 @@ class CorrelationSearch(LineSearch):
         seen: list[ReadLine] = []
         for style in STYLES:
             seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
-            if says_much(seen):
+            if says_much(seen, self.limits.sure):
                 break
         return seen
 
@@ -162,7 +197,7 @@ class CorrelationSearch(LineSearch):
         ]
         kept: list[TextLine] = []
         for _, line in sorted(found, key=lambda one: -one[0]):
-            if len(kept) < MOST_LINES and not any(overlap(line, other) for other in kept):
+            if len(kept) < self.matching.most_lines and not any(overlap(line, other) for other in kept):
                 kept.append(line)
         return kept
 
@@ -177,13 +212,16 @@ class CorrelationSearch(LineSearch):
         """
         if self.height_mm is not None:
             return [self.height_mm]
-        count = math.ceil(math.log(LARGEST / SMALLEST) / math.log(SIZE_STEP)) + 1
-        sizes = [LARGEST * min(view.size_mm) / SIZE_STEP**k for k in range(count)]
+        largest, step = self.matching.largest, self.matching.size_step
+        count = math.ceil(math.log(largest / self.matching.smallest) / math.log(step)) + 1
+        sizes = [largest * min(view.size_mm) / step**k for k in range(count)]
 
         def response(height_mm: float) -> float:
             glyphs = self._glyphs(view, font, style, height_mm, pixels=sketch_pixels).every(sketch_step)
             # scaled by the height: more small characters fit along a line, so they would respond more often
-            return height_mm * max(one[0] for one in _Rows(view, glyphs, height_mm).row_sums())
+            return height_mm * max(
+                one[0] for one in _Rows(view, glyphs, height_mm).row_sums(self.matching.slopes)
+            )
 
         return sorted(sizes, key=response, reverse=True)
 
@@ -191,9 +229,11 @@ class CorrelationSearch(LineSearch):
         self, view: View, font: Font, style: MarkStyle, height_mm: float
     ) -> list[tuple[float, TextLine]]:
         """Find lines of characters of one height, each with the amount that it explains."""
-        glyphs = self._glyphs(view, font, style, height_mm, pixels=COARSE_PIXELS)
+        glyphs = self._glyphs(view, font, style, height_mm, pixels=self.matching.coarse_pixels)
         seen, found = _Rows(view, glyphs, height_mm), []
-        for _, rows in sorted(seen.row_sums(), key=lambda one: -one[0])[:ROWS_A_SIZE]:
+        for _, rows in sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])[
+            : self.matching.rows_a_size
+        ]:
             total, placed = chain_of(seen.along(rows), glyphs, font, places=self._places, gaps=self._gaps)
             if placed:
                 half = glyphs.half_cols
@@ -215,10 +255,12 @@ class CorrelationSearch(LineSearch):
 
     def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         """Read a line, after moving it to the line through its characters if they lie off it."""
-        glyphs = self._glyphs(view, font, style, line.height_mm, pixels=FINE_PIXELS, touch=view.touch)
+        glyphs = self._glyphs(
+            view, font, style, line.height_mm, pixels=self.matching.fine_pixels, touch=view.touch
+        )
         found = self._place(view, line, font, glyphs)
-        for _ in range(MOST_REREADS):
-            if len(found.placed) < 2 or np.abs(found.off_heights).max() <= OFF_HEIGHTS:
+        for _ in range(self.matching.most_rereads):
+            if len(found.placed) < 2 or np.abs(found.off_heights).max() <= self.matching.off_heights:
                 break
             again = self._place(view, found.through(), font, glyphs)
             if again.total <= found.total:
@@ -226,14 +268,14 @@ class CorrelationSearch(LineSearch):
             found = again
         if not found.placed:
             return None
-        bounds = place_bounds(found.placed, glyphs.half_cols, found.image.shape[1], pixels=FINE_PIXELS)
+        bounds = place_bounds(found.placed, glyphs.half_cols, found.image.shape[1], pixels=glyphs.pixels)
         cells = np.array(
             [
                 cell_correlations(found.image, glyphs, row=row, column=one.column, bounds=bound)
                 for one, row, bound in zip(found.placed, found.rows, bounds, strict=True)
             ]
         )
-        columns = found.columns - (BEYOND_HEIGHTS - MARGIN) * HEIGHT_ROWS
+        columns = found.columns - (self.matching.beyond_heights - MARGIN) * HEIGHT_ROWS
         steps = steps_of(cells, glyphs.chars, columns, chars=self.chars, rare=self.rare)
         belief = line_belief([steps], self.grammar)
         return None if belief is None else ReadLine(found.line, belief)
@@ -246,16 +288,17 @@ class CorrelationSearch(LineSearch):
         Args:
             slack_heights: largest distance of the line from the row where it was found, character heights.
         """
-        slack = round(slack_heights * FINE_PIXELS)
+        pixels, beyond = glyphs.pixels, self.matching.beyond_heights
+        slack = round(slack_heights * pixels)
         rows = HEIGHT_ROWS * (1.0 + 4.0 * slack_heights)
-        image = image_of(view, line, rows=rows, margin=BEYOND_HEIGHTS, pixels=FINE_PIXELS)
+        image = image_of(view, line, rows=rows, margin=beyond, pixels=pixels)
         first = len(image) // 2 - slack
         response = responses(image, glyphs, rows=slice(first, first + 2 * slack + 1))
         best = response.max(axis=1)
         total, placed = chain_of(best, glyphs, font, places=self._places, gaps=self._gaps)
         placed = beside(best, glyphs, font, placed)
         at = [first + int(response[one.template, :, one.column].argmax()) for one in placed]
-        return _PlacedLine(line, image, total, placed, at)
+        return _PlacedLine(line, image, total, placed, at, pixels, beyond)
 
 
 class _Rows:
@@ -274,10 +317,10 @@ class _Rows:
         )
         self.columns = np.arange(image.shape[1])
 
-    def row_sums(self) -> list[tuple[float, NDArray[np.int64]]]:
+    def row_sums(self, slopes: Sequence[float]) -> list[tuple[float, NDArray[np.int64]]]:
         """Sum the best responses along each row of every slope; return each sum and the row at every column."""
         high, tried = len(self.best_responses), []
-        for slope in SLOPES:
+        for slope in slopes:
             lean = np.rint(slope * (self.columns - self.columns.mean())).astype(np.int64)
             rows = np.clip(np.arange(high)[:, None] + lean, 0, high - 1)
             totals = self.best_responses[rows, self.columns].sum(axis=1) / self.pixels**2
@@ -305,26 +348,28 @@ class _PlacedLine:
     total: float
     placed: tuple[Placed, ...]
     rows: list[int]
+    pixels: int
+    beyond_heights: float
 
     @property
     def columns(self) -> NDArray[np.float64]:
         """Columns of the line's strip, shape (places,), with the margin of the image."""
-        return _in_strip([one.column for one in self.placed], FINE_PIXELS)
+        return _in_strip([one.column for one in self.placed], self.pixels)
 
     @property
     def off_heights(self) -> NDArray[np.float64]:
         """Distance of each place below the line, shape (places,), character heights."""
-        return (np.array(self.rows) - (len(self.image) - 1) / 2) / FINE_PIXELS
+        return (np.array(self.rows) - (len(self.image) - 1) / 2) / self.pixels
 
     def through(self) -> TextLine:
         """Fit the line through the characters, weighted by their rewards."""
         sure = [max(one.reward, 1e-3) for one in self.placed]
         slope, down = np.polyfit(self.columns, self.off_heights, 1, w=sure)
-        margin = BEYOND_HEIGHTS * HEIGHT_ROWS
-        ends = np.array([margin, self.line.columns(margin=BEYOND_HEIGHTS) - margin]) - 0.5
-        height = len(self.image) * HEIGHT_ROWS / FINE_PIXELS
+        margin = self.beyond_heights * HEIGHT_ROWS
+        ends = np.array([margin, self.line.columns(margin=self.beyond_heights) - margin]) - 0.5
+        height = len(self.image) * HEIGHT_ROWS / self.pixels
         rows = (slope * ends + down) * HEIGHT_ROWS + height / 2 - 0.5
-        points = self.line.places_mm(ends, rows, margin=BEYOND_HEIGHTS, of_rows=height)
+        points = self.line.places_mm(ends, rows, margin=self.beyond_heights, of_rows=height)
         return TextLine(points, self.line.height_mm)
 
 

@@ -16,16 +16,7 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, line_belief
-from recognition.belief.line_search import (
-    BESIDE,
-    HERE,
-    JITTERS,
-    PLAIN,
-    UPSIDE_DOWN_DEG,
-    LineSearch,
-    promise_of,
-    says_much,
-)
+from recognition.belief.line_search import UPSIDE_DOWN_DEG, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import (
     NO_LINES,
     LineFormat,
@@ -38,6 +29,8 @@ from recognition.lines.find import overlap
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
+Move = tuple[float, float, int]
+
 
 @dataclass(frozen=True)
 class LineReader:
@@ -46,10 +39,15 @@ class LineReader:
     Attributes:
         search: for lines; knows the format and the characters that may occur.
         lines: others that stand on the part, by name.
+        moves: of further readings of a line: shift down, character heights; factor of the height; columns skipped at
+            the start.
+        between: the move of a reading whose steps fall halfway between those of the first.
     """
 
     search: LineSearch
     lines: Mapping[str, LineFormat] = field(default_factory=lambda: NO_LINES)
+    moves: tuple[Move, ...] = ((0.08, 1.0, 2), (-0.08, 1.0, 5), (0.0, 1.1, 3), (0.0, 0.91, 2))
+    between: Move = (0.0, 1.0, 3)
 
     @property
     def grammar(self) -> Grammar | None:
@@ -82,7 +80,7 @@ class LineReader:
             looked.append(
                 (one, self.search.looks(one, [about]) if about is not None else self.search.lines(one))
             )
-            if says_much(self.search.meant(*looked[-1])):
+            if says_much(self.search.meant(*looked[-1]), self.search.limits.sure):
                 break
         views = (view, *others)
         view, seen = max(
@@ -137,7 +135,7 @@ class LineReader:
             plain_evidence: log probability of all that the format allows, from which a line is not read upside down
                 as well.
         """
-        plain = says_much([best], PLAIN) and best.belief.evidence > plain_evidence
+        plain = says_much([best], self.search.limits.plain) and best.belief.evidence > plain_evidence
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
         return max((best, *self.search.looks(view, [best.line.reversed])), key=promise_of)
@@ -160,13 +158,13 @@ class LineReader:
         looks = list(best.belief.looks)
         belief = line_belief(looks, grammar)
         if belief is None or closely or not is_agreed(belief):
-            looks += self.search.more_looks(view, line, (BESIDE, *JITTERS))
+            looks += self.search.more_looks(view, line, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
-                more = self.search.more_looks(other, line, (HERE, *JITTERS))
+                more = self.search.more_looks(other, line, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
             belief = line_belief(looks, grammar)
         elif twice:
-            looks += self.search.more_looks(view, line, (BESIDE,))
+            looks += self.search.more_looks(view, line, (self.between,))
             belief = line_belief(looks, grammar)
         return None if belief is None else ReadLine(line, belief)
 

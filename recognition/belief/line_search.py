@@ -24,37 +24,54 @@ from recognition.lines.tiles import find_in_tiles
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 
-HERE, BESIDE = (0.0, 1.0, 0), (0.0, 1.0, 3)
-"""Moves of two readings of a line: as it lies, and with its steps halfway between those of the first."""
-JITTERS: tuple[tuple[float, float, int], ...] = (
-    (0.08, 1.0, 2),
-    (-0.08, 1.0, 5),
-    (0.0, 1.1, 3),
-    (0.0, 0.91, 2),
-)
-"""Moves of further readings: shift down, character heights; factor of the height; columns skipped at the start."""
-MOST_LINES = 6
-"""Lines that are read, most promising first."""
-MOST_TURNED = 3
-"""Lines that are also read upside down, or running down or up."""
-MOST_MOVED = 2
-"""Lines that are moved and lengthened if they are not convincing."""
-SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
-"""Angles at which slanted lines are searched."""
 UPSIDE_DOWN_DEG = 105.0
 """Rotation from level beyond which a line is upside down. One that runs straight up or down, a little askew, is not."""
-PLAIN, SURE, SOME = 0.9, 0.7, 0.4
-"""Shares of the greatest promise from which the search stops: before the whole view and upside-down lines (PLAIN),
-before fainter lines (SURE), and before rotated and small lines (SOME)."""
-SETTLED, MOST_REFITS, REFIT_GAIN = 0.9975, 3, 0.3
-"""Share of the greatest promise above which a line is not refitted to its ink; most refits of a line; share of its
-doubt that a refit must remove."""
-END_HEIGHTS = 0.55
-"""Distance from a strip's end within which a character may have a neighbour beyond it, character heights."""
-GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
-"""Character heights by which a line is lengthened if a character lies at its end, and how often at most."""
 MOST_SCANS = 2
 """Most scales at which a height map is scanned until a reading is accepted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchLimits:
+    """Limits of a line search: how many lines it reads, how it moves them, and from which promise it stops.
+
+    Attributes:
+        most_lines: lines that are read, most promising first.
+        most_turned: lines that are also read upside down, or running down or up.
+        most_moved: lines that are moved and lengthened if they are not convincing.
+        slants_deg: angles at which slanted lines are searched.
+        plain: share of the greatest promise from which the whole view and upside-down lines are not searched.
+        sure: share of the greatest promise from which a line is convincing, and fainter lines are not searched.
+        some: share of the greatest promise from which rotated and small lines are not searched.
+        settled: share of the greatest promise above which a line is not refitted to its ink.
+        most_refits: most refits of a line to its ink.
+        refit_gain: share of a line's doubt that a refit must remove.
+        growths: character heights by which a line is lengthened if a character lies at its end.
+        most_growths: how often a line is lengthened at most.
+
+    Raises:
+        ValueError: a number of lines to read or to move that is not positive, or shares out of order.
+    """
+
+    most_lines: int = 6
+    most_turned: int = 3
+    most_moved: int = 2
+    slants_deg: tuple[float, ...] = (30.0, -30.0, 60.0, -60.0)
+    plain: float = 0.9
+    sure: float = 0.7
+    some: float = 0.4
+    settled: float = 0.9975
+    most_refits: int = 3
+    refit_gain: float = 0.3
+    growths: tuple[float, ...] = (1.0, 2.2)
+    most_growths: int = 3
+
+    def __post_init__(self) -> None:
+        if min(self.most_lines, self.most_moved) < 1:
+            raise ValueError(
+                f"{self.most_lines} lines to read and {self.most_moved} to move; give at least 1"
+            )
+        if not self.some <= self.sure <= self.plain:
+            raise ValueError(f"some, sure and plain must ascend, not {self.some}, {self.sure}, {self.plain}")
 
 
 @dataclass(frozen=True)
@@ -67,6 +84,7 @@ class LineSearch:
         height_mm: height of the characters, if known.
         region: region that holds the middle of the serial's line (default: the whole view).
         orientation: which way up the parts lie.
+        limits: how long the search goes on.
     """
 
     grammar: Grammar | None
@@ -74,6 +92,7 @@ class LineSearch:
     height_mm: float | None = None
     region: Region | None = None
     orientation: Orientation = Orientation.ANY
+    limits: SearchLimits = SearchLimits()
 
     @property
     def rare(self) -> str:
@@ -102,7 +121,7 @@ class LineSearch:
         """
         found = self._usual(view)
         seen = self.looks(view, _straight_and_bent(found[:1]))
-        if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
+        if self.grammar is not None and says_much(self.meant(view, seen), self.limits.plain):
             # reading the same ink in another way adds nothing, but the part may have other lines. Without a format
             # the length of the line is unknown
             rest = _other_text(found, seen[0].line)
@@ -111,14 +130,14 @@ class LineSearch:
         others = [*_straight_and_bent(found[1:2]), *(one.line for one in found[2:])]
         seen = _rank([*seen, *self.looks(view, others)])
         tries = [
-            (self._whole, PLAIN),
-            (self._upside_down, PLAIN),
-            (self._faint, SURE),
-            (self._running_down, SOME),
-            (self._slanted, SOME),
+            (self._whole, self.limits.plain),
+            (self._upside_down, self.limits.plain),
+            (self._faint, self.limits.sure),
+            (self._running_down, self.limits.some),
+            (self._slanted, self.limits.some),
         ]
         # a line fills much of a scan, but may be small in a photograph
-        tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, SOME))
+        tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, self.limits.some))
         guesses: list[ReadLine] = []
         for candidates, enough in tries:
             if says_much(self.meant(view, seen), enough):
@@ -142,15 +161,15 @@ class LineSearch:
 
     def _usual(self, view: View) -> list[FoundLine]:
         """Find the lines of the region, then those of the whole view, each most promising first."""
-        whole = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
+        whole = find_lines(view, height_mm=self.height_mm)[: self.limits.most_lines]
         near = about_region(self.region, view)
         if near is view:
             return whole
-        inside = find_lines(near, height_mm=self.height_mm)[:MOST_LINES]
+        inside = find_lines(near, height_mm=self.height_mm)[: self.limits.most_lines]
         return [*inside, *(one for one in whole if not any(overlap(one.line, o.line) for o in inside))]
 
     def _faint(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
+        found = find_lines(view, height_mm=self.height_mm, faint=True)[: self.limits.most_lines]
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
 
     def _small(self, view: View, seen: Sequence[ReadLine], *, most_small: int = 40) -> list[TextLine]:
@@ -163,7 +182,7 @@ class LineSearch:
         return whole_view(view) if self.height_mm is None else []
 
     def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return [one.line.reversed for one in seen[:MOST_TURNED]]
+        return [one.line.reversed for one in seen[: self.limits.most_turned]]
 
     def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return self._in_directions(view, (90.0,))
@@ -171,13 +190,13 @@ class LineSearch:
     def _slanted(self, view: View, seen: Sequence[ReadLine], *, slanted_sides: float = 2.5) -> list[TextLine]:
         # slanted_sides: ratio of the view's sides from which there is no room for a slanted line
         short, long = sorted(view.size_mm)
-        return self._in_directions(view, SLANTS_DEG) if long < slanted_sides * short else []
+        return self._in_directions(view, self.limits.slants_deg) if long < slanted_sides * short else []
 
     def _in_directions(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
         found = [
             one for turn in turns_deg for one in find_lines(view, height_mm=self.height_mm, turned_deg=turn)
         ]
-        best = sorted(found, key=lambda one: -one.score)[:MOST_TURNED]
+        best = sorted(found, key=lambda one: -one.score)[: self.limits.most_turned]
         lines = [*_straight_and_bent(best[:1]), *(one.line for one in best[1:])]
         return [*lines, *(line.reversed for line in lines)]
 
@@ -200,7 +219,7 @@ class LineSearch:
         return recogniser.steps_of(strips, chars=self.chars, rare=self.rare, skip_columns=skip_columns)
 
     def more_looks(
-        self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]] = JITTERS
+        self, view: View, line: TextLine, moves: Sequence[tuple[float, float, int]]
     ) -> list[Steps]:
         """Run the recogniser again along a line: shifted down, scaled in height, and with its first columns skipped."""
         return [
@@ -216,24 +235,24 @@ class LineSearch:
     def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Refine the best line: move and lengthen it where that makes it more promising."""
         best = seen[0]
-        for one in seen[:MOST_MOVED]:
+        for one in seen[: self.limits.most_moved]:
             best = _rank([best, self._refit_to_ink(view, one)])[0]
-            if says_much([best], SETTLED):
+            if says_much([best], self.limits.settled):
                 break
-        if not says_much([best]):
-            for one in seen[:MOST_MOVED]:
+        if not says_much([best], self.limits.sure):
+            for one in seen[: self.limits.most_moved]:
                 tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
                 best = _rank([best, *self._read_inside(view, tried)])[0]
-                if says_much([best]):
+                if says_much([best], self.limits.sure):
                     break
         elif self.grammar is None:
             # the length is unknown, so another word may follow after a gap
             best = _rank([best, *self._read_inside(view, longer(best.line))])[0]
-        for _ in range(MOST_GROWTHS):
+        for _ in range(self.limits.most_growths):
             first, last = _touches_ends(best)
             if not (first or last):
                 break
-            tried = [lengthen(best.line, first * far, last * far) for far in GROWTHS]
+            tried = [lengthen(best.line, first * far, last * far) for far in self.limits.growths]
             looked = self._read_inside(view, tried)
             if not looked or promise_of(looked[0]) <= promise_of(best):
                 break
@@ -242,13 +261,13 @@ class LineSearch:
 
     def _refit_to_ink(self, view: View, one: ReadLine) -> ReadLine:
         """Refit a doubtful line to its ink, if that removes much of the doubt."""
-        for _ in range(MOST_REFITS):
+        for _ in range(self.limits.most_refits):
             doubt = one.belief.lattice.n_places - promise_of(one)
-            if says_much([one], SETTLED):
+            if says_much([one], self.limits.settled):
                 break
             known = self.height_mm is not None
             looked = self._read_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
-            if not looked or promise_of(looked[0]) < promise_of(one) + REFIT_GAIN * doubt:
+            if not looked or promise_of(looked[0]) < promise_of(one) + self.limits.refit_gain * doubt:
                 break
             one = looked[0]
         return one
@@ -297,7 +316,7 @@ def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
     return [line for one in found for line in (one.line, one.bent) if line is not None]
 
 
-def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
+def says_much(seen: Sequence[ReadLine], enough: float) -> bool:
     """Whether the first line is convincing: it reaches this share of the greatest promise that its places allow."""
     if not seen:
         return False
@@ -320,10 +339,16 @@ def promise_of(one: ReadLine, *, turned_cost: float = 1.5, bent_cost: float = 0.
     return one.belief.promise - turned_cost * turned - bent_cost * bent
 
 
-def _touches_ends(one: ReadLine) -> tuple[bool, bool]:
-    """Whether a character lies at the strip's start, and whether one lies at its end: others may follow beyond."""
+def _touches_ends(one: ReadLine, *, end_heights: float = 0.55) -> tuple[bool, bool]:
+    """Whether a character lies at the strip's start, and whether one lies at its end: others may follow beyond.
+
+    Args:
+        one: line as read.
+        end_heights: distance from a strip's end within which a character may have a neighbour beyond it, character
+            heights.
+    """
     columns = one.belief.columns
     if columns.size == 0:
         return False, False
-    near = (END_HEIGHTS + MARGIN) * HEIGHT_ROWS
+    near = (end_heights + MARGIN) * HEIGHT_ROWS
     return float(columns[0]) < near, float(columns[-1]) > one.line.columns() - near

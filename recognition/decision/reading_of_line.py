@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal, Protocol
@@ -24,33 +24,36 @@ from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.views.text_line import HEIGHT_ROWS
 
-CANDIDATES = 5
-LEAST_READ, LEAST_MEAN = 0.52, 0.35
-"""Least probability of the surest character, with the format and without it; least mean over the places with the
-format. Below both there is no line. Pictures of other things reach 0.51 and 0.34."""
 LEAST_VALID_MASS = 0.02
 """Total probability of all serials of the format, below which the line holds something else."""
-LEAST_PLACES = 4
-"""Length from which a line without a format counts as text even if it is unsure."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut with the same shape."""
-LEAST_SERIAL_EVIDENCE = -12.0
-"""Log probability of the format on a line, below which the line is not the serial. The exam has 41 second lines of six
-characters where the format has eight: they reach -19.5 at most, their serials -5.5 at least."""
 IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
 """Log probability of the format on its line, twins included, below which the line may hold something else. 1 in 100 of
 the exam's lines accepted by touch has less; none of 48 photographs has. Of 134 felt lines with a sign outside the
 alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a Λ for an A."""
-UNCHANGED = 0.5
-"""Probability of the chosen text without the format, twins included, from which the format has changed nothing."""
-GAP_BELIEF, GAP_HINT = 0.4, 0.1
-"""Probability of a word gap between two places from which there is one; the lower value suffices if the step is wider
-than a narrow sign can explain."""
-SMALL_BELIEF = 0.5
-"""Probability of a small letter, without a format, from which a person is asked."""
-WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
-"""A step between neighbouring characters is wide if it exceeds the usual step by more than this many character
-heights, and by more than this factor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextLimits:
+    """Limits from which a line holds text.
+
+    Attributes:
+        least_read: least probability of the surest character, with the format and without it. Pictures of other things
+            reach 0.51.
+        least_mean: least mean over the places with the format. Pictures of other things reach 0.34. Below it and
+            `least_read` there is no line.
+        least_places: length from which a line without a format counts as text even if it is unsure.
+    """
+
+    least_read: float = 0.52
+    least_mean: float = 0.35
+    least_places: int = 4
+
+    def is_text(self, lattice: Lattice, openly: Lattice) -> bool:
+        """Whether a line is text: it has one sure character, or probable characters at most places."""
+        mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
+        return mean >= self.least_mean or min(_surest(lattice), _surest(openly)) >= self.least_read
 
 
 class LineSettings(Protocol):
@@ -75,6 +78,8 @@ def reading_of_line(
     *,
     flags: ReadingFlag,
     source: str,
+    text: TextLimits = TextLimits(),
+    least_serial_evidence: float = -12.0,
 ) -> Reading:
     """Make the reading of a part's line under its format, with the contracts that it breaks; `scored` comes later.
 
@@ -83,6 +88,10 @@ def reading_of_line(
         settings: acceptance threshold, format of the serial, further lines that the part should have.
         flags: flags that are known beforehand.
         source: source of the reading: "tactile" or "vision".
+        text: limits from which a line is text.
+        least_serial_evidence: log probability of the format on a line, below which the line is not the serial. The exam
+            has 41 second lines of six characters where the format has eight: they reach -19.5 at most, their serials
+            -5.5 at least.
     """
     main, grammar, asked = part.main, settings.grammar, settings.asked
     nothing = Reading((), 0.0, flags | ReadingFlag.NO_CHARACTERS, source=source)
@@ -93,11 +102,13 @@ def reading_of_line(
     choice = choose(lattice, grammar)
     spaces = spaces_of(choice.text, grammar, main.belief.looks, main.belief.columns)
     lattice = replace(lattice, spaces_after=spaces)
-    if not choice.text or not _is_text(lattice, main.belief.openly[0]):
-        return nothing.with_findings(*_outside_format(main, grammar)).with_trace(lattice=lattice)
+    if not choice.text or not text.is_text(lattice, main.belief.openly[0]):
+        return nothing.with_findings(*_outside_format(main, grammar, text.least_read)).with_trace(
+            lattice=lattice
+        )
     if (
         grammar is None
-        and len(choice.text) < LEAST_PLACES
+        and len(choice.text) < text.least_places
         and choice.probability < settings.accept_confidence
     ):
         # a scratch is read as a 1, two dents as OO
@@ -108,7 +119,7 @@ def reading_of_line(
     others = [
         _other(name, one, asked[name].grammar, worth)
         for name, one in part.named.items()
-        if _is_text(one.belief.lattice, one.belief.openly[0])
+        if text.is_text(one.belief.lattice, one.belief.openly[0])
     ]
     others += [
         OtherLine(
@@ -116,7 +127,7 @@ def reading_of_line(
             with_spaces(text_of(one), spaces_of(text_of(one), None, one.belief.looks, one.belief.openly[1])),
             worth.of_belief(_open_probability(one)),
             hull(one.open_boxes()),
-            may_be_serial=one.belief.evidence_of(grammar) >= LEAST_SERIAL_EVIDENCE,
+            may_be_serial=one.belief.evidence_of(grammar) >= least_serial_evidence,
             line=one.line,
         )
         for one in part.others
@@ -182,11 +193,11 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
     return made.with_findings(*(Finding(ReadingFlag.CHECK_BLIND, text, (k,)) for k, text in blind.items()))
 
 
-def _outside_format(line: ReadLine, grammar: Grammar | None) -> tuple[Finding, ...]:
+def _outside_format(line: ReadLine, grammar: Grammar | None, least_read: float) -> tuple[Finding, ...]:
     """Report a text that can be read but breaks the format."""
     text = text_of(line)
     broken = () if grammar is None or not text else grammar.objections(text)
-    if not broken or _surest(line.belief.openly[0]) < LEAST_READ:
+    if not broken or _surest(line.belief.openly[0]) < least_read:
         return ()
     why = "; ".join(broken).replace("mask:", "the format ")
     return (
@@ -215,7 +226,7 @@ def _check_format_evidence(
     return (Finding(ReadingFlag.FORMAT_OVERRULED, what, (k + 1,) if there else ()),)
 
 
-def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
+def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tuple[Finding, ...]:
     """Report where the format has changed the text of a line; nothing if it has not.
 
     Twins, which most dies cut with the same shape, are no change: a format is there to tell O from 0 by their places.
@@ -223,6 +234,8 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
     Args:
         line: the line as read.
         text: text chosen by the format.
+        unchanged: probability of the chosen text without the format, twins included, from which the format has changed
+            nothing.
     """
     lattice, _ = line.belief.openly
     open_text = text_of(line)
@@ -240,7 +253,7 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
             for k, char in enumerate(text)
         ]
     )
-    if np.prod(same) >= UNCHANGED:
+    if np.prod(same) >= unchanged:
         return ()
     changes = {
         k: f"{was} to {char} at place {k}"
@@ -281,12 +294,12 @@ def _other(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLin
     )
 
 
-def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
+def characters_of(choice: Choice, lattice: Lattice, *, most_candidates: int = 5) -> list[CharacterReading]:
     """List the candidates of each place: the chosen character first, then its rivals under the grammar."""
     made = []
     for k, chosen in enumerate(choice.text):
         beliefs = choice.place(k)
-        order = [chosen, *(c for c in beliefs if c != chosen)][:CANDIDATES]
+        order = [chosen, *(c for c in beliefs if c != chosen)][:most_candidates]
         candidates = tuple(
             Candidate(c, float(beliefs.get(c, 0.0)), min(1.0, float(beliefs.get(c, 0.0)))) for c in order
         )
@@ -309,17 +322,25 @@ def spaces_of(
     return word_gaps(columns, looks) if known is None else known
 
 
-def small_letters(looks: Sequence[Steps], columns: NDArray[np.float64], text: str) -> tuple[Finding, ...]:
+def small_letters(
+    looks: Sequence[Steps], columns: NDArray[np.float64], text: str, *, least_small: float = 0.5
+) -> tuple[Finding, ...]:
     """Report a capital that may be a small letter; small letters count as capitals without a format.
 
     Many dies have small capitals, and many letters have the same shape in both cases. A person who knows the marking
     decides once, by giving a format.
+
+    Args:
+        looks: the recogniser's outputs along the line.
+        columns: (places,) column of each place.
+        text: text of the line.
+        least_small: probability of a small letter from which a person is asked.
     """
     if columns.size < 2:
         return ()
     half = 0.5 * float(np.diff(columns).min())
     believed = _greatest_between([(c - half, c + half) for c in columns], looks, "small")
-    if believed is None or not (small := np.flatnonzero(believed > SMALL_BELIEF)).size:
+    if believed is None or not (small := np.flatnonzero(believed > least_small)).size:
         return ()
     k = int(small[0])
     words = f"{text[k]} at place {k + 1} may be a small letter (a format says which: A or a)"
@@ -338,28 +359,39 @@ def _greatest_between(
     return np.mean(each, axis=0) if each else None
 
 
-def word_gaps(columns: NDArray[np.float64], looks: Sequence[Steps] = ()) -> frozenset[int]:
-    """Find the places after which there is a space: a probable one, or a wide step with a less probable one."""
+def word_gaps(
+    columns: NDArray[np.float64],
+    looks: Sequence[Steps] = (),
+    *,
+    least_gap: float = 0.4,
+    least_wide_gap: float = 0.1,
+    wide_heights: float = 0.5,
+    wide_ratio: float = 1.45,
+) -> frozenset[int]:
+    """Find the places after which there is a space: a probable one, or a wide step with a less probable one.
+
+    Args:
+        columns: (places,) column of each place.
+        looks: the recogniser's outputs along the line.
+        least_gap: probability of a word gap between two places from which there is one.
+        least_wide_gap: the same if the step is wider than a narrow sign can explain.
+        wide_heights: a wide step exceeds the usual step by more than this many character heights.
+        wide_ratio: a wide step exceeds the usual step by more than this factor.
+    """
     if columns.size < 3:
         return frozenset()
     step = np.diff(columns) / HEIGHT_ROWS
     usual = float(np.median(step))
-    wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
+    wide = (step > usual + wide_heights) & (step > wide_ratio * usual)
     believed = _greatest_between(list(pairwise(columns)), looks, "gap")
     if believed is not None:
-        wide = (wide & (believed > GAP_HINT)) | (believed > GAP_BELIEF)
+        wide = (wide & (believed > least_wide_gap)) | (believed > least_gap)
     return frozenset(int(k) for k in np.flatnonzero(wide))
 
 
 def with_spaces(text: str, spaces: Collection[int]) -> str:
     """Insert a blank after each of these places of a text."""
     return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
-
-
-def _is_text(lattice: Lattice, openly: Lattice) -> bool:
-    """Whether a line is text: it has one sure character, or probable characters at most places."""
-    mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
-    return mean >= LEAST_MEAN or min(_surest(lattice), _surest(openly)) >= LEAST_READ
 
 
 def _surest(lattice: Lattice) -> float:

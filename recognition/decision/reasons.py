@@ -45,25 +45,21 @@ IMPORTANCE = (
     ReadingFlag.FOREIGN_SHAPES,
     ReadingFlag.NOT_CERTIFIED,
 )
-"""Doubts about a serial, most important first; a reading names its first `MOST_REASONS`."""
-MOST_REASONS = 2
-MOST_DOUBTS = 2
-"""Most places that are named for low confidence."""
-MOST_NAMED = 3
-"""Most characters that are named one by one."""
-DOUBTED = 0.05
-"""Probability of a second candidate from which its place is asked about."""
-COUNT_SHARE = 0.9
-"""The number of characters is in doubt below this share of the product of their confidences."""
+"""Doubts about a serial, most important first; a reading names its first (`reasons_of`)."""
 
 
-def reasons_of(reading: Reading) -> tuple[Finding, ...]:
-    """Return the reasons of a reading, then other findings, then notes."""
+def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...]:
+    """Return the reasons of a reading, then other findings, then notes.
+
+    Args:
+        reading: of the part.
+        most_reasons: most flags about the serial that are named.
+    """
     reasons = [found for flag in IMPORTANCE if (found := _findings(reading, flag))]
     about_serial = reduce(or_, IMPORTANCE)
     rules = _findings(reading, reading.flags & MEASURE_FLAGS)
     scan = _findings(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
-    named = [one for found in reasons[:MOST_REASONS] for one in found]
+    named = [one for found in reasons[:most_reasons] for one in found]
     beside = (
         f"another line reads “{line.text}”, which does not fit the serial's format"
         for line in reading.others
@@ -101,8 +97,14 @@ def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(made.values())
 
 
-def _doubts(reading: Reading, *, explained: bool) -> Iterator[Finding]:
-    """Name the doubtful characters: rivals, unreadable places, their number; else the least certain one."""
+def _doubts(reading: Reading, *, explained: bool, count_share: float = 0.9) -> Iterator[Finding]:
+    """Name the doubtful characters: rivals, unreadable places, their number; else the least certain one.
+
+    Args:
+        reading: of the part.
+        explained: whether another finding says why the confidence is low.
+        count_share: the number of characters is in doubt below this share of the product of their confidences.
+    """
     low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
@@ -114,7 +116,7 @@ def _doubts(reading: Reading, *, explained: bool) -> Iterator[Finding]:
         yield Finding(low, text, tuple(unread))
     if rivals or unread or explained or not places:
         return
-    if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
+    if reading.confidence < count_share * math.prod(c.confidence for _, c in places):
         yield Finding(low, f"{why}: are there {len(places)} characters?")
     elif len(places) > 1:
         k, least = min(places, key=lambda place: place[1].confidence)
@@ -123,21 +125,33 @@ def _doubts(reading: Reading, *, explained: bool) -> Iterator[Finding]:
         yield Finding(low, why)
 
 
-def _rivals(reading: Reading) -> dict[int, str]:
-    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5"."""
+def _rivals(reading: Reading, *, doubted: float = 0.05, most_places: int = 2) -> dict[int, str]:
+    """The places that are hardest to decide, worst first: 2: "B or 8 at place 2", 5: "1 or I at place 5".
+
+    Args:
+        reading: of the part.
+        doubted: probability of a second candidate from which its place is asked about.
+        most_places: most places that are named for low confidence.
+    """
     places = [
         (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}", k)
         for k, c in enumerate(reading.characters, start=1)
         if len(c.candidates) > 1
-        and c.candidates[1].probability >= DOUBTED
+        and c.candidates[1].probability >= doubted
         and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
     ]
-    return {k: text for _, text, k in sorted(places)[:MOST_DOUBTS]}
+    return {k: text for _, text, k in sorted(places)[:most_places]}
 
 
-def places_text(reading: Reading, places: Sequence[int]) -> str:
-    """Characters and their places, from 0: "I at place 1, 7 at place 4"; if there are many, only places."""
-    if len(places) > MOST_NAMED:
+def places_text(reading: Reading, places: Sequence[int], *, most_named: int = 3) -> str:
+    """Characters and their places, from 0: "I at place 1, 7 at place 4"; if there are many, only places.
+
+    Args:
+        reading: of the part.
+        places: ascending.
+        most_named: most characters that are named one by one.
+    """
+    if len(places) > most_named:
         return _ranges([k + 1 for k in places])
     return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from recognition.decision.decide import BROKEN, Decision
 from recognition.decision.flags import EXPLANATIONS, Finding, ReadingFlag
@@ -16,36 +16,6 @@ from recognition.decision.reasons import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes_felt import LIVE, RivalStrokes
 
-LEAST_STROKES = 0.5
-"""Least share of a character's edges that must be there, in a font that explains the marks."""
-LEAST_FELT = 0.4
-"""Least share of the depth of a character's strokes that must be there, in the font that fits best, which is
-not quite the part's."""
-SUITED = 0.35
-"""Template score of a character from which the surface shows its shape, however shallow."""
-ALL_THERE = 0.6
-"""Share of strokes felt, by depth or by edges, from which none is missing, whatever the other share is."""
-LEAST_FOREIGN = 2
-"""Least number of characters that must differ from the named font: one alone is a blow, or misplaced dots."""
-OTHER_FONT = 0.06
-"""Mean score of a line by which another font must explain it better.
-
-Of 24 lines of the exam whose right font was named, 19 fit it best, 3 fit another one better by less than
-this, and 2 by 0.08."""
-TEXT_FELT = 0.35
-"""Share of strokes felt below which a mostly unreadable line is not text but dirt or land."""
-READ_OPENLY = 0.5
-"""Posterior of the reading without the format from which it is text, although it does not fit the format."""
-RIVAL_LEFT = 0.002
-"""Most posterior that a live rival may keep once the strokes are weighed."""
-DISTINCT_HEIGHTS = 0.25
-"""Least length of strokes that differ between two characters if touch is to decide, character heights."""
-UNTOLD = 0.03
-"""Posterior from which a rival is not excluded if touch cannot decide."""
-HIDDEN_SHARE = 0.5
-"""Share of a rival's strokes that could not be felt, from which the rival is not excluded."""
-HIDDEN_MARGIN = 2.5
-"""Margin from which a stroke of the other character was felt after all, nats; even a piece gives more."""
 _REMEDIES = {
     Action.NONE: "look at the part",
     Action.CLEAN: "clean it and scan it again",
@@ -55,30 +25,96 @@ _REMEDIES = {
 }
 
 
-def add_stroke_findings(reading: Reading) -> Reading:
+@dataclass(frozen=True, kw_only=True)
+class MissingLimits:
+    """Limits from which strokes of a character are missing, or are those of another font.
+
+    Attributes:
+        least_edges: least share of a character's edges that must be there, in a font that explains the marks.
+        least_felt: least share of the depth of a character's strokes that must be there, in the font that fits best,
+            which is not quite the part's.
+        suited: template score of a character from which the surface shows its shape, however shallow.
+        all_there: share of strokes felt, by depth or by edges, from which none is missing, whatever the other share is.
+        least_foreign: least number of characters that must differ from the named font: one alone is a blow, or
+            misplaced dots.
+        other_font: mean score of a line by which another font must explain it better. Of 24 lines of the exam whose
+            right font was named, 19 fit it best, 3 fit another one better by less than this, and 2 by 0.08.
+    """
+
+    least_edges: float = 0.5
+    least_felt: float = 0.4
+    suited: float = 0.35
+    all_there: float = 0.6
+    least_foreign: int = 2
+    other_font: float = 0.06
+
+
+@dataclass(frozen=True, kw_only=True)
+class RivalLimits:
+    """Limits from which strokes do not exclude a rival of a character.
+
+    Attributes:
+        left: most posterior that a live rival may keep once the strokes are weighed.
+        distinct_heights: least length of strokes that differ between two characters if touch is to decide, character
+            heights.
+        untold: posterior from which a rival is not excluded if touch cannot decide.
+        hidden_share: share of a rival's strokes that could not be felt, from which the rival is not excluded.
+        hidden_margin: margin from which a stroke of the other character was felt after all, nats; even a piece
+            gives more.
+
+    Raises:
+        ValueError: a `left` that is not positive: its logarithm is compared.
+    """
+
+    left: float = 0.002
+    distinct_heights: float = 0.25
+    untold: float = 0.03
+    hidden_share: float = 0.5
+    hidden_margin: float = 2.5
+
+    def __post_init__(self) -> None:
+        if not self.left > 0.0:
+            raise ValueError(f"left is {self.left}; it must be positive")
+
+
+def add_stroke_findings(
+    reading: Reading,
+    *,
+    text_felt: float = 0.35,
+    missing: MissingLimits = MissingLimits(),
+    rivals: RivalLimits = RivalLimits(),
+) -> Reading:
     """Add findings about the strokes: most of a character is missing, or they fit a rival as well.
 
     Args:
         reading: with grades of its marks, and with strokes in its trace.
+        text_felt: share of strokes felt below which a mostly unreadable line is not text but dirt or land.
+        missing: limits from which strokes are missing.
+        rivals: limits from which a rival is not excluded.
     """
     reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
     felt = reading.strokes_felt
-    if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT:
+    if reading.decision is Decision.REJECT and felt is not None and felt < text_felt:
         return no_text(reading)
-    found = (*_cut_characters(reading), *_missing(reading), *_undecided_strokes(reading))
+    found = (*_cut_characters(reading), *_missing(reading, missing), *_undecided_strokes(reading, rivals))
     return reading.with_findings(*found)
 
 
-def no_text(reading: Reading) -> Reading:
+def no_text(reading: Reading, *, least_open: float = 0.5) -> Reading:
     """The reading of a part without text: it has no characters, and no doubts about them.
 
     Text that is surely read but does not fit the format is named.
+
+    Args:
+        reading: of the part.
+        least_open: posterior of the reading without the format from which it is text, although it does not fit the
+            format.
     """
     openly, bare = (
         reading.trace.open_lattice,
         reading.without_flags(BROKEN | EXPLANATIONS | ReadingFlag.LOW_CONFIDENCE),
     )
-    sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(READ_OPENLY)
+    sure = openly is not None and float(openly.log_belief.max(axis=1).sum()) > math.log(least_open)
     outside = [f for f in reading.findings if sure and f.flag is ReadingFlag.FORMAT_OVERRULED]
     return replace(
         bare.with_findings(*(replace(f, flag=ReadingFlag.NO_CHARACTERS) for f in outside)),
@@ -118,17 +154,17 @@ def only_whole(reading: Reading) -> Reading:
     return replace(reading, characters=tuple(characters))
 
 
-def _missing(reading: Reading) -> Iterator[Finding]:
+def _missing(reading: Reading, limits: MissingLimits) -> Iterator[Finding]:
     strokes = reading.trace.strokes
     lacking, foreign = {}, []
     for k, c in enumerate(reading.characters):
         place = strokes[k] if k < len(strokes) else None
         edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
-        shallow = place is not None and place.felt is not None and place.felt < LEAST_FELT
-        if shallow and strokes[k].score < SUITED and (edges is None or edges < ALL_THERE):
+        shallow = place is not None and place.felt is not None and place.felt < limits.least_felt
+        if shallow and strokes[k].score < limits.suited and (edges is None or edges < limits.all_there):
             lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
-        elif edges is not None and edges < LEAST_STROKES:
-            if place is not None and (place.felt or 0.0) >= ALL_THERE:
+        elif edges is not None and edges < limits.least_edges:
+            if place is not None and (place.felt or 0.0) >= limits.all_there:
                 foreign.append(k)
             elif c.grade is not None:
                 lacking[k] = c.grade.action
@@ -138,23 +174,23 @@ def _missing(reading: Reading) -> Iterator[Finding]:
         yield Finding(
             ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})", _from_1(lacking)
         )
-    if len(foreign) >= LEAST_FOREIGN and _another_font(reading):
+    if len(foreign) >= limits.least_foreign and _another_font(reading, limits.other_font):
         where = places_text(reading, foreign)
         what = f"another font than {reading.font} explains the marks better"
         yield Finding(ReadingFlag.FOREIGN_SHAPES, f"{what}: {where} (name the right font)", _from_1(foreign))
 
 
-def _another_font(reading: Reading) -> bool:
-    """Whether another font explains the whole text better than the named one."""
+def _another_font(reading: Reading, lead: float) -> bool:
+    """Whether another font explains the whole text better than the named one, by this mean score."""
     line = reading.trace.felt_line
     scores = {} if line is None else line.by_font([c.char for c in reading.characters])
     named = scores.get(reading.font)
-    return named is not None and max(scores.values()) >= named + OTHER_FONT
+    return named is not None and max(scores.values()) >= named + lead
 
 
-def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
+def _undecided_strokes(reading: Reading, limits: RivalLimits) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
-        rivals = [r for r in place.rivals if _remains(r)]
+        rivals = [r for r in place.rivals if _remains(r, limits)]
         if place.untold:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
@@ -164,28 +200,29 @@ def _undecided_strokes(reading: Reading) -> Iterator[Finding]:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(
                 ReadingFlag.STROKES_UNDECIDED,
-                f"{c.char} or {rival.char} at place {k + 1}: {_why(rival)}",
+                f"{c.char} or {rival.char} at place {k + 1}: {_why(rival, limits)}",
                 (k + 1,),
             )
 
 
-def _remains(rival: RivalStrokes) -> bool:
+def _remains(rival: RivalStrokes, limits: RivalLimits) -> bool:
     """Whether a rival is not excluded."""
-    if rival.apart_heights < DISTINCT_HEIGHTS:
-        return rival.belief >= UNTOLD
-    return (rival.belief >= LIVE and rival.excluded_nats < -math.log(RIVAL_LEFT)) or _is_hidden(rival)
+    if rival.apart_heights < limits.distinct_heights:
+        return rival.belief >= limits.untold
+    live = rival.belief >= LIVE and rival.excluded_nats < -math.log(limits.left)
+    return live or _is_hidden(rival, limits)
 
 
-def _is_hidden(rival: RivalStrokes) -> bool:
+def _is_hidden(rival: RivalStrokes, limits: RivalLimits) -> bool:
     """Whether the rival's additional strokes could not be felt, and nothing else excludes it."""
-    covered = rival.more_heights >= DISTINCT_HEIGHTS and rival.hidden >= HIDDEN_SHARE
-    return covered and rival.margin < HIDDEN_MARGIN
+    covered = rival.more_heights >= limits.distinct_heights and rival.hidden >= limits.hidden_share
+    return covered and rival.margin < limits.hidden_margin
 
 
-def _why(rival: RivalStrokes) -> str:
-    if rival.apart_heights < DISTINCT_HEIGHTS:
+def _why(rival: RivalStrokes, limits: RivalLimits) -> str:
+    if rival.apart_heights < limits.distinct_heights:
         return "touch hardly tells them apart (look at the part)"
-    if _is_hidden(rival):
+    if _is_hidden(rival, limits):
         return "the strokes that tell them apart are covered (clean it and scan it again)"
     if rival.margin < 0.0:
         return "the strokes that were felt fit both (look at the part)"

@@ -25,13 +25,6 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
-CONFIRM_PROBABILITY = 0.99
-"""Probability of "same" from which a serial is confirmed."""
-REFUTE_PROBABILITY = 0.99
-"""Probability of "differs" from which a serial is refuted."""
-MISSING_COST = math.log(1e-3)
-"""Log-likelihood of a place or an expected character that is left over, if their numbers differ."""
-
 
 class VerifyError(MarksError):
     """An expected text that cannot be verified."""
@@ -122,8 +115,8 @@ def verify(
     *,
     prior: float = 0.5,
     grammar: Grammar | None = None,
-    confirm: float = CONFIRM_PROBABILITY,
-    refute: float = REFUTE_PROBABILITY,
+    confirm: float = 0.99,
+    refute: float = 0.99,
 ) -> Verification:
     """Compare the posteriors of a line with the text that is expected.
 
@@ -135,8 +128,8 @@ def verify(
         expected: the text; blanks are ignored.
         prior: probability of the text before the part was felt, between 0 and 1.
         grammar: format of the rival; the expected text must fit it, too.
-        confirm: least probability for CONFIRMED; also, no character may contradict the expected one.
-        refute: least refutation for REFUTED.
+        confirm: least probability of "same" for CONFIRMED; also, no character may contradict the expected one.
+        refute: least probability of "differs" for REFUTED.
 
     Raises:
         VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks; or the
@@ -231,37 +224,41 @@ def _best_rival(
     return rival, odds / math.log(10.0)
 
 
-def _align(lattice: Lattice, text: str) -> list[tuple[int | None, str]]:
+def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> list[tuple[int | None, str]]:
     """Align places with expected characters; None or "" stands for a missing partner.
 
     If there are equally many, they are paired one to one; else by the alignment with the largest product of
     posteriors.
+
+    Args:
+        lattice: posteriors of the places.
+        text: expected characters.
+        missing: likelihood of a place or an expected character that is left over, if their numbers differ.
     """
     n, m = lattice.n_places, len(text)
     if n == m:
         return list(enumerate(text))
     column = {c: k for k, c in enumerate(lattice.chars)}
+    cost = math.log(missing)
     # a pair never costs more than leaving both over, so no more than necessary are left over
-    worst = 2.0 * MISSING_COST
+    worst = 2.0 * cost
     best = np.full((n + 1, m + 1), -np.inf)
-    best[:, 0] = MISSING_COST * np.arange(n + 1)
-    best[0, :] = MISSING_COST * np.arange(m + 1)
+    best[:, 0] = cost * np.arange(n + 1)
+    best[0, :] = cost * np.arange(m + 1)
 
     def paired(i: int, j: int) -> float:
         return max(worst, float(lattice.log_belief[i, column[text[j]]]))
 
     for i in range(n):
         for j in range(m):
-            best[i + 1, j + 1] = max(
-                best[i, j] + paired(i, j), best[i, j + 1] + MISSING_COST, best[i + 1, j] + MISSING_COST
-            )
+            best[i + 1, j + 1] = max(best[i, j] + paired(i, j), best[i, j + 1] + cost, best[i + 1, j] + cost)
     out: list[tuple[int | None, str]] = []
     i, j = n, m
     while i or j:
         if i and j and best[i, j] == best[i - 1, j - 1] + paired(i - 1, j - 1):
             i, j = i - 1, j - 1
             out.append((i, text[j]))
-        elif i and (not j or best[i, j] == best[i - 1, j] + MISSING_COST):
+        elif i and (not j or best[i, j] == best[i - 1, j] + cost):
             i -= 1
             out.append((i, ""))
         else:

@@ -18,7 +18,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.correlation_search import CorrelationSearch
 from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import MOST_SCANS, PLAIN, LineSearch
+from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
@@ -213,7 +213,7 @@ class TactileReader:
     def may_be_mirrored(self, reading: Reading) -> bool:
         """Whether the rows may run the other way: little is read, or the line says about as much mirrored."""
         edges = reading.trace.edge_map
-        if edges is None or reading.nats_read <= PLAIN * len(reading.characters):
+        if edges is None or reading.nats_read <= self.lines.search.limits.plain * len(reading.characters):
             return True
         view = felt_view(edges, reading.trace.relief)
         return lead_nats(reading, view, self.lines, Way.ROWS_REVERSED) < LEAST_LEAD_NATS
