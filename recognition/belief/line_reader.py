@@ -30,6 +30,7 @@ from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
 Move = tuple[float, float, int]
+"""Shift down, character heights; factor of the height; columns skipped at the start."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,7 @@ class LineReader:
     Attributes:
         search: for lines; knows the format and the characters that may occur.
         lines: others that stand on the part, by name.
-        moves: of further readings of a line: shift down, character heights; factor of the height; columns skipped at
-            the start.
+        moves: moves of further readings of a line.
         between: the move of a reading whose steps fall halfway between those of the first.
     """
 
@@ -160,6 +160,7 @@ class LineReader:
         if belief is None or closely or not is_agreed(belief):
             looks += self.search.more_looks(view, line, (self.between, *self.moves))
             for number, other in enumerate(others, start=1):
+                # another light shows the line first as it lies
                 more = self.search.more_looks(other, line, ((0.0, 1.0, 0), *self.moves))
                 looks += [replace(one, view=number) for one in more]
             belief = line_belief(looks, grammar)
