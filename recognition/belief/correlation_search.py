@@ -231,9 +231,8 @@ class CorrelationSearch(LineSearch):
         """Find lines of characters of one height, each with the amount that it explains."""
         glyphs = self._glyphs(view, font, style, height_mm, pixels=self.matching.coarse_pixels)
         seen, found = _Rows(view, glyphs, height_mm), []
-        for _, rows in sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])[
-            : self.matching.rows_a_size
-        ]:
+        ranked = sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])
+        for _, rows in ranked[: self.matching.rows_a_size]:
             total, placed = chain_of(seen.along(rows), glyphs, font, places=self._places, gaps=self._gaps)
             if placed:
                 half = glyphs.half_cols
