@@ -1,0 +1,25 @@
+"""Limits with which a search or a rule would do harm are refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from recognition.belief.correlation_search import CorrelationLimits
+from recognition.belief.line_search import SearchLimits
+from recognition.decision.stroke_doubts import RivalLimits
+
+
+@pytest.mark.parametrize(
+    ("limits", "wrong", "why"),
+    [
+        (SearchLimits, {"most_lines": 0}, "at least 1"),
+        (SearchLimits, {"most_moved": 0}, "at least 1"),
+        (SearchLimits, {"sure": 0.95}, "ascend"),
+        (CorrelationLimits, {"size_step": 1.0}, "above 1"),
+        (CorrelationLimits, {"smallest": 0.0}, "ascend"),
+        (RivalLimits, {"left": 0.0}, "positive"),
+    ],
+)
+def test_limits_that_do_harm_are_refused(limits: type, wrong: dict, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        limits(**wrong)
