@@ -308,5 +308,8 @@ def _store_errors(shown: str) -> Iterator[None]:
         if isinstance(orig, UnfitError):
             raise orig from error
         reason = " ".join(str(orig).split())[:300]
-        hint = "check that the database runs, that it or its folder may be written, and its address"
+        if any(words in reason for words in ("disk I/O error", "disk is full", "No space left")):
+            hint = "make room on its disk, or check the disk"
+        else:
+            hint = "check that the database runs, that it or its folder may be written, and its address"
         raise StoreError(f"the store {shown} does not answer ({reason})", hint=hint) from error

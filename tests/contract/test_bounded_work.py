@@ -113,7 +113,7 @@ def test_a_whole_glyph_database_is_taken(service: RunningService, database: byte
         ({"format": "A" * 2001}, "give 2,000 at most"),
         ({"format": "re:(A|B)*A(A|B){20}"}, "too involved"),
         ({"format": "re:.*A.{10}[\u4e00-\u5dff]{5}.{40}"}, "too involved"),
-        (["A9"], "no JSON object"),
+        (["A9"], "not a JSON object"),
     ],
 )
 def test_a_job_that_is_far_too_much_to_prepare_is_refused(

@@ -273,7 +273,7 @@ def wide_advance(file):
         (many_fonts, "300 fonts, over the limit"),
         (empty_lines, "lines, over the limit"),
         (crowded_glyph, "more than 5,000 points"),
-        (far_point, "further than 100 cap heights"),
+        (far_point, "beyond 100 cap heights"),
         (wide_advance, "advance is 1000000000"),
     ],
 )

@@ -253,7 +253,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("service = 3\n", "make it a table"),
         ('[service]\nport = "many"\n', "port in"),
         ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
-        ('[service]\nwebhook.url = "ftp://x"\n', "begin it with https://"),
+        ('[service]\nwebhook.url = "ftp://x"\n', "write https://host/path"),
         ('[service.mqtt]\nurl = "broker:1883"\n', "mqtt://host:1883"),
         ('[service.tcp]\nhost = "0.0.0.0"\nport = 8418\n', "tcp.clients"),
         ('[service.opcua]\nhost = "0.0.0.0"\nport = 4840\n', "opcua.certificate"),
