@@ -17,7 +17,6 @@ from recognition.belief.line_reader import LineReader, is_agreed
 from recognition.belief.line_search import LineSearch
 from recognition.belief.part_lines import ReadLine
 from recognition.decision.code_check import checked_by_codes
-from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
@@ -93,7 +92,8 @@ class VisionReader:
         views, left_out = photo_views(bare)
         timer = StepTimer()
         made = self._of_views(photo, views, about, timer, left_out=left_out)
-        if made.decision is not Decision.ACCEPT and not photo.others:
+        # where it is sure, and in review for a contract, another text must not get round that contract
+        if made.confidence < self.settings.accept_confidence and not photo.others:
             clean = stainless_view(bare)
             if clean is not None:
                 other = self._of_views(photo, [clean], about, timer)
@@ -101,7 +101,7 @@ class VisionReader:
                 # the same text again is no further evidence: it is the same photograph
                 if surer and other.text != made.text:
                     made = other
-        return made
+        return replace(made, seconds=MappingProxyType(dict(timer.seconds)))
 
     def _of_views(
         self,
@@ -128,7 +128,6 @@ class VisionReader:
         made = replace(
             made,
             unit="mm" if scaled else "px",
-            seconds=MappingProxyType(dict(timer.seconds)),
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).with_trace(photo=photo)

@@ -16,6 +16,7 @@ from glyphs.camera.photo import Photo
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Reading
+from recognition.senses import camera
 from recognition.senses.camera import VisionReader
 from recognition.senses.settings import ReaderSettings
 from recognition.views.text_line import TextLine
@@ -78,6 +79,19 @@ def test_rust_is_told_from_relief_by_its_colour(
     assert found.text == TEXT
     assert found.decision is Decision.ACCEPT
     check_places(found, photo[0])
+
+
+def test_a_sure_reading_in_review_is_not_replaced_by_one_without_stains(
+    photo: tuple[StampedPart, Photo], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(picture: Photo) -> None:
+        raise AssertionError(f"{picture} was read again")
+
+    monkeypatch.setattr(camera, "stainless_view", never)
+    found = VisionReader(replace(SETTINGS, lines={"lot": "A9"})).read_photo(photo[1])
+    assert found.confidence >= SETTINGS.accept_confidence
+    assert found.decision is Decision.REVIEW
+    assert found.seconds["read"] > 0.0
 
 
 def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
