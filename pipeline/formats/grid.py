@@ -42,7 +42,8 @@ _SUBSAMPLE = 40_000
 
 MM = {
     **{"nm": 1e-6, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "mm": 1.0},
-    **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4},
+    **{"cm": 10.0, "m": 1e3, "in": 25.4, "inch": 25.4, "inches": 25.4, "mil": 0.0254, "thou": 0.0254},
+    **{"micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "millimeter": 1.0, "meter": 1e3},
 }
 """Millimetres in one of a unit of length, as files write it."""
 UNITS = {"um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches", "nm": "nanometres"}

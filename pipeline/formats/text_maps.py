@@ -5,8 +5,8 @@ text --layout of the first lines--> head | body --numpy--> NumberTable --> RawMa
 Any delimiter, a decimal point or comma, headings, and words for missing values are read.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP,
-Surfer and plain `key = value unit` lines. The first row of a matrix is the top one, unless a column of y says
-otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
+Surfer, Zygo XYZ and plain `key = value unit` lines. The first row of a matrix is the top one, unless a column of y
+says otherwise. ESRI and Gwyddion always write the top row first, Wyko and Surfer the bottom row.
 """
 
 from __future__ import annotations
@@ -35,6 +35,10 @@ _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
+# a number with marks between its thousands and a decimal sign, in a line of numbers parted by semicolons or tabs
+_GROUPED = re.compile(
+    r"(?m)^(?=[^\n]*[;\t])[-+\d.,'’ \u00a0\u202f;\teE]*?\d([.,'’ \u00a0\u202f])\d{3}(?:\1\d{3})*(?!\1)[.,]\d"
+)
 # missing values: phrases, the NaN of Microsoft's C, and other contents of a cell
 _PHRASE = re.compile(
     r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b|(?<=[\s;,])#[a-z][\w/!?]*"
@@ -110,6 +114,10 @@ def read_number_table(path: Path) -> NumberTable:
         DataError: the file holds no table of numbers, too many numbers, or rows of different lengths.
     """
     text = _decode(path.read_bytes())
+    before: tuple[str, ...] = ()
+    if text.startswith(_ZYGO):
+        heading, _, text = text.partition("\n#\n")
+        before = tuple(heading.splitlines())
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
@@ -119,14 +127,18 @@ def read_number_table(path: Path) -> NumberTable:
     body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
     if body.count("\n") * found.columns > 9 * MAX_PIXELS:
         raise DataError("holds more numbers than the limit", "crop or thin the map")
-    return NumberTable(head, _names(head, found), _numbers(body, found))
+    return NumberTable((*before, *head), _names(head, found), _numbers(body, found))
 
 
 def _decode(data: bytes) -> str:
-    """Decode the text, with one kind of line ends and without quotes."""
+    """Decode the text, with one kind of line ends, without quotes and without marks between thousands."""
     text = data.decode(encoding_of(data[:_SNIFF_BYTES]), CP1252)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return text.replace('","', ";").replace('"', "") if '"' in text[:_SNIFF_BYTES] else text
+    if '"' in text[:_SNIFF_BYTES]:
+        text = text.replace('","', ";").replace('"', "")
+    if grouped := _GROUPED.search(text[:_SNIFF_BYTES]):
+        text = re.sub(rf"(?<=\d){re.escape(grouped[1])}(?=\d{{3}}(?!\d))", "", text)
+    return text
 
 
 def _layout(lines: Sequence[str]) -> Layout | None:
@@ -157,11 +169,21 @@ def _count(line: str, layout: Layout) -> int:
 
 
 def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
-    last = head[-1].strip().lstrip("#%/ ") if head else ""
-    names = [cell.strip().strip('"').lower() for cell in re.split(r"[;,\t]", last) if cell.strip()]
-    if len(names) != layout.columns:
-        names = last.lower().split()
-    return tuple(names) if len(names) == layout.columns else ()
+    """The names of the columns, with the units that a line below them may have."""
+    cells = tuple(_cells_of_head(line, layout.columns) for line in head[-2:])
+    if len(cells) == 2 and all(cells):
+        units = [unit.strip("[]()- ") for unit in cells[1]]
+        if {*units} <= {"", *MM}:
+            return tuple(f"{name} {unit}" for name, unit in zip(cells[0], units, strict=True))
+    return cells[-1] if cells else ()
+
+
+def _cells_of_head(line: str, columns: int) -> tuple[str, ...]:
+    """The cells of a line of the head, in lower case; empty where they are not as many as the columns."""
+    line = line.strip().lstrip("#%/ ").lower()
+    cells = [cell.strip() for cell in re.split(r"[;,\t]", line) if cell.strip()]
+    cells = cells if len(cells) == columns else line.split()
+    return tuple(cells) if len(cells) == columns else ()
 
 
 def _numbers(body: str, layout: Layout) -> NDArray[np.float64]:
@@ -189,6 +211,9 @@ def _numbers_and_words(body: str, layout: Layout) -> NDArray[np.float64]:
                 f"(line {n} has {len(values)} columns, others {width})",
                 "export it again",
             )
+        for cell, value in zip(cells, values, strict=True):
+            if np.isnan(value) and any(char.isdigit() for char in cell):
+                raise DataError(f"says {cell.strip()[:40]!r} in line {n}", "write a number there, or nan")
         numbers.extend(values)
     return np.array(numbers).reshape(-1, width)
 
@@ -221,8 +246,13 @@ _SHAPE = re.compile(r"(?is)(?:ncols|nx|x-pixels)\W+(\d+).*?(?:nrows|ny|y-pixels)
 _SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
 _WYKO = "wyko ascii data file format"
+_ZYGO = "Zygo XYZ Data File"
+# a unit is a known word, or any word in brackets
+_KNOWN_UNIT = "|".join(sorted((*MM, "px", "pixels?"), key=len, reverse=True))
 _AXIS = re.compile(
-    r"(?P<axis>[xyz]|height|h[öo]he)(?![a-z])[\W_]*(?:(?:pos\w*|coord\w*|value)[\W_]*)?(?P<unit>nm|[uµμ]m|mm|cm|m|in)?[\W_]*"
+    r"(?P<axis>[xyz]|height|h[öo]he|row|col(?:umn)?)(?![a-z])[\W_]*"
+    r"(?:(?:pos\w*|coord\w*|value|index|number)[\W_]*)?"
+    rf"(?P<unit>(?:{_KNOWN_UNIT})(?![a-z])|(?<=[\[(])[^\W\d_]+)?[\W_]*"
 )
 
 
@@ -233,21 +263,48 @@ def read_text_map(path: Path, most: int = MAX_PIXELS) -> RawMap:
         DataError: the file holds no heights.
     """
     table = read_number_table(path)
-    if (named := _named_columns(table)) is not None:
-        columns, z_mm, xy_mm = named
-        return replace(map_of_points(table.rows[:, columns], most=most), z_mm=z_mm, xy_mm=xy_mm)
-    return map_of_points(table.rows[:, :3], most=most) if _is_points(table) else _matrix(table)
+    if table.head[:1] and table.head[0].startswith(_ZYGO):
+        return _zygo(table, most)
+    if (named := _named_points(table)) is not None:
+        points, z_mm, xy_mm = named
+    elif _is_points(table):
+        points, z_mm, xy_mm = table.rows[:, :3], None, None
+    else:
+        return _matrix(table)
+    raw = replace(map_of_points(points, most=most), z_mm=z_mm, xy_mm=xy_mm)
+    # places counted 0, 1, 2 are no lengths
+    counted = xy_mm is None and raw.x_pitch == raw.y_pitch == 1.0
+    return replace(raw, x_pitch=None, y_pitch=None) if counted else raw
 
 
-def _named_columns(table: NumberTable) -> tuple[list[int], float | None, float | None] | None:
-    """Columns of x, y and z, and the units of z and x in mm; None if the table does not name them."""
+def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], float | None, float | None] | None:
+    """(n, 3) x, y and z, and the units of z and x in mm; None if the table does not name them.
+
+    Raises:
+        DataError: a unit that is not known.
+    """
     found: dict[str, tuple[int, float | None]] = {}
     for column, name in enumerate(table.names):
         if axis := _AXIS.fullmatch(name.strip("\"'# ")):
-            found.setdefault(axis["axis"][0].replace("h", "z"), (column, MM.get(axis["unit"] or "")))
+            unit = axis["unit"] or ""
+            if unit and unit not in MM and not unit.startswith(("px", "pixel")):
+                what = f"has the column {name!r}, and {unit} is no unit of length that is known"
+                raise DataError(what, "export it in nm, um, mm, m or in, or leave the unit out")
+            found.setdefault(axis["axis"][0].replace("h", "z"), (column, MM.get(unit)))
+    if {"r", "c", "z"} <= found.keys():
+        rows, columns, heights = (table.rows[:, found[axis][0]] for axis in "rcz")
+        return np.stack([columns, -rows, heights], axis=1), found["z"][1], None
     if not {"x", "y", "z"} <= found.keys():
         return None
-    return [found[axis][0] for axis in "xyz"], found["z"][1], found["x"][1]
+    return table.rows[:, [found[axis][0] for axis in "xyz"]], found["z"][1], found["x"][1]
+
+
+def _zygo(table: NumberTable, most: int) -> RawMap:
+    """Zygo XYZ: columns and rows of the camera, and heights in um; the 7th number of line 8 is the pixel in m."""
+    numbers = table.head[7].split() if len(table.head) > 7 else []
+    pitch = (float(numbers[6]) if len(numbers) > 6 else 0.0) or None
+    raw = map_of_points(table.rows[:, :3] * (1.0, -1.0, 1.0), most=most)
+    return replace(raw, x_pitch=pitch, y_pitch=pitch, z_mm=1e-3, xy_mm=1e3)
 
 
 def _is_points(table: NumberTable) -> bool:
@@ -278,8 +335,10 @@ def _matrix(table: NumberTable) -> RawMap:
         x, to_x, y, to_y = (float(end) for end in surfer.groups()[2:])
         pitches = (to_x - x) / (z.shape[1] - 1), (to_y - y) / (z.shape[0] - 1)
         return RawMap(z, *pitches, bottom_first=True, rows_stated=True)
-    if axes := _without_axes(z):
+    if axes := _without_axes(_with_first_row(z, table.names)):
         z, x_step, y_step = axes
+        if x_step == y_step == 1.0:  # rows and columns are numbered
+            return RawMap(z, z_mm=z_mm)
         return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
     x_pitch, y_pitch, xy_mm = _stated_pitches(head, *z.shape)
     # ESRI grids and exports of Gwyddion have their top row first by definition
@@ -327,6 +386,12 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     pitch = stated.get("Pixel_size")
     pitches = pitch, pitch and pitch * stated.get("Aspect", 1.0)
     return RawMap(z.T, *pitches, z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True)
+
+
+def _with_first_row(z: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:
+    """The matrix below the numbers that name its columns, such as y\\x, 0.0, 0.1; as it is where words do."""
+    axis = [_number(name) for name in names[1:]]
+    return np.vstack([[np.nan, *axis], z]) if axis and np.isfinite(axis).all() else z
 
 
 def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float] | None:

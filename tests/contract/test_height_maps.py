@@ -90,12 +90,33 @@ WYKO = (
     "Wyko ASCII Data File Format 0\t0\t1\nX Size\t60\nY Size\t40\nBlock Name\tType\tLength\tValue\n"
     f"Pixel_size\t7\t4\t{PITCH}\nWavelength\t7\t4\t500.0\nMult\t7\t4\t2\nRAW_DATA\t3\t9600\t\n"
 )
+ZYGO = (
+    'Zygo XYZ Data File - Format 1\n0 3 0 0 "x"\n0 0 60 40 1 255\n0 0 60 40\n\n\n\n0 0 6e-07 0.5 1 0 8e-5 1787677163\n'
+    + '3 2 0 0 0 666666 0 ""\n0 0 1 33 0 0 0.1 60.4 2 50\n0 1 100 0 0 0 0 0 0 0\n0 ""\n1 5 0\n#\n'
+    + "".join(f"{j} {i} {z * 1e3:.3f}\n" for (i, j), z in np.ndenumerate(Z)) + "#\n"
+)  # fmt: skip
+NUMBERED = "row,col,height\n" + "".join(f"{i},{j},{z}\n" for (i, j), z in np.ndenumerate(Z))
 AXES = np.block([[np.zeros((1, 1)), np.arange(60)[None] * PITCH], [np.arange(40)[::-1, None] * PITCH, Z]])
+
+
+def in_thousands(mark: str, sign: str) -> str:
+    """Columns in micrometres, 1,234.50 with these signs."""
+    rows = [[f"{float(cell) * 1e3:,.2f}" for cell in line.split()] for line in columns().splitlines()]
+    text = "X [µm];Y [µm];Z [µm]\n" + "\n".join(";".join(row) for row in rows)
+    return text.replace(",", "T").replace(".", sign).replace("T", mark)
+
+
 TEXTS: dict[str, tuple[str, str]] = {
     "blanks": ("a.xyz", columns()),
     "blanks in .txt": ("a.txt", columns()),
     "heading and commas": ("a.csv", columns(delimiter=",", head="x,y,z\n")),
     "heading with units": ("a.csv", columns(Z * 1e3, delimiter=";", head="X [mm];Y [mm];Z [µm]\n")),
+    "units below the heading": ("a.csv", columns(Z * 1e3, delimiter=";", head="X;Y;Z\nmm;mm;µm\n")),
+    "thousandths of an inch": ("a.csv", columns(Z / 0.0254, delimiter=",", head="X (mm),Y (mm),Z (mil)\n")),
+    "thousands with points": ("a.csv", in_thousands(".", ",")),
+    "thousands with commas": ("a.csv", in_thousands(",", ".")),
+    "thousands with apostrophes": ("a.csv", in_thousands("'", ".")),
+    "zygo": ("a.xyz", ZYGO),
     "more columns": ("a.csv", MORE_COLUMNS),
     "decimal comma and semicolon": ("a.xyz", columns(delimiter=";").replace(".", ",")),
     "decimal comma and tab": ("a.txt", columns(delimiter="\t").replace(".", ",")),
@@ -113,6 +134,7 @@ TEXTS: dict[str, tuple[str, str]] = {
     "quoted": ("a.csv", '"x","y","z"\n"' + columns(delimiter='","').replace("\n", '"\n"')[:-1]),
     "wyko": ("a.asc", matrix(Z[::-1].T * 1e6 / 250.0, delimiter="\t", head=WYKO)),
     "axes": ("a.csv", matrix(AXES, delimiter=",")),
+    "axes with a word in the corner": ("a.csv", matrix(AXES, delimiter=",").replace("0.00000", "y\\x", 1)),
     "axes with a gap in the corner": ("a.csv", matrix(AXES, delimiter=";").replace("0.00000", "", 1)),
     "stated pitch": ("a.csv", matrix(delimiter=",", head=f"pitch;{PITCH};mm\n")),
     "delimiter at the end": ("a.asc", ESRI + matrix(delimiter=";").replace("\n", ";\n")),
@@ -458,6 +480,14 @@ WORDS: dict[str, tuple[str, str, str]] = {
     "prose": ("a.txt", "This is a letter.\nIt has no heights.\n", "no format that is read .*x y z.*X3P"),
     "ragged": ("a.asc", matrix(head=ESRI) + "1 2 3\n", "different lengths"),
     "voltage": ("a.asc", matrix(head=GWYDDION.replace("units: m", "units: V")), "no heights.*'V'"),
+    "no length": ("a.csv", columns(delimiter=",", head="x [px],y [px],z [grey]\n"), "grey is no unit of length"),
+    "places for lengths": ("a.csv", NUMBERED, "without the distance of its samples; .*--pitch-mm"),
+    "numbered rows and columns": (
+        "a.csv", "," + ",".join(map(str, range(60))) + "\n" + "".join(
+            f"{n},{line}\n" for n, line in enumerate(matrix(delimiter=",").splitlines())
+        ), "without the distance of its samples; .*--pitch-mm",
+    ),
+    "half a number": ("a.xyz", with_gaps("0.1.5"), r"says '0\.1\.5' in line 8"),
     "two columns": ("a.xyz", "1 2\n3 4\n5 6\n", "columns x y z"),
 }  # fmt: skip
 
@@ -469,5 +499,5 @@ def test_text_that_holds_no_map_is_refused_in_words(case: str, tmp_path: Path) -
     (tmp_path / name).write_text(text)
     with pytest.raises(FileError, match=message):
         read_height_map(tmp_path / name)
-    if case == "matrix without pitch":
+    if "--pitch-mm" in message:
         check(read_height_map(tmp_path / name, MapSettings(pitch_mm=PITCH)))
