@@ -189,7 +189,7 @@ class FoundFiles:
         """
         seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]
         if named:
-            seen = [(key, kind or _kind_of_named(f), f) for key, kind, f in seen]
+            seen = [(key, kind or kind_of_named(f), f) for key, kind, f in seen]
         if self._photos or named or not any(kind in ("height_map", "scan") for _, kind, _ in seen):
             self._meant.update(key for key, kind, _ in seen if kind == "photo")
         for key, kind, file in seen:
@@ -245,7 +245,7 @@ def _files_in(folder: str) -> list[str]:
         raise FileError(folder, what, "check its permissions") from error
 
 
-def _kind_of_named(file: str) -> str:
+def kind_of_named(file: str) -> str:
     """The attribute of a part for a named file of a kind that is not read: its reader refuses it."""
     suffix = os.path.splitext(split_name(file)[1])[1].lower()
     return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"

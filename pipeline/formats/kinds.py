@@ -54,6 +54,7 @@ READ = (
     PhotoKind("TIFF", (".tif", ".tiff"), "image/tiff", re.compile(rb"II\*\0|MM\0\*|II\+\0|MM\0\+")),
     PhotoKind("WEBP", (".webp",), "image/webp", re.compile(rb"RIFF....WEBP", re.DOTALL)),
     PhotoKind("GIF", (".gif",), "image/gif", re.compile(rb"GIF8[79]a")),
+    PhotoKind("PPM", (".pgm", ".ppm", ".pnm"), "image/x-portable-anymap", re.compile(rb"P[2356]\s")),
 )
 READ_NAMES = "PNG, JPEG, BMP, TIFF, WebP or GIF"
 PHOTO_SUFFIXES = tuple(suffix for kind in READ for suffix in kind.suffixes)
@@ -66,7 +67,7 @@ _RECOGNISED = (
     ("PDF", re.compile(rb"%PDF-")),
 )
 UNREAD_PICTURE_SUFFIXES = (
-    *(".heic", ".heif", ".avif", ".jxl", ".jp2", ".j2k", ".psd"),
+    *(".heic", ".heif", ".avif", ".jxl", ".jp2", ".j2k", ".psd", ".pdf"),
     *(".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"),
 )
 """Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
@@ -97,6 +98,9 @@ def kind_of(head: bytes) -> PhotoKind | None:
 
 def refusal(head: bytes) -> tuple[str, str]:
     """Message and hint for a file that is not a readable picture."""
+    if (kind := kind_of(head)) is not None:
+        hint = "copy it again, or save it as PNG; heights as TIFF of 32 bit floats"
+        return f"is a {kind.name} that is damaged or unusual", hint
     name = next((name for name, magic in _RECOGNISED if magic.match(head)), None)
     if name is None:
         return "is not a picture that can be read", f"copy it again, or save it as {READ_NAMES}"

@@ -1,4 +1,4 @@
-"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP and GIF in, PNG out.
+"""Photographs as files: PNG, JPEG, BMP, TIFF, WebP, GIF and PGM in, PNG out.
 
 Pillow reads the header and decodes; OpenCV decodes pictures of 16 bit, which Pillow would cut to 8.
 
@@ -22,8 +22,9 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError, reading
-from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, refusal
-from pipeline.formats.raw_map import RawMap
+from pipeline.formats.grid import MM
+from pipeline.formats.kinds import HEAD_BYTES, MOST_BYTES, READ, kind_of, refusal
+from pipeline.formats.raw_map import RawMap, check_size
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -104,8 +105,12 @@ _INCH_MM = 25.4
 _LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
 _MEANINGLESS_DPI = (72.0, 96.0)
 """Written by programs that know nothing of the scale."""
+_IMAGEJ_UNIT = re.compile(r"(?sm)\AImageJ=.*?^unit=(\S+)")
+"""In the description of a TIFF: the unit in which its resolution counts."""
 _ORIENTATION = 274
 """Tag of EXIF and TIFF."""
+_COLUMNS, _ROWS, _BITS, _DESCRIPTION, _RESOLUTION = 256, 257, 258, 270, (282, 283)
+"""Tags of TIFF; of the resolution along x and y."""
 _SUBFILE, _REDUCED = 254, 1
 """Tag of a TIFF page, and its bit for a smaller copy of another page."""
 _MOST_PAGES = 24
@@ -198,10 +203,17 @@ def _pitch_mm(image: ImageFile) -> float | None:
     # what EXIF says is a camera's habit, no scale; WebP has nothing else
     if image.format == "WEBP" or (image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit")):
         return None
-    x_dpi, y_dpi = (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
-    if not (x_dpi > 0.0 and y_dpi > 0.0) or any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI):
+    unit_mm, (x_dpi, y_dpi) = _INCH_MM, (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
+    if image.format == "TIFF":
+        tags = image.tag_v2  # type: ignore[attr-defined]
+        if imagej := _IMAGEJ_UNIT.match(str(tags.get(_DESCRIPTION, ""))):
+            unit_mm = MM.get(imagej[1].replace("\\u00B5", "µ"), 0.0)
+            x_dpi, y_dpi = (float(tags.get(tag, 0.0)) for tag in _RESOLUTION)
+    if not (x_dpi > 0.0 and y_dpi > 0.0) or (
+        unit_mm == _INCH_MM and any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI)
+    ):
         return None
-    x_mm, y_mm = _INCH_MM / x_dpi, _INCH_MM / y_dpi
+    x_mm, y_mm = unit_mm / x_dpi, unit_mm / y_dpi
     plausible = _LEAST_PITCH_MM <= x_mm <= _MOST_PITCH_MM and abs(x_mm - y_mm) <= 0.01 * x_mm
     return x_mm if plausible else None
 
@@ -268,7 +280,9 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
 def _is_deep(path: Path, image: ImageFile) -> bool:
     """Whether a picture has 16 bit a channel."""
     if image.format == "TIFF":
-        return 16 in image.tag_v2.get(258, ())  # type: ignore[attr-defined]
+        return 16 in image.tag_v2.get(_BITS, ())  # type: ignore[attr-defined]
+    if image.format == "PPM":
+        return image.mode == "I"
     with path.open("rb") as stream:
         return image.format == "PNG" and stream.read(25)[24:] == b"\x10"  # of IHDR, which comes first
 
@@ -304,16 +318,34 @@ def read_height_image(path: Path, most: int = MAX_PIXELS) -> RawMap:
     Raises:
         FileError: a colour picture, or one of 8 bits.
     """
-    with _opened(path, most) as image:
-        pitch_mm = _pitch_mm(image)
+    pitch_mm = None
+    if (size := _size_of_doubles(path)) is not None:
+        check_size(*size, most)
+    else:
+        with _opened(path, most) as image:
+            pitch_mm = _pitch_mm(image)
     z = _by_opencv(path)
     if z is None:
-        raise DataError(f"is a damaged or unusual {image.format}", "save it as TIFF of 32 bit floats")
+        raise DataError("is a damaged or unusual picture", "save it as TIFF of 32 bit floats")
     if z.ndim != 2:
         raise DataError("is a colour picture, no heights", "read it without --height-image")
     if z.dtype == np.uint8:
         raise DataError("has 8 bits, too few for heights", "export it with 16 bits, or as float TIFF")
     return RawMap(z, pitch_mm, pitch_mm, xy_mm=1.0, rows_stated=True)
+
+
+def _size_of_doubles(path: Path) -> tuple[int, int] | None:
+    """Rows and columns of a TIFF of 64 bit floats, which Pillow does not open; None of other files."""
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2
+
+    with path.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+        if (kind := kind_of(head)) is None or kind.name != "TIFF":
+            return None
+        directory = ImageFileDirectory_v2(head if b"+" in head[:4] else head[:8])
+        stream.seek(directory.next)
+        directory.load(stream)
+    return (directory[_ROWS], directory[_COLUMNS]) if directory.get(_BITS) == (64,) else None
 
 
 def write_photo(path: Path, photo: Photo) -> None:

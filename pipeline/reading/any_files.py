@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
+from pipeline.formats.find_parts import kind_of_named
 from pipeline.formats.part_files import PartFiles, key_and_kind
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
     checked = ReadSettings.of(**settings)
     files: dict[str, Path] = {}
     for path in map(Path, (file, *more)):
-        kind = key_and_kind(str(path), height_images=checked.height_image)[1] or "height_map"
+        kind = key_and_kind(str(path), height_images=checked.height_image)[1] or kind_of_named(str(path))
         if kind in files:
             raise FileError(
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"

@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -303,6 +304,11 @@ def test_height_images(name: str, settings: dict[str, str], tmp_path: Path) -> N
     else:  # counts of 10 nm read as 1 nm
         np.testing.assert_allclose(np.ptp(found.z_mm), np.ptp(Z) / 10.0, rtol=1e-3)
         assert found.pitch_mm == PITCH
+
+
+def test_height_images_of_doubles(tmp_path: Path) -> None:
+    (tmp_path / "a.tif").write_bytes(bytes(cv2.imencode(".tif", Z)[1]))
+    check(read_height_map(tmp_path / "a.tif", MapSettings(height_image=True, pitch_mm=PITCH)))
 
 
 def test_npy(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_the_scale_stands_in_a_chunk_that_others_read(tmp_path: Path) -> None:
     assert at < data.index(b"IDAT")
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".bmp", ".tif"])
+@pytest.mark.parametrize("suffix", [".jpg", ".bmp", ".tif", ".ppm"])
 def test_other_formats_are_read(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"part{suffix}"
     path.write_bytes(_encoded(suffix, SMOOTH[..., ::-1]))
@@ -77,7 +77,7 @@ def test_other_formats_are_read(suffix: str, tmp_path: Path) -> None:
     assert np.abs(read_photo(path).pixels.astype(int) - SMOOTH).max() <= (12 if suffix == ".jpg" else 0)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".pgm"])
 @pytest.mark.parametrize("bits", [10, 12, 16])
 def test_deep_pictures_fill_sixteen_bits(suffix: str, bits: int, tmp_path: Path) -> None:
     deep = (np.linspace(0, 2**bits - 1, 16 * 16).reshape(16, 16)).astype(np.uint16)
@@ -236,6 +236,14 @@ def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
     assert read_photo(path).pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
 
 
+@pytest.mark.parametrize(("unit", "count"), [("mm", 20.0), ("micron", 0.02), ("inch", 508.0), ("pixel", None)])
+def test_the_pitch_that_imagej_states(unit: str, count: float | None, tmp_path: Path) -> None:
+    tags = {270: f"ImageJ=1.54f\nunit={unit}\n", 282: count or 20.0, 283: count or 20.0, 296: 1}
+    Image.fromarray(COLOUR).save(tmp_path / "part.tif", tiffinfo=tags)
+    found = read_photo(tmp_path / "part.tif").pitch_mm
+    assert found == (None if count is None else pytest.approx(0.05, rel=1e-4))
+
+
 def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif.update({282: 300.0, 283: 300.0, 296: 2})
@@ -261,6 +269,7 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
         (b"a letter, not a picture", "is not a picture that can be read"),
         (_encoded(".png", COLOUR[:5, :5]), "shows no characters"),
         (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of numbers of 32 bit"),
+        (_encoded(".tiff", np.zeros((16, 16), np.float64)), "TIFF that is damaged or unusual; .*heights as TIFF"),
         (
             struct.pack(">I", 24) + b"ftypheic" + bytes(400),
             r"is a HEIC file.*PNG, JPEG, BMP, TIFF, WebP or GIF",
