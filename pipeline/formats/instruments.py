@@ -37,6 +37,8 @@ _NO_FORMAT = (
     "is of no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and text: "
     "x y z columns or a matrix)"
 )
+# first bytes of what has other files in it, where the suffix is none of a format that is read
+_PACKED = {b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"}
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
@@ -52,8 +54,11 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
         DataError: the file cannot be used, or the extra `formats` is not installed.
     """
     with path.open("rb") as stream:
-        if stream.read(12) == b"DSCOMPRESSED":
-            raise DataError("is compressed", "save it uncompressed, or export it as X3P")
+        head = stream.read(12)
+    if head == b"DSCOMPRESSED":
+        raise DataError("is compressed", "save it uncompressed, or export it as X3P")
+    if packed := next((name for magic, name in _PACKED.items() if head.startswith(magic)), ""):
+        raise DataError(f"is {packed}", "unpack it, or save its table of numbers as CSV")
     import h5py
 
     if h5py.is_hdf5(path):

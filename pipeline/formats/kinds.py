@@ -9,7 +9,10 @@ MESH_SUFFIXES = (".stl", ".ply", ".obj")
 TEXT_SUFFIXES = (".xyz", ".asc", ".pts")
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 """Text that may hold heights and may hold anything else: read where it is named on its own."""
-CORE_SUFFIXES = (".npz", ".npy", ".x3p", ".sdf", *MESH_SUFFIXES, ".pcd", *TEXT_SUFFIXES)
+CORE_SUFFIXES = (
+    *(".npz", ".npy", ".x3p", ".sdf", *MESH_SUFFIXES, ".pcd", ".las", *TEXT_SUFFIXES),
+    *(".grd", ".gsf"),
+)
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),

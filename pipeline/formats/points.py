@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 from pipeline.formats.raw_map import RawMap, check_size, without_bad_points
 
+# of a LAS file: start and length of the points, and their number; scale and origin of x, y, z; their number from 1.4 on
+_LAS_POINTS, _LAS_SCALE, _LAS_MANY = struct.Struct("<IIBHI"), struct.Struct("<6d"), struct.Struct("<Q")
 # of a PCD file: its longest head, and kinds of numbers as numpy spells them
 _MOST_HEAD_BYTES = 20_000
 _KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -84,6 +87,25 @@ def read_pcd(path: Path, most: int = MAX_PIXELS) -> RawMap:
     numbers = [f"<{_KINDS[kind]}{size}" for kind, size, count in fields for _ in range(count)]
     rows = np.frombuffer(data, ",".join(numbers), count=int(head["POINTS"][0]), offset=end)
     return map_of_points(np.stack([rows[f"f{column}"] for column in columns], axis=1), most=most)
+
+
+def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
+    """The heights of the points of a LAS file.
+
+    Raises:
+        DataError: compressed (LAZ), or cut short.
+    """
+    data = path.read_bytes()
+    if not data.startswith(b"LASF"):
+        raise DataError("is damaged or not a LAS file", "copy or export it again")
+    start, _, kind, length, count = _LAS_POINTS.unpack_from(data, 96)
+    if kind & 0xC0:
+        raise DataError("holds compressed points (LAZ)", "save it as LAS, as PLY or as columns x y z")
+    count = count or _LAS_MANY.unpack_from(data, 247)[0]
+    scale_and_origin = np.reshape(_LAS_SCALE.unpack_from(data, 131), (2, 3))
+    record = np.dtype({"names": ["at"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
+    at = np.frombuffer(data, record, count=count, offset=start)["at"]
+    return map_of_points(at * scale_and_origin[0] + scale_and_origin[1], most=most)
 
 
 def map_of_points(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.io import savemat
 
 from glyphs import HeightMap
 from glyphs import MarksError as FileError
@@ -273,6 +274,62 @@ def save_pcd(path: Path, form: str) -> Path:
 @pytest.mark.parametrize("form", ["ascii", "binary"])
 def test_pcd(form: str, tmp_path: Path) -> None:
     check(read_height_map(save_pcd(tmp_path / "a.pcd", form)))
+
+
+def surfer_6() -> bytes:
+    head = struct.pack("<4shh6d", b"DSBB", 60, 40, 1.0, 1.0 + 59 * PITCH, 2.0, 2.0 + 39 * PITCH, -0.3, 0.1)
+    return head + np.where(gaps(), 1.70141e38, Z)[::-1].astype("<f4").tobytes()
+
+
+def surfer_7() -> bytes:
+    grid = struct.pack("<ii8d", 40, 60, 1.0, 2.0, PITCH, PITCH, -0.3, 0.1, 0.0, 1e20)
+    body = np.where(gaps(), 1e20, Z)[::-1].astype("<f8").tobytes()
+    sections = ((b"DSRB", struct.pack("<i", 2)), (b"GRID", grid), (b"DATA", body))
+    return b"".join(tag + struct.pack("<i", len(data)) + data for tag, data in sections)
+
+
+def gwyddion_simple_field() -> bytes:
+    head = (
+        "Gwyddion Simple Field 1.0\nXRes = 60\nYRes = 40\nXReal = 0.0048\nYReal = 0.0032\n"
+        "XYUnits = m\nZUnits = µm\nTitle = Topography\n"
+    ).encode()
+    return head + b"\0" * (4 - len(head) % 4) + (np.where(gaps(), np.nan, Z) * 1e3).astype("<f4").tobytes()
+
+
+def las() -> bytes:
+    """Version 1.2, points with a time after their coordinates; none where there is a gap."""
+    rows = [[float(cell) for cell in line.split()] for line in with_gaps("nan").splitlines()]
+    points = [row for row in rows if row[2] == row[2]]
+    head = bytearray(227)
+    head[:4] = b"LASF"
+    struct.pack_into("<IIBHI", head, 96, 227, 0, 1, 28, len(points))
+    struct.pack_into("<6d", head, 131, 1e-3, 1e-3, 1e-5, 5.0, 6.0, 0.0)
+    return bytes(head) + b"".join(
+        struct.pack("<iii16x", round((x - 5) * 1e3), round((y - 6) * 1e3), round(z * 1e5))
+        for x, y, z in points
+    )
+
+
+def matlab() -> bytes:
+    stream = io.BytesIO()
+    savemat(
+        stream, {"z_mm": np.where(gaps(), np.nan, Z), "pitch_mm": PITCH, "note": "x"}, do_compression=True
+    )
+    return stream.getvalue()
+
+
+BINARY = {"a.grd": surfer_6, "b.grd": surfer_7, "a.gsf": gwyddion_simple_field, "a.las": las, "a.mat": matlab}
+
+
+@pytest.mark.parametrize("name", BINARY)
+def test_binary_grids_and_points(name: str, tmp_path: Path) -> None:
+    path, data = tmp_path / name, BINARY[name]()
+    path.write_bytes(data)
+    check(read_height_map(path), missing=gaps())
+    for length in (3, 60, len(data) // 2):
+        path.write_bytes(data[:length])
+        with pytest.raises(FileError, match=r"damaged|no table of numbers|could not be read"):
+            read_height_map(path)
 
 
 def test_obj(tmp_path: Path) -> None:

@@ -236,7 +236,9 @@ def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
     assert read_photo(path).pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
 
 
-@pytest.mark.parametrize(("unit", "count"), [("mm", 20.0), ("micron", 0.02), ("inch", 508.0), ("pixel", None)])
+@pytest.mark.parametrize(
+    ("unit", "count"), [("mm", 20.0), ("micron", 0.02), ("inch", 508.0), ("pixel", None)]
+)
 def test_the_pitch_that_imagej_states(unit: str, count: float | None, tmp_path: Path) -> None:
     tags = {270: f"ImageJ=1.54f\nunit={unit}\n", 282: count or 20.0, 283: count or 20.0, 296: 1}
     Image.fromarray(COLOUR).save(tmp_path / "part.tif", tiffinfo=tags)
@@ -269,7 +271,10 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
         (b"a letter, not a picture", "is not a picture that can be read"),
         (_encoded(".png", COLOUR[:5, :5]), "shows no characters"),
         (_encoded(".tiff", np.zeros((16, 16), np.float32)), "TIFF of numbers of 32 bit"),
-        (_encoded(".tiff", np.zeros((16, 16), np.float64)), "TIFF that is damaged or unusual; .*heights as TIFF"),
+        (
+            _encoded(".tiff", np.zeros((16, 16), np.float64)),
+            "TIFF that is damaged or unusual; .*heights as TIFF",
+        ),
         (
             struct.pack(">I", 24) + b"ftypheic" + bytes(400),
             r"is a HEIC file.*PNG, JPEG, BMP, TIFF, WebP or GIF",
