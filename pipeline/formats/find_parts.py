@@ -239,10 +239,18 @@ def _files_in(folder: str) -> list[str]:
     before = "" if folder == "." else folder.rstrip("/") + "/"
     try:
         with os.scandir(folder) as entries:
-            return [before + name for name in sorted(e.name for e in entries if e.is_file())]
+            return [before + name for name in sorted(e.name for e in entries if _is_file(e))]
     except OSError as error:
         what = f"cannot be listed ({error.strerror or error})"
         raise FileError(folder, what, "check its permissions") from error
+
+
+def _is_file(entry: os.DirEntry[str]) -> bool:
+    """Whether an entry is a file, or a link that leads nowhere: its reader says so."""
+    try:
+        return entry.is_file() or (entry.is_symlink() and not os.path.exists(entry.path))
+    except OSError:
+        return True
 
 
 def kind_of_named(file: str) -> str:

@@ -26,7 +26,7 @@ import numpy as np
 
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
-from pipeline.formats.kinds import FORMATS_SUFFIXES
+from pipeline.formats.kinds import FORMATS_SUFFIXES, TABLE_SUFFIXES
 from pipeline.formats.raw_map import RawMap, check_size
 from pipeline.formats.touch_file import check_hdf5
 
@@ -38,7 +38,10 @@ _NO_FORMAT = (
     "x y z columns or a matrix)"
 )
 # first bytes of what has other files in it, where the suffix is none of a format that is read
-_PACKED = {b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"}
+_PACKED = {
+    **{b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"},
+    b"PK\x03\x04": "a workbook or packed (ZIP)",
+}
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
@@ -57,8 +60,10 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
         head = stream.read(12)
     if head == b"DSCOMPRESSED":
         raise DataError("is compressed", "save it uncompressed, or export it as X3P")
-    if packed := next((name for magic, name in _PACKED.items() if head.startswith(magic)), ""):
-        raise DataError(f"is {packed}", "unpack it, or save its table of numbers as CSV")
+    named = path.suffix.lower() in FORMATS_SUFFIXES
+    packed = next((name for magic, name in _PACKED.items() if head.startswith(magic)), "")
+    if packed and not named:
+        raise DataError(f"is {packed}", "unpack it, or save its sheet as CSV")
     import h5py
 
     if h5py.is_hdf5(path):
@@ -79,9 +84,10 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
                 # X3P and SDF are met with either row first
                 return _raw_map(surface, rows_stated=path.suffix.lower() not in (".x3p", ".sdf"))
         except CannotDetectFileFormat as error:
-            if path.suffix.lower() in FORMATS_SUFFIXES:
+            if named:
                 raise DataError(f"is damaged or no {path.suffix} file", "copy or export it again") from error
-            raise DataError(_NO_FORMAT, _EXPORT) from error
+            listed = "; if it lists parts, give it with --manifest" if path.suffix in TABLE_SUFFIXES else ""
+            raise DataError(_NO_FORMAT, _EXPORT + listed) from error
         except ValueError as error:
             if not (found := _OTHER_UNIT.fullmatch(str(error))):
                 raise

@@ -51,7 +51,7 @@ _CLOSE = 0.8
 _MAX_BYTES = 2_000_000_000
 _BATCH_ROWS = 8192
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
-_DRIVE = re.compile(r"[A-Za-z]:")
+_DRIVE = re.compile(r"[A-Za-z]:|\\\\[^\\]+")
 
 
 def is_manifest(name: str) -> bool:
@@ -152,11 +152,11 @@ def _place(source: str, where: str, name: str) -> str:
     """A file beside the table; a path that Windows wrote is read on any system.
 
     Raises:
-        DataError: it begins with a drive that this system does not have.
+        DataError: it begins with a drive or a server that this system does not have.
     """
     if "\\" in name and os.sep == "/" and not is_url(name) and not os.path.exists(beside(source, name)):
-        if _DRIVE.match(name):
-            what = f"{where} names {name}, and this system has no drive {name[:2]}"
+        if drive := _DRIVE.match(name):
+            what = f"{where} names {name}, and this system has no drive {drive[0]}"
             raise DataError(what, "name the files as they lie beside the table")
         name = name.replace("\\", "/")
     return beside(source, name) if name else ""

@@ -332,6 +332,20 @@ def test_binary_grids_and_points(name: str, tmp_path: Path) -> None:
             read_height_map(path)
 
 
+@pytest.mark.parametrize(("name", "data", "message"), [
+    ("a.xlsx", b"PK\x03\x04" + bytes(99), "workbook or packed .*as CSV"),
+    ("a.xyz.gz", b"\x1f\x8b\x08" + bytes(99), "packed .gzip.; unpack it"),
+    ("a.tsv", b"photo\texpected\na.jpg\tBH0193\n" * 9, "if it lists parts, give it with --manifest"),
+])  # fmt: skip
+def test_what_holds_other_files_is_refused_in_words(
+    name: str, data: bytes, message: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("SurfaceTopography")
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(FileError, match=message):
+        read_height_map(tmp_path / name)
+
+
 def test_obj(tmp_path: Path) -> None:
     points = [line.split() for line in columns().splitlines()]
     k = np.arange(2400).reshape(40, 60) + 1

@@ -258,6 +258,16 @@ def test_photographs_beside_thousands_of_files_are_found_by_their_stems(tmp_path
     assert photos == [str(f.with_suffix(".jpg")) if n % 2 else "" for n, f in enumerate(files)]
 
 
+def test_links_that_lead_nowhere_are_parts_to_be_refused_later(folder: Path) -> None:
+    (folder / "lost.npz").symlink_to("none.npz")
+    (folder / "loop.npz").symlink_to("loop.npz")
+    found = {part.name: part for part in discover([folder])}
+    assert {"lost", "loop"} < found.keys()
+    for name, told in (("lost", "is not there"), ("loop", "cannot be opened")):
+        with pytest.raises(FileError, match=told):
+            read_height_map(found[name].height_map)
+
+
 def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def forbidden(path: str) -> None:
         raise PermissionError(13, "Permission denied", path)

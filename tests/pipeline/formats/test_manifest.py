@@ -120,6 +120,10 @@ def test_beside_a_table_in_a_store_is_in_the_store() -> None:
         ("part,Height Map\nA,a.npz\n", r"'Height Map'.*call it height_map"),
         ("part,height_map,formats\nA,a.npz,AA\n", r"'formats'.*call it format"),
         ("parts,height_map\nA,a.npz\n", r"'parts'.*call it part"),
+        (
+            "height_map\n\\\\press\\lots\\a.npz\n",
+            r"this system has no drive \\\\press; name the files as they lie",
+        ),
         ("height_map,part,Part \na.npz,A,B\n", r"has two columns part"),
         ("part,height_map\nA,a,b.npz\n", r"line 2 has more fields than the first line; quote"),
         ("part,height_map\nA,lot/\n", r"line 2 names a folder"),
