@@ -132,7 +132,7 @@ def _wrong_key(error: ValidationError, hidden: Collection[str]) -> tuple[str, st
     mend = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":  # of a whole table: its text is long, and the message names the keys
         return f"cannot be{f' in [{key}]' if key else ''}: {mend}", "correct it"
-    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend.lower()}"
+    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend[:1].lower()}{mend[1:]}"
 
 
 def write_toml(path: Path, model: BaseModel, *, heading: str = "") -> None:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from glyphs.errors import FileError
 from glyphs.surface.maps import TraceDirection
 from pipeline.errors import DataError, naming, reading
-from pipeline.formats.grid import MM, SECONDS
+from pipeline.formats.grid import MM, SECONDS, UNITS
 from pipeline.formats.trace_table import TraceTable, read_trace_table
 from pipeline.formats.traces_file import TracesFile
 from whisker_array.scan.read_recording import UNIT_N_MM, line_pitch_of
@@ -45,6 +45,8 @@ _GAP_STEPS = 2.5
 _SHORT = 0.5
 PAUSE_STEPS = 2.5
 """Step of the clock, in usual steps, above which the sampling had paused."""
+MOST_MOMENT_N_MM = 1000.0
+"""Moment that no whisker bears: a newton at the end of a metre."""
 SPEEDS_MM_S = (0.2, 2000.0)
 """Speeds of a stage that traces; beyond them the times are in another unit."""
 
@@ -88,7 +90,8 @@ def import_traces(paths: Sequence[Path], layout: TracesFile, *, touch: Touch) ->
             rates.append(_rate_hz(table, layout))
             if layout.columns.time is not None:
                 step_mm = float(np.median([p.step_mm for p in own]))
-                check_speed(step_mm=step_mm, rate_hz=rates[-1], unit=layout.time_unit)
+                units = layout.time_unit, layout.position_unit
+                check_speed(step_mm=step_mm, rate_hz=rates[-1], units=units)
     if max(rates) > 1.01 * min(rates):
         worst = paths[int(np.argmax(rates))]
         raise FileError(
@@ -112,6 +115,10 @@ def _passes(path: Path, table: TraceTable, layout: TracesFile) -> Iterable[_Pass
     at = np.column_stack([table.columns[columns.x], table.columns[columns.y]]) * MM[layout.position_unit]
     signal = np.column_stack([table.columns[c] for c in columns.moment])
     signal *= UNIT_N_MM.get(layout.moment_unit, 1.0)
+    largest = float(np.nanmax(np.abs(signal), initial=0.0, where=np.isfinite(signal)))
+    if layout.moment_unit != "V" and largest > MOST_MOMENT_N_MM:
+        what = f"has moments of {largest:,.0f} N mm in {layout.moment_unit}, and no whisker bears them"
+        raise DataError(what, 'correct moment_unit; say "V" for counts, too, and run calibrate')
     table.require(at, "position", "fill it in, or take that row out")
     number, lifted = table.column(columns.number), table.column(columns.lifted) != 0.0
     table.require(number, "pass", "write -1 between passes")
@@ -199,6 +206,11 @@ def _sweep(passes: Sequence[_Pass], layout: TracesFile) -> Sweep:
         first, last = sorted(-v if direction.backward else v for v in edges)
         low, high = max(low, first), min(high, last)
         n_samples = int((high - low) / step + 1e-6) + 1 if high > low else 0
+        if not n_samples:
+            what = f"has passes that do not cross part_mm at {int(direction)}°"
+            raise FileError(
+                passes[0].path, what, "correct part_mm, which counts as the stage's position does"
+            )
     n_lead = round(layout.lead_mm / step)
     if 2 * n_lead >= n_samples:
         raise FileError(
@@ -272,16 +284,24 @@ def _rate_hz(table: TraceTable, layout: TracesFile) -> float:
     return run.size / float(run.sum())
 
 
-def check_speed(*, step_mm: float, rate_hz: float, unit: str) -> None:
-    """Refuse times by which the stage crawls or flies.
+def check_speed(*, step_mm: float, rate_hz: float, units: tuple[str, str]) -> None:
+    """Refuse times or positions by which the stage crawls or flies.
+
+    Args:
+        step_mm: from sample to sample.
+        rate_hz: samples a second.
+        units: of the times and of the positions.
 
     Raises:
-        DataError: with the unit that they are likely in.
+        DataError: with the units that they are likely in.
     """
     speed, (least, most) = step_mm * rate_hz, SPEEDS_MM_S
     if least <= speed <= most:
         return
-    likely = [u for u, s in SECONDS.items() if least <= speed * SECONDS[unit] / s <= most and u != unit]
-    asked = f'say time_unit = "{likely[0]}" if that is their unit' if likely else "correct time_unit"
-    what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {unit}"
+    time, position = units
+    times = [f'time_unit = "{u}"' for u, s in SECONDS.items() if least <= speed * SECONDS[time] / s <= most]
+    places = [f'position_unit = "{u}"' for u in UNITS if least <= speed * MM[u] / MM[position] <= most]
+    likely = " or ".join(times[:1] + places[:1])
+    asked = f"say {likely} if that is their unit" if likely else "correct time_unit"
+    what = f"moves at {speed:.3g} mm/s and was sampled at {rate_hz:.4g} Hz by its times in {time}"
     raise DataError(what, f"{asked}, or give sampling_rate_hz in place of columns.time")

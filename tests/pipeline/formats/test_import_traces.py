@@ -243,6 +243,7 @@ def test_what_is_wrong_is_said_with_its_place(scan: Scan, tmp_path: Path, spoil:
     [
         ("speed = 3", "has the unknown key speed; take it out"),
         ("position_unit = 'yard'", "says position_unit = 'yard'"),
+        ("moment_unit = 'mV'", "input should be 'N*mm', 'mN*m', 'N*m' or 'V'"),
         ("across_mm = [0.0]", "has 1 numbers in across_mm, and 2 whiskers"),
         ("behind_mm = [1.0, 2.0]", "has no whisker with 0 in behind_mm"),
         ("part_mm = [1.0, 0.0, 0.5, 2.0]", "has part_mm"),
@@ -259,6 +260,28 @@ def test_a_wrong_key_is_named(tmp_path: Path, more: str, says: str) -> None:
         read_traces_file(path)
     assert f"{path}: " in str(failure.value)
     assert says in str(failure.value)
+
+
+@pytest.mark.parametrize(
+    ("said", "says"),
+    [
+        (
+            {"moment_unit": "N*m"},
+            r"has moments of [\d,]+ N mm in N\*m, .*correct moment_unit; say \"V\" for counts",
+        ),
+        ({"position_unit": "m"}, r'moves at .* mm/s .* or position_unit = "mm" if that is their unit'),
+        ({"part_mm": (500.0, 0.0, 520.0, 20.0)}, "do not cross part_mm at 0°; correct part_mm"),
+    ],
+)
+def test_units_and_extents_of_no_bench_are_refused(
+    scan: Scan, tmp_path: Path, said: dict[str, Any], says: str
+) -> None:
+    rows = rows_of(scan)
+    if "moment_unit" in said:
+        rows = {name: 50.0 * values if name in ("a", "b") else values for name, values in rows.items()}
+    path = write_csv(tmp_path / "t.csv", rows)
+    with pytest.raises(FileError, match=says):
+        import_traces([path], told(**said), touch=TOUCH)
 
 
 def test_the_command_says_which_whisker_is_missing(
