@@ -140,13 +140,11 @@ def design(
         from pipeline.plots.whisker_drawing import check_drawing, save_drawing
 
         check_drawing(drawing)
-    tuned = (
-        None
-        if sensitive_to is None
-        else tune(math.radians(sensitive_to), request, limits=limits, section=section)
-    )
+    tuned = None
     try:
-        made = tuned.design if tuned is not None else design_whisker(request, limits=limits, section=section)
+        if sensitive_to is not None:
+            tuned = tune(math.radians(sensitive_to), request, limits=limits, section=section)
+        made = tuned.design if tuned else design_whisker(request, limits=limits, section=section)
     except NoWhiskerError as error:
         raise DesignError(explain_failure(error)) from error
     trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()
@@ -183,21 +181,17 @@ def _report_built(path: Path, request: Request) -> int:
         raise CommandError(
             f"{path} does not say how well its whisker is known", hint="let identify --out write it"
         )
-    print(
-        "\n".join(
-            prediction_lines(predictions(built.whisker, built.touch, built.known, more=fitness(request)))
-        )
-    )
+    found = predictions(built.whisker, built.touch, built.known, more=fitness(request))
+    print("\n".join(prediction_lines(found)))
     return 0
 
 
 def _range(flag: str, text: str) -> tuple[float, float]:
     """Two numbers with a colon between them, or one for both."""
-    parts = text.split(":")
     try:
-        low, high = (float(parts[0]), float(parts[-1])) if len(parts) <= 2 else (float("nan"),) * 2
+        low, high = [float(end) for end in text.split(":")] * (1 if ":" in text else 2)
     except ValueError:
-        low = high = float("nan")
+        low = high = math.nan
     if not low <= high:
         raise UsageError(f"{flag} is {text!r}", "write least:greatest, such as 30:60, or one number")
     return low, high
@@ -222,16 +216,12 @@ def _file(made: Design) -> WhiskerFile:
     from whisker_array.whisker.defaults import NOMINAL_FRICTION
     from whisker_array.whisker.touch import Touch
 
-    touch = Touch(
-        tip=made.whisker.tip_model(),
-        preload_mm=made.preload_mm,
-        tip_radius_mm=made.tip_radius_mm,
-        friction=min(max(NOMINAL_FRICTION, made.request.mu[0]), made.request.mu[1]),
-        whisker=made.whisker.describe(),
-    )
+    whisker, (least, most) = made.whisker, made.request.mu
+    friction = min(max(NOMINAL_FRICTION, least), most)
+    tip, words = whisker.tip_model(), whisker.describe()
     return WhiskerFile(
-        whisker=made.whisker,
-        touch=touch,
+        whisker=whisker,
+        touch=Touch(tip, made.preload_mm, made.tip_radius_mm, friction, words),
         character_height_mm=made.request.character_height_mm,
         line_pitch_mm=made.line_pitch_mm,
         sample_pitch_mm=made.sample_pitch_mm,

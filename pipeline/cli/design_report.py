@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from pipeline.cli.tables import plain_table, screen
+from pipeline.cli.tables import print_table
 from pipeline.common.section_words import describe_section
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
 from whisker_array.design.design import Design, worst_edge
@@ -24,7 +24,7 @@ _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
 
 def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> None:
     """Print what was asked for, what to build, how well it shows edges, and which limits bind."""
-    print("\n".join([_asked(design), "", *_built(design), *_used(design), ""]))
+    print("\n".join(_described(design)))
     if tuned is not None:
         _print_tuned(tuned)
     else:
@@ -34,33 +34,23 @@ def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tune
         _print_trade(trade)
 
 
-def _asked(design: Design) -> str:
-    r = design.request
+def _described(design: Design) -> list[str]:
+    """What was asked for, what to build, and how to use it."""
+    r, w = design.request, design.whisker
     low, high = (math.degrees(a) for a in r.alpha_rad)
-    return (
-        f"asked: walls {low:g} to {high:g} deg falling and rising, friction {r.mu[0]:g} to {r.mu[1]:g}, marks "
-        f"{r.depth_mm:g} mm deep, characters {r.character_height_mm:g} mm, {r.least_speed_mm_s:g} mm/s"
-    )
-
-
-def _built(design: Design) -> list[str]:
-    w = design.whisker
     where = "below" if w.lowered_mm >= 0.0 else "above"
     return [
+        f"asked: walls {low:g} to {high:g} deg falling and rising, friction {r.mu[0]:g} to {r.mu[1]:g}, marks "
+        f"{r.depth_mm:g} mm deep, characters {r.character_height_mm:g} mm, {r.least_speed_mm_s:g} mm/s\n",
         f"build  {describe_section(w)}",
         f"       l1 {w.l1_mm:.2f} mm set at beta {math.degrees(w.beta_rad):.2f} deg, tip arm l2 {w.l2_mm:.2f} mm "
         f"(k = {w.k:.3f}), ground down to a ball of radius {design.tip_radius_mm:.3f} mm",
         f"       sensor axis {abs(w.lowered_mm):.2f} mm {where} the clamp (l3 {w.lowered_mm:.2f} mm), "
         f"{design.axis_over_land_mm:.2f} mm above the land",
-    ]
-
-
-def _used(design: Design) -> list[str]:
-    return [
         f"use    preload {design.preload_mm:.3f} mm, lines {design.line_pitch_mm:.3f} mm, samples "
         f"{design.sample_pitch_mm:.4f} mm, up to {design.speed_mm_s:.0f} mm/s",
         f"       force on the land up to {design.land_force_n:.3f} N, first frequency with the tip held "
-        f"{design.frequency_hz:.0f} Hz",
+        f"{design.frequency_hz:.0f} Hz\n",
     ]
 
 
@@ -74,10 +64,11 @@ def _contrast(design: Design) -> list[str]:
         f"F from {low:.2f} to {high:.2f} over all walls and frictions; linear beam wrong by "
         f"{100.0 * design.linear_error:.1f} % on the land",
     ]
-    h = design.request.character_height_mm
+    h, w = design.request.character_height_mm, design.whisker
+    at_clamp = LShaped(w.l1_mm, w.l2_mm, 0.0, w.beta_rad, w.section, w.material)
     others: tuple[tuple[str, LShaped, float], ...] = (
         ("the default whisker for this height", default_whisker(h), default_preload_mm(h)),
-        ("this whisker with its gauge at the clamp (l3 = 0)", _at_clamp(design.whisker), design.preload_mm),
+        ("this whisker with its gauge at the clamp (l3 = 0)", at_clamp, design.preload_mm),
     )
     for name, whisker, preload in others:
         try:
@@ -88,28 +79,28 @@ def _contrast(design: Design) -> list[str]:
     return lines
 
 
-def _at_clamp(w: LShaped) -> LShaped:
-    return LShaped(w.l1_mm, w.l2_mm, 0.0, w.beta_rad, w.section, w.material)
-
-
 def _print_limits(constraints: Iterable[Constraint]) -> None:
-    table = plain_table(("limit", "here", "", "allowed", "room"), ("limit",))
-    for c in constraints:
-        if c.bound in (*_SIZES, Bound.LOWERED) and not c.binding:
-            continue
-        room = "binds" if c.binding else f"{100.0 * c.slack:.0f} %" if c.slack < 10.0 else "ample"
-        table.add_row(c.bound.label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}", room)
+    rows = (
+        (c.bound.label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}",
+         "binds" if c.binding else f"{100.0 * c.slack:.0f} %" if c.slack < 10.0 else "ample")
+        for c in constraints
+        if c.binding or c.bound not in (*_SIZES, Bound.LOWERED)
+    )  # fmt: skip
     print()
-    screen().print(table)
+    print_table(("limit", "here", "", "allowed", "room"), rows, ("limit",))
 
 
 def _print_trade(trade: TradeOff) -> None:
-    table = plain_table((f"{trade.name}, {trade.unit}", "worst edge contrast", ""), ("",))
-    for allowed, contrast in zip(trade.allowed, trade.contrast, strict=True):
-        found = "none" if contrast is None else f"{contrast:.3f}"
-        table.add_row(f"{allowed:.3g}", found, "as designed" if allowed == trade.at else "")
+    rows = (
+        (
+            f"{at:.3g}",
+            "none" if contrast is None else f"{contrast:.3f}",
+            "as designed" if at == trade.at else "",
+        )
+        for at, contrast in zip(trade.allowed, trade.contrast, strict=True)
+    )
     print()
-    screen().print(table)
+    print_table((f"{trade.name}, {trade.unit}", "worst edge contrast", ""), rows, ("",))
 
 
 def _print_tuned(tuned: Tuned) -> None:
@@ -127,10 +118,9 @@ def _print_tuned(tuned: Tuned) -> None:
         f"{low:.2g}, {middle:.2g}, {high:.2g}: friction shifts the place of every whisker by its friction angle\n"
         f"ten degrees off change F by at least {tuned.selectivity:.3f} at any friction of the range\n"
     )
-    table = plain_table(("alpha, deg", *(f"F, mu = {mu:.2g}" for mu in tuned.table_mu)), ())
-    for degrees, row in zip(tuned.table_deg, tuned.table, strict=True):
-        table.add_row(f"{degrees:g}", *map(_factor, row))
-    screen().print(table)
+    lines = zip(tuned.table_deg, tuned.table, strict=True)
+    rows = ((f"{degrees:g}", *map(_factor, row)) for degrees, row in lines)
+    print_table(("alpha, deg", *(f"F, mu = {mu:.2g}" for mu in tuned.table_mu)), rows)
 
 
 def _factor(value: float) -> str:
@@ -145,30 +135,16 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
         f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,\n"
         f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):\n"
     )
-    table = plain_table(
-        (
-            "whiskers",
-            "rows",
-            "stagger mm",
-            "pitch mm",
-            "ribbon mm",
-            "beta deg",
-            "lines",
-            "ways",
-            "passes",
-            "mm/s",
-            "stage s",
-        ),
-        (),
-    )
-    for c in choices:
-        a = c.plan.array
-        table.add_row(
-            str(a.n_whiskers), str(a.rows), f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{ribbon_mm(c.whisker):.2f}",
-            f"{math.degrees(c.whisker.beta_rad):.0f}", str(c.lines), str(len(c.measured.directions)),
-            str(c.plan.n_passes), f"{c.plan.speed_mm_s:.0f}", f"{c.stage_s:.1f}",
-        )  # fmt: skip
-    screen().print(table)
+    headings = ("whiskers", "rows", "stagger mm", "pitch mm", "ribbon mm", "beta deg", "lines", "ways", "passes",
+                "mm/s", "stage s")  # fmt: skip
+    rows = (
+        (a.n_whiskers, a.rows, f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{ribbon_mm(c.whisker):.2f}",
+         f"{math.degrees(c.whisker.beta_rad):.0f}", c.lines, len(c.measured.directions), c.plan.n_passes,
+         f"{c.plan.speed_mm_s:.0f}", f"{c.stage_s:.1f}")
+        for c in choices
+        for a in [c.plan.array]
+    )  # fmt: skip
+    print_table(headings, rows)
     best = min(choices, key=lambda c: c.stage_s)
     read = best.measured
     print(

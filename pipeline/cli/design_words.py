@@ -22,13 +22,8 @@ def explain_failure(error: NoWhiskerError) -> str:
     problem, nearest = error.problem, error.nearest
     if problem is None or nearest is None:
         return error.what
-    checked = check(
-        nearest.whisker,
-        problem.request,
-        problem.limits,
-        preload_mm=nearest.preload_mm,
-        error_scale=problem.error_scale,
-    )
+    scale, preload = problem.error_scale, nearest.preload_mm
+    checked = check(nearest.whisker, problem.request, problem.limits, preload_mm=preload, error_scale=scale)
     rows = {row.bound: row for row in checked.rows()}
     missed = "; ".join(
         f"{bound.label} comes to {rows[bound].value:.3g} where "
@@ -84,23 +79,15 @@ def _largest(holds: Callable[[float], bool], low: float, high: float) -> float |
 def fitness(request: Request) -> dict[str, Quantity]:
     """Figures by what they are called; NaN where the whisker jams on a wall of the request."""
 
-    def contrast(whisker: LShaped, touch: Touch) -> float:
-        return worst_edge(whisker, request, preload_mm=touch.preload_mm)[0].contrast
-
-    def factor(end: int) -> Quantity:
-        return lambda whisker, touch: worst_edge(whisker, request, preload_mm=touch.preload_mm)[1][end]
-
-    def or_jams(quantity: Quantity) -> Quantity:
+    def figure(number: int) -> Quantity:
         def of(whisker: LShaped, touch: Touch) -> float:
             try:
-                return quantity(whisker, touch)
+                worst, (least, greatest) = worst_edge(whisker, request, preload_mm=touch.preload_mm)
             except DesignError:
                 return math.nan
+            return (worst.contrast, least, greatest)[number]
 
         return of
 
-    return {
-        "worst edge contrast": or_jams(contrast),
-        "F over all walls, least": or_jams(factor(0)),
-        "F over all walls, greatest": or_jams(factor(1)),
-    }
+    names = ("worst edge contrast", "F over all walls, least", "F over all walls, greatest")
+    return {name: figure(number) for number, name in enumerate(names)}

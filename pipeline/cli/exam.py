@@ -15,10 +15,11 @@ from cyclopts import Parameter
 
 from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive, listed
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
+from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
+    from pipeline.benchmark.analysis.statistics import Statistics
     from pipeline.benchmark.exam.specimens import Parts
-    from pipeline.benchmark.report.writing import Written
     from pipeline.runs.progress import Progress
     from pipeline.workers.executors import Executor
 
@@ -112,11 +113,10 @@ def run(
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     """
     from pipeline.benchmark.readers.modes import expand_groups
-    from pipeline.benchmark.report.writing import command_line, write_report
+    from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.cli.exam_tables import print_result
-    from pipeline.common.settings import SettingsError
     from pipeline.reading.certificate import checked
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.language.orientation import Orientation
@@ -144,15 +144,11 @@ def run(
     items = source.items()
     print(foresight(items, tried.crossed), file=sys.stderr)
     with _at_work(len(items), out, jobs, cluster) as (progress, executor):
-        trials = run_benchmark(
-            tried, out, executor=executor, on_start=progress.start, on_part=lambda _: progress.advance()
-        )
+        trials = run_benchmark(tried, out, executor=executor, progress=progress)
         progress.step("drawing the report")
-        written = write_report(
-            tried, trials, out, command=command_line(), certificate=vouching, executor=executor
-        )
+        written = write_report(tried, trials, out, certificate=vouching, executor=executor)
     print_result(written)
-    _check_stable(written)
+    _check_stable(written.statistics)
     return 0
 
 
@@ -190,10 +186,9 @@ def gate(
             start, kept = time.perf_counter(), (out or Path(scratch)) / edition
             found = floor.counts_of(run_benchmark(benchmark, kept, executor=executor))
             print(f"{edition}: {first} parts in {time.perf_counter() - start:.0f} s")
-            for name, c in found.items():
+            for name, (characters, serials, accepted, wrong) in found.items():
                 print(
-                    f"{name:18} characters {c.characters}, serials {c.serials}, "
-                    f"accepted {c.accepted}, wrong {c.accepted_wrong}"
+                    f"{name:18} characters {characters}, serials {serials}, accepted {accepted}, wrong {wrong}"
                 )
             path = floor.floors_file(edition)
             floors = floor.load_floors(path)
@@ -256,9 +251,7 @@ def export(
         print(f"{folder} is as its manifest says")
         return 0
     with _at_work(len(order.parts.items()), folder, jobs, cluster) as (progress, executor):
-        written = exporting.export(
-            order, folder, executor=executor, on_start=progress.start, on_part=lambda _: progress.advance()
-        )
+        written = exporting.export(order, folder, executor=executor, progress=progress)
     print(f"wrote {written} parts and their truth to {folder}")
     return 0
 
@@ -300,18 +293,16 @@ def score(
         raise UsageError("score: --parts goes with --design")
     names = listed(name) if name else tuple(path.stem for path in readings)
     if len(names) != len(readings) or len(set(names)) != len(names):
-        raise UsageError(
-            f"score: {len(readings)} tables, and the names {', '.join(names)}",
-            "give each its own name with --name",
-        )
+        what = f"score: {len(readings)} tables, and the names {', '.join(names)}"
+        raise UsageError(what, "give each its own name with --name")
     from pipeline.benchmark.exam.condition import parse_given
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
-    from pipeline.benchmark.report.writing import command_line, write_report
+    from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.answers import designed_items, load_answers
     from pipeline.benchmark.trials.run import Benchmark
-    from pipeline.cli.exam_tables import print_files, print_scores
+    from pipeline.cli.exam_tables import print_scores
     from recognition.senses.settings import ReaderSettings
 
     source: ListedParts | DesignedParts
@@ -331,9 +322,9 @@ def score(
         out.mkdir(parents=True, exist_ok=True)
         # part by part, as a run has them
         trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
-        print_files(
-            write_report(Benchmark(source, names, ReaderSettings()), trials, out, command=command_line())
-        )
+        written = write_report(Benchmark(source, names, ReaderSettings()), trials, out)
+        for path in written.files:
+            print(f"wrote {path}")
     return 0
 
 
@@ -379,13 +370,9 @@ def _at_work(n: int, kept: Path, jobs: int, cluster: str | None) -> Iterator[tup
 
 
 def _parts(
-    inputs: list[str] | None,
-    truth: Path | None,
-    design: str | None,
-    parts: int | None,
-    give: tuple[str, ...],
+    inputs: list[str] | None, truth: Path | None, design: str | None, parts: int | None, give: tuple[str, ...],
     flags: dict[str, str | float | None],
-) -> Parts:
+) -> Parts:  # fmt: skip
     """The parts of a folder, of a design, or of the flags that say what they are.
 
     Raises:
@@ -426,15 +413,13 @@ def _parts(
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    from pipeline.common.settings import SettingsError
-
     try:
         return tuple(float(item) for item in listed(text))
     except ValueError as error:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
-def _check_stable(written: Written) -> None:
+def _check_stable(found: Statistics) -> None:
     """Name every accepted serial that a perturbation made another accepted serial.
 
     Single experts and programs of others decide nothing: the report alone has theirs.
@@ -444,8 +429,8 @@ def _check_stable(written: Written) -> None:
     """
     from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 
-    deciding = [s for s in written.statistics.stability if s.key.mode not in {*EXPERTS, *PEERS}]
-    faults = [(s.key.reader, f) for s in deciding if s.perturbation for f in s.faults]
+    deciding = [s for s in found.stability if s.perturbation and s.key.mode not in {*EXPERTS, *PEERS}]
+    faults = [(s.key.reader, f) for s in deciding for f in s.faults]
     for reader, f in faults:
         print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")
     if faults:

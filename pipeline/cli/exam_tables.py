@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.cli.tables import plain_table, screen
+from pipeline.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from pipeline.benchmark.analysis.changes import Row
     from pipeline.benchmark.analysis.groups import Group
     from pipeline.benchmark.analysis.statistics import Statistics
@@ -31,7 +29,7 @@ def print_result(written: Written) -> None:
 
     found = written.statistics
     by_severity = len(found.by_severity) <= _MOST_ROWS
-    screen().print(_table(found.by_severity if by_severity else found.by_mode, dirt=by_severity))
+    _print_groups(found.by_severity if by_severity else found.by_mode, dirt=by_severity)
     print("ms: median time to compute a part; read ms: less the simulated scan")
     _print_plans(found)
     _print_factors(found)
@@ -43,12 +41,7 @@ def print_result(written: Written) -> None:
         print(f"{word}: {v.reader}, {dirt}{v.target}: {v.found}")
     for mode, words in written.drift.items():
         print(f"warning: {mode}: {words}", file=sys.stderr)
-    print_files(written)
-
-
-def print_files(written: Written) -> None:
-    """Name the files of a report."""
-    for path in (written.page, written.document, written.table, written.figures):
+    for path in written.files:
         print(f"wrote {path}")
 
 
@@ -57,23 +50,23 @@ def _print_stability(found: Statistics) -> None:
         return
     headings = ("reader", "how", "parts", "decisions", "at most", "texts", "at most",
                 "accepted", "other text", "at most")  # fmt: skip
-    table = plain_table(headings, ("reader", "how"))
-    for s in found.stability:
-        table.add_row(
-            s.key.reader, s.perturbation or "any way", str(s.verdicts.total), str(s.verdicts.count),
-            f"{s.verdicts.high:.1%}", str(s.texts.count), f"{s.texts.high:.1%}", str(s.accepted_texts.total),
-            str(s.accepted_texts.count), f"{s.accepted_texts.high:.1%}",
-        )  # fmt: skip
-    screen().print(table)
+    rows = (
+        (s.key.reader, s.perturbation or "any way", s.verdicts.total, s.verdicts.count, f"{s.verdicts.high:.1%}",
+         s.texts.count, f"{s.texts.high:.1%}", s.accepted_texts.total, s.accepted_texts.count,
+         f"{s.accepted_texts.high:.1%}")
+        for s in found.stability
+    )  # fmt: skip
+    print_table(headings, rows, ("reader", "how"))
     print(
         "how: perturbed; decisions, texts: parts that flip; other text: of the accepted; at most: exact, 95 %\n"
     )
 
 
-def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
+def _print_groups(groups: Sequence[Group], *, dirt: bool) -> None:
     from pipeline.benchmark.exam.condition import level_name
 
     headings = (
+        "dirt",
         "reader",
         "parts",
         "serials",
@@ -84,38 +77,35 @@ def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
         "ms",
         "read ms",
     )
-    table = plain_table(("dirt", *headings) if dirt else headings, ("reader",))
-    for g in groups:
-        first = (level_name(g.key.severity),) if dirt else ()
-        table.add_row(
-            *first, g.key.reader, str(g.serials.total), f"{g.serials.value:.2%}",
-            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split["accepted_wrong"]),
-            str(g.split["failed"]), *(f"{1000 * g.seconds[name][0]:.0f}" for name in ("compute_s", "reading_s")),
-        )  # fmt: skip
-    return table
+    rows = (
+        (level_name(g.key.severity), g.key.reader, g.serials.total, f"{g.serials.value:.2%}",
+         f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", g.split["accepted_wrong"], g.split["failed"],
+         *(f"{1000 * g.seconds[name][0]:.0f}" for name in ("compute_s", "reading_s")))
+        for g in groups
+    )  # fmt: skip
+    first = 0 if dirt else 1
+    print_table(headings[first:], (row[first:] for row in rows), ("reader",))
 
 
 def _print_factors(found: Statistics) -> None:
     from pipeline.benchmark.analysis.factors import factor_name
     from pipeline.benchmark.exam.condition import level_name
     from pipeline.benchmark.report.charts import leading_mode, modes_in
-    from pipeline.benchmark.report.page import points
+    from pipeline.benchmark.report.page import points, points_span
 
     lead = leading_mode(modes_in(found.by_mode))
     effects = [e for e in found.effects if e.mode == lead and e.levels[0].difference.value][:_MOST_FACTORS]
     if not effects:
         return
+    rows = (
+        (factor_name(e.factor), level_name(worst.level), points(worst.difference.value), points_span(worst.difference),
+         level_name(best.level), points(best.difference.value))
+        for e in effects
+        for worst, *_, best in [e.levels]
+    )  # fmt: skip
     print()
-    table = plain_table(("factor", "costs most", "points", "95 %", "costs least", "points"),
-                        ("factor", "costs most", "costs least"))  # fmt: skip
-    for e in effects:
-        worst, best = e.levels[0], e.levels[-1]
-        table.add_row(
-            factor_name(e.factor), level_name(worst.level), points(worst.difference.value),
-            f"{points(worst.difference.low)} to {points(worst.difference.high)}", level_name(best.level),
-            points(best.difference.value),
-        )  # fmt: skip
-    screen().print(table)
+    headings = ("factor", "costs most", "points", "95 %", "costs least", "points")
+    print_table(headings, rows, ("factor", "costs most", "costs least"))
     print(f"points: characters right of {lead}, less the mean of the factor's other levels\n")
 
 
@@ -133,9 +123,8 @@ def _print_plans(found: Statistics) -> None:
 
 def print_scores(read: Mapping[str, Answers]) -> None:
     """Print a line a reader, and each but the first beside the first; of the same parts, of which there are any."""
-    from pipeline.benchmark.analysis.confusion import characters_right
-    from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
-    from pipeline.common.shares import share
+    from pipeline.benchmark.analysis.comparisons import compare
+    from pipeline.benchmark.analysis.groups import GroupKey, group_of
 
     for reader, answers in read.items():
         for parts, what in (
@@ -145,27 +134,21 @@ def print_scores(read: Mapping[str, Answers]) -> None:
             if parts:
                 named = ", ".join(parts[:_MOST_NAMED]) + (", ..." if len(parts) > _MOST_NAMED else "")
                 print(f"{reader}: {len(parts)} parts {what}: {named}", file=sys.stderr)
-    right = {reader: [characters_right(trial) for trial in a.trials] for reader, a in read.items()}
-    (first, of_first), *others = ((reader, a.trials) for reader, a in read.items())
-    total = [len(trial.truth) for trial in of_first]
     for reader, answers in read.items():
-        trials, chars = answers.trials, share(sum(right[reader]), sum(total))
-        serials, accepted = (
-            share(sum(t.right for t in trials), len(trials)),
-            [t for t in trials if t.accepted],
-        )
+        g = group_of(GroupKey(reader), answers.trials)
+        chars, serials = (f"{s.value:.2%} ({s.low:.2%} to {s.high:.2%})" for s in (g.characters, g.serials))
         print(
-            f"{reader}: characters {chars.value:.2%} ({chars.low:.2%} to {chars.high:.2%}), "
-            f"serials {serials.value:.2%} ({serials.low:.2%} to {serials.high:.2%}) of {len(trials)}, "
-            f"accepted {len(accepted)}, of these wrong {sum(not t.right for t in accepted)}"
+            f"{reader}: characters {chars}, serials {serials} of {g.serials.total}, "
+            f"accepted {g.accepted.count}, of these wrong {g.wrong_of_accepted.count}"
         )
+    (first, of_first), *others = ((reader, answers.trials) for reader, answers in read.items())
     for reader, trials in others:
-        pairs = mcnemar([t.right for t in trials], [t.right for t in of_first])
-        difference = compare_characters(right[reader], right[first], total).difference
+        compared = compare(GroupKey(reader), trials, GroupKey(first), of_first)
+        pairs, less = compared.serials, compared.characters.difference
         print(
-            f"{reader} less {first}: characters {difference.value:+.2%} "
-            f"({difference.low:+.2%} to {difference.high:+.2%}), serials only right by it {pairs.only_first}, "
-            f"only by the other {pairs.only_second} (p {pairs.p_differ:.2g})"
+            f"{reader} less {first}: characters {less.value:+.2%} ({less.low:+.2%} to {less.high:+.2%}), "
+            f"serials only right by it {pairs.only_first}, only by the other {pairs.only_second} "
+            f"(p {pairs.p_differ:.2g})"
         )
 
 
@@ -175,39 +158,35 @@ def print_comparison(written: Compared) -> None:
 
     found = written.changes
     print(f"{found.parts} parts, B less A; characters in percentage points")
-    _print_rows(found.overall, of=False)
+    print_table(("reader", *_OF_ROWS), map(_cells, found.overall), ("reader",))
     largest = sorted(found.by_factor, key=lambda row: -abs(row.compared.characters.difference.value))
     if shown := [row for row in largest if row.compared.characters.difference.value][:_MOST_CHANGES]:
         print("\nlargest by factor")
-        _print_rows(shown, of=True)
+        rows = ([reader, row.name, *more] for row in shown for reader, *more in [_cells(row)])
+        print_table(("reader", "of", *_OF_ROWS), rows, ("reader", "of"))
     if found.flips:
         print("\nreadings that flipped")
-        table = plain_table(("reader", *(flip.name.lower().replace("_", " ") for flip in Flip)), ("reader",))
-        for reader, counts in found.counts.items():
-            table.add_row(reader, *(str(counts[flip]) for flip in Flip))
-        screen().print(table)
-        for flip in Flip:
-            print(f"{flip.name.lower().replace('_', ' ')}: {flip.value}")
+        names = {flip: flip.name.lower().replace("_", " ") for flip in Flip}
+        rows = ([reader, *(counts[flip] for flip in Flip)] for reader, counts in found.counts.items())
+        print_table(("reader", *names.values()), rows, ("reader",))
+        for flip, name in names.items():
+            print(f"{name}: {flip.value}")
     else:
         print("nothing flipped")
     if found.left_out:
         print(f"only in one of them, not compared: {'; '.join(found.left_out)}")
     if written.problem:
         print(f"no pictures: {written.problem}")
-    for path in (written.page, written.table):
+    for path in written.files:
         print(f"wrote {path}")
 
 
-def _print_rows(rows: Sequence[Row], *, of: bool) -> None:
-    from pipeline.benchmark.report.page import points
+_OF_ROWS = ("parts", "chars", "95 %", "gained", "lost", "p")
 
-    words = ("reader", "of") if of else ("reader",)
-    table = plain_table((*words, "parts", "chars", "95 %", "gained", "lost", "p"), words)
-    for row in rows:
-        c, less = row.compared, row.compared.characters.difference
-        table.add_row(
-            c.first.reader, *([row.name] if of else []), str(c.parts), points(less.value),
-            f"{points(less.low)} to {points(less.high)}", str(c.serials.only_first),
-            str(c.serials.only_second), f"{c.serials.p_differ:.3f}",
-        )  # fmt: skip
-    screen().print(table)
+
+def _cells(row: Row) -> Iterator[object]:
+    from pipeline.benchmark.report.page import points, points_span
+
+    c, less = row.compared, row.compared.characters.difference
+    yield from (c.first.reader, c.parts, points(less.value), points_span(less))
+    yield from (c.serials.only_first, c.serials.only_second, f"{c.serials.p_differ:.3f}")

@@ -33,17 +33,8 @@ class UsageError(CommandError):
         super().__init__(what, hint=hint, status=USAGE)
 
 
-_SERVICE = (
-    "fastapi",
-    "uvicorn",
-    "starlette",
-    "sqlalchemy",
-    "alembic",
-    "structlog",
-    "prometheus_client",
-    "httpx",
-)
-_EXTRAS = {**dict.fromkeys(_SERVICE, "service"), "ezdxf": "drawing"}
+_SERVICE = "fastapi uvicorn starlette sqlalchemy alembic structlog prometheus_client httpx"
+_EXTRAS = {**dict.fromkeys(_SERVICE.split(), "service"), "ezdxf": "drawing"}
 """Libraries that only some commands need, and the extra that brings them."""
 _FAILURES = {
     *("NothingFoundError", "StageError", "StoreError", "ClusterError", "WorkerLostError"),

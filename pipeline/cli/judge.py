@@ -65,7 +65,6 @@ def certify(
         raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
     from glyphs.atomic import check_writable
     from pipeline.benchmark.report.certificate_page import write_certificate_page
-    from pipeline.benchmark.report.writing import command_line
     from pipeline.reading.certificate import write_certificate
     from pipeline.runs import certification
 
@@ -80,27 +79,27 @@ def certify(
         return FAILED
     page = out.with_suffix(".html")
     write_certificate(found.certificate, out)
-    write_certificate_page(found.certificate, page, command=command_line())
+    write_certificate_page(found.certificate, page)
     print(f"{found.certificate.describe()}\nwrote {out}\nwrote {page}")
     return 0
 
 
 def _print_tests(found: Certification, confidence: float) -> None:
     """Print what was read, and the thresholds at which anything changes."""
-    from pipeline.cli.tables import plain_table, screen
+    from pipeline.cli.tables import print_table
 
     words = [f"{found.parts:,} labelled parts"]
     words += [f"{found.errors:,} with an error"] if found.errors else []
     words += [f"{found.without_truth:,} without a label left out"] if found.without_truth else []
     print(", ".join(words))
-    headings = ("accepted from", "parts", "wrong", f"at most ({confidence:.4g})", "risk")
-    table = plain_table(headings, ("risk",))
-    for test, after in zip(found.tests, (*found.tests[1:], None), strict=True):
+    rows = (
+        (f"{test.threshold:g}", f"{test.accepted:,}", test.wrong, f"{test.bound:.3%}", test.shown.value)
+        for test, after in zip(found.tests, (*found.tests[1:], None), strict=True)
         # of thresholds that accept the same parts, the most lenient
-        if after is None or after.accepted != test.accepted or after.shown is not test.shown:
-            cells = (f"{test.threshold:g}", f"{test.accepted:,}", str(test.wrong), f"{test.bound:.3%}")
-            table.add_row(*cells, test.shown.value)
-    screen().print(table)
+        if after is None or after.accepted != test.accepted or after.shown is not test.shown
+    )
+    headings = ("accepted from", "parts", "wrong", f"at most ({confidence:.4g})", "risk")
+    print_table(headings, rows, ("risk",))
 
 
 def _what_is_missing(found: Certification, risk: float, confidence: float) -> str:
@@ -156,14 +155,12 @@ def study(
     """
     if not inputs:
         raise UsageError("study: name parts, folders, globs or manifests")
-    from pipeline.benchmark.report.writing import command_line
+    from pipeline.benchmark.study.repeats import StudyPlan
     from pipeline.benchmark.study.run import run_study
 
     with resumable(out, hint=_GO_ON):
-        found, written = run_study(
-            reading, inputs, out, repeats=repeats, arrays=arrays, reviewers=reviewers, truth=truth,
-            executors=ExecutorOptions(jobs), command=command_line(),
-        )  # fmt: skip
+        plan = StudyPlan(reading, repeats, arrays)
+        found, written = run_study(plan, inputs, out, ExecutorOptions(jobs), reviewers=reviewers, truth=truth)
     _print(found)
     for path in written:
         print(f"wrote {path}")
@@ -176,20 +173,19 @@ def study(
 
 
 def _print(found: Study) -> None:
-    from pipeline.cli.tables import plain_table, screen
+    from pipeline.cli.tables import print_table
 
     for note in found.notes:
         print(note)
     words = ("what", "comparison", "who")
-    table = plain_table((*words, "agree", "parts", "share", "95 %", "kappa"), words)
-    for what, each in (("serial", found.serials), ("decision", found.decisions)):
-        for a in each:
-            table.add_row(
-                what, a.kind.value, a.who, str(a.parts.count), str(a.parts.total), f"{a.parts.value:.1%}",
-                f"{100 * a.parts.low:.1f} to {100 * a.parts.high:.1f}",
-                "-" if a.kappa is None else f"{a.kappa.value:.3f}",
-            )  # fmt: skip
-    screen().print(table)
+    rows = (
+        (what, a.kind.value, a.who, a.parts.count, a.parts.total, f"{a.parts.value:.1%}",
+         f"{100 * a.parts.low:.1f} to {100 * a.parts.high:.1f}",
+         "-" if a.kappa is None else f"{a.kappa.value:.3f}")
+        for what, each in (("serial", found.serials), ("decision", found.decisions))
+        for a in each
+    )  # fmt: skip
+    print_table((*words, "agree", "parts", "share", "95 %", "kappa"), rows, words)
     gauge = found.depth
     if gauge is None:
         print(f"depth: no gauge study, {found.no_depth}")

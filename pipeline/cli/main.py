@@ -62,6 +62,7 @@ app = App(
         "Exit status: 0 all is well; 1 a part, file or machine failed; 2 wrong arguments or settings; 70 a fault of "
         "the program, please report it; 130 interrupted; 141 nobody reads the output."
     ),
+    help_format="plaintext",  # each command has its own: the module of Markdown is slow to import
     suppress_keyboard_interrupt=False,
 )
 _GROUPS = (
@@ -120,7 +121,7 @@ _MORE = ("calibrate", "identify", "import", "figures", "study", "worker", "compl
 """Commands that `--help` leaves to `--help-all`."""
 
 for _name, _group, _line in _GROUPS:
-    app.command(App(name=_name, help=_line, group=_group, help_flags=_HELP))
+    app.command(App(name=_name, help=_line, group=_group, help_flags=_HELP, help_format="markdown"))
 
 
 def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
@@ -149,7 +150,18 @@ for _words, _group, _function, _line, _ in _COMMANDS:
     *_path, _name = _words.split()
     _within, _panel = (app[_path[0]], "Commands") if _path else (app, _group)
     _found = f"pipeline.cli.{_function}" if _function else completion
-    _within.command(_found, name=_name, help=_line, group=_panel)
+    _within.command(_found, name=_name, help=_line, group=_panel, help_format="markdown")
+
+
+def _command_of(given: Sequence[str]) -> tuple[list[str], App]:
+    """Words at the beginning of a command line that name a command, and the command."""
+    words, command = [], app
+    for word in given:
+        if word.startswith("-") or word not in command:
+            break
+        words.append(word)
+        command = command[word]
+    return words, command
 
 
 def _show_less(given: Sequence[str]) -> Callable[[], None]:
@@ -160,12 +172,7 @@ def _show_less(given: Sequence[str]) -> Callable[[], None]:
     """
     from cyclopts.help.formatters import DefaultFormatter
 
-    words, command = [], app
-    for word in given:
-        if word.startswith("-") or word not in command:
-            break
-        words.append(word)
-        command = command[word]
+    words, _ = _command_of(given)
     flags = next((flags for name, *_, flags in _COMMANDS if name == " ".join(words)), None)
     shown = {f"--{flag}" for flag in (flags or "").split()}
     left_out = 0
@@ -199,11 +206,7 @@ def whole_help(*names: str) -> None:
     Args:
         names: of the command, such as tokens, add; what follows it on a command line may follow.
     """
-    command = app
-    for name in names:
-        if name.startswith("-") or name not in command:
-            break
-        command = command[name]
+    _, command = _command_of(names)
     if command.default_command is not None:
         command.help = None
 

@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+from collections.abc import Collection, Iterable, Sequence
 
 COLUMNS = 80
 
 
-def screen() -> Console:
-    """Console, 80 columns wide if the output is not a terminal."""
+def print_table(
+    headings: Sequence[str], rows: Iterable[Iterable[object]], words: Collection[str] = ()
+) -> None:
+    """Print a table without rules.
+
+    Args:
+        headings: of the columns.
+        rows: cells of each row.
+        words: headings of columns that hold words: they stand on the left, and are wrapped if needed.
+    """
     from rich.console import Console
-
-    return Console() if sys.stdout.isatty() else Console(width=COLUMNS)
-
-
-def plain_table(headings: Sequence[str], left: Sequence[str]) -> Table:
-    """Table without rules; columns named in `left` hold words and are wrapped if needed."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
     for heading in headings:
-        words = heading in left
+        wordy = heading in words
         table.add_column(
-            heading, justify="left" if words else "right", no_wrap=not words and " " not in heading,
-            overflow="fold" if words else "ellipsis",
+            heading, justify="left" if wordy else "right", no_wrap=not wordy and " " not in heading,
+            overflow="fold" if wordy else "ellipsis",
         )  # fmt: skip
-    return table
+    for row in rows:
+        table.add_row(*map(str, row))
+    (Console() if sys.stdout.isatty() else Console(width=COLUMNS)).print(table)

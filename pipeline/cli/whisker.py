@@ -306,26 +306,22 @@ def figures(
     mu
         Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
     """
-    from pipeline.cli.tables import plain_table, screen
+    from pipeline.cli.tables import print_table
     from pipeline.plots.paper_figures import draw_figures
     from whisker_array.simulation.traces import Fidelity
 
     print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
     written, rows = draw_figures(out, mu=mu)
     felt = [heading for fidelity in Fidelity for heading in (fidelity.value, "error", "peak")]
-    table = plain_table(("figure", "l2/l1", "alpha", "mu", "F (16)", *felt), ("figure",))
-    for pair in zip(*[iter(rows)] * len(Fidelity), strict=True):
-        step = pair[0]
-        cells = [
-            f"{step['k']:.3f}",
-            f"{step['alpha_deg']:.0f}",
-            f"{step['mu']:.2f}",
-            f"{step['f_predicted']:.4f}",
-        ]
-        for row in pair:
-            cells += [f"{row['f_read_off']:.4f}", f"{row['error']:+.2%}", f"{row['peak']:.3f}"]
-        table.add_row(step["figure"], *cells)
-    screen().print(table)
+    step, trace = (
+        "{figure} {k:.3f} {alpha_deg:.0f} {mu:.2f} {f_predicted:.4f}",
+        "{f_read_off:.4f} {error:+.2%} {peak:.3f}",
+    )
+    lines = (
+        " ".join([step.format(**pair[0]), *(trace.format(**row) for row in pair)])
+        for pair in zip(*[iter(rows)] * len(Fidelity), strict=True)
+    )
+    print_table(("figure", "l2/l1", "alpha", "mu", "F (16)", *felt), map(str.split, lines), ("figure",))
     print(
         "peak: highest moment over the land's; the ball rounds the edge, and in contact the tip slides off it"
     )

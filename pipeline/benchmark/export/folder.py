@@ -10,7 +10,7 @@ whose label is missing or does not match the files.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from pipeline.benchmark.export.exported_part import (
 )
 from pipeline.benchmark.export.label_files import label_files
 from pipeline.common.version import differences
+from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
 
 MANIFEST, PAGE = "manifest.json", "README.md"
@@ -42,8 +43,7 @@ def export(
     folder: Path,
     *,
     executor: Executor | None = None,
-    on_start: Callable[[int, int], None] | None = None,
-    on_part: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> int:
     """Write the exam; complete parts already in the folder are kept, so that a later call can add more parts.
 
@@ -51,8 +51,7 @@ def export(
         order: what to write.
         folder: output folder; created if needed.
         executor: executor that runs the work (default: this process).
-        on_start: called with the number of parts and the number of these already written.
-        on_part: called with the name of each part after it is written.
+        progress: shows how far the export is.
 
     Returns:
         Number of parts that the folder holds now.
@@ -64,8 +63,8 @@ def export(
     items = order.parts.items()
     _prepare(order, folder)
     labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}
-    if on_start is not None:
-        on_start(len(items), len(labels))
+    if progress:
+        progress.start(len(items), len(labels))
     missing = [item for item in items if item.part not in labels]
     failed: list[str] = []
     for outcome in (executor or Executor()).calls(export_part, order, missing):
@@ -77,8 +76,8 @@ def export(
         for path in sorted(made.files, key=last.__eq__):
             _put(folder / path, made.files[path])
         labels[item.part] = made.label
-        if on_part is not None:
-            on_part(item.part)
+        if progress:
+            progress.advance()
     if failed:
         raise ExportError(f"{len(failed)} parts could not be made, the first is {failed[0]}")
     _finish(order, folder, [labels[item.part] for item in items])

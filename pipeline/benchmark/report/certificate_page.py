@@ -12,13 +12,12 @@ from recognition.decision.accepted_risk import Shown
 from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
 
 
-def write_certificate_page(certificate: Certificate, path: Path, *, command: str) -> None:
+def write_certificate_page(certificate: Certificate, path: Path) -> None:
     """Write the page.
 
     Args:
         certificate: of which.
         path: of the page.
-        command: how to make it again, as typed.
 
     Raises:
         FileError: the file cannot be written.
@@ -32,7 +31,6 @@ def write_certificate_page(certificate: Certificate, path: Path, *, command: str
         measures=_spread(certificate.kind),
         p_value=P_VALUE,
         least_parts=LEAST_PARTS,
-        command=command,
     )
 
 

@@ -23,17 +23,15 @@ SHOWN = 24
 
 @dataclass(frozen=True)
 class Compared:
-    """Files of a report.
+    """A report.
 
     Attributes:
-        page: with pictures.
-        table: a line a flip.
+        files: the page with pictures, and the table with a line a flip.
         changes: what the change did.
         problem: why there are no pictures; empty where there are, or nothing flipped.
     """
 
-    page: Path
-    table: Path
+    files: tuple[Path, Path]
     changes: Changes
     problem: str
 
@@ -59,10 +57,9 @@ def write_comparison(
     found = changes(old, new, (books[0].description, books[1].description))
     drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or Executor())
     make_folder(folder)
-    written = Compared(folder / PAGE, folder / TABLE, found, problem)
-    write_table(written.table, _rows(found))
+    write_table(folder / TABLE, _rows(found))
     write_page(
-        written.page,
+        folder / PAGE,
         "compare.html.j2",
         title="What the change did",
         folders=(str(before), str(after)),
@@ -72,7 +69,7 @@ def write_comparison(
         drawn=drawn,
         problem=problem,
     )
-    return written
+    return Compared((folder / PAGE, folder / TABLE), found, problem)
 
 
 def _drawn(

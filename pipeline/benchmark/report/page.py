@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import shlex
+import sys
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,8 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
 from pipeline.common.texts import align, harmless
 from pipeline.common.version import library_versions
+
+PROGRAM = "tactile-marks"
 
 
 def make_folder(folder: Path) -> None:
@@ -50,7 +55,10 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:
-    """Write a page, or a document in Markdown, of `pipeline.benchmark.report.templates`."""
+    """Write a page, or a document in Markdown, of `pipeline.benchmark.report.templates`.
+
+    Every template also has the time, the command line and the versions of libraries.
+    """
     import jinja2
 
     environment = jinja2.Environment(
@@ -62,15 +70,26 @@ def write_page(path: Path, template: str, **values: Any) -> None:
     )
     environment.filters.update(
         percent=percent, span=span, ms=_ms, p=_p, factor=factor_name, level=level_name,
-        points=points, points_span=_points_span, marked=mark_characters,
+        points=points, points_span=points_span, marked=mark_characters,
     )  # fmt: skip
-    write_text(path, environment.get_template(template).render(**values, versions=versions()))
+    values |= {
+        "made": f"{datetime.now(UTC):%Y-%m-%d %H:%M UTC}",
+        "command": command_line(),
+        "versions": versions(),
+    }
+    write_text(path, environment.get_template(template).render(values))
+
+
+def command_line() -> str:
+    """The command line as typed; empty where a program of somebody else's asks."""
+    program, *arguments = sys.argv
+    return shlex.join([PROGRAM, *arguments]) if Path(program).stem == PROGRAM else ""
 
 
 def versions() -> dict[str, str]:
     """Versions of this program and of the libraries below it."""
     names = "numpy scipy numba opencv-contrib-python-headless scikit-image scikit-learn rapidocr onnxruntime tesserocr"
-    return library_versions(("tactile-marks", *names.split()))
+    return library_versions((PROGRAM, *names.split()))
 
 
 def percent(share: Share | Estimate) -> str:
@@ -88,7 +107,8 @@ def points(value: float) -> str:
     return f"{100 * value:+.1f}".replace("-", "−")
 
 
-def _points_span(ends: Estimate) -> str:
+def points_span(ends: Estimate) -> str:
+    """The ends of an interval of a difference of shares, in percentage points."""
     return f"{points(ends.low)} to {points(ends.high)}"
 
 

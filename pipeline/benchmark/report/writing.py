@@ -9,10 +9,8 @@ trials --statistics_of--> Statistics --+--> benchmark.json
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,48 +37,41 @@ from pipeline.workers.executors import Executor, ordered_map
 from recognition.decision.accepted_risk import parts_needed
 from recognition.decision.evidence import Measure
 
-PAGE, TABLE, FIGURES, DOCUMENT = "report.html", "benchmark.csv", "benchmark.json", "benchmark.md"
+PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 
 @dataclass(frozen=True)
 class Written:
-    """Files of a report.
+    """A report.
 
     Attributes:
-        page: the report.
-        table: a line a trial.
-        figures: all figures.
-        document: the tables that documents show, as Markdown.
-        statistics: the figures themselves.
+        folder: of its files.
+        statistics: all figures.
         verdicts: what was to be shown, and whether it was.
         drift: how the parts of each mode differ from the certified ones, in words; of those that do.
     """
 
-    page: Path
-    table: Path
-    figures: Path
-    document: Path
+    folder: Path
     statistics: Statistics
     verdicts: tuple[Verdict, ...]
-    drift: Mapping[str, str] = field(default_factory=dict)
+    drift: Mapping[str, str]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The page, the tables for documents as Markdown, the table of trials, and the figures."""
+        return tuple(self.folder / name for name in (PAGE, DOCUMENT, TABLE, FIGURES))
 
 
 def write_report(
-    benchmark: Benchmark,
-    trials: Sequence[Trial],
-    folder: Path,
-    *,
-    command: str = "",
-    certificate: Certificate | None = None,
+    benchmark: Benchmark, trials: Sequence[Trial], folder: Path, *, certificate: Certificate | None = None,
     executor: Executor | None = None,
-) -> Written:
-    """Write the page, the table and the figures.
+) -> Written:  # fmt: skip
+    """Write the page, the tables and the figures.
 
     Args:
         benchmark: the benchmark.
         trials: trials of all parts and modes, in order.
         folder: output folder.
-        command: command line that repeats the run.
         certificate: certificate that the parts were read with, if any.
         executor: executor that draws the worst parts (default: this process).
 
@@ -88,26 +79,16 @@ def write_report(
         FileError: the folder cannot be written.
     """
     found = statistics_of(trials, benchmark.crossed)
-    judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
-    written = Written(
-        folder / PAGE, folder / TABLE, folder / FIGURES, folder / DOCUMENT, found, judged, drift
-    )
-    values = {
-        **_values(benchmark, trials, found),
-        "verdicts": judged,
-        "worst": worst,
-        "command": command,
-        "certificate": certificate,
-        "drift": drift,
-    }
-    write_table(written.table, _rows(trials))
-    write_text(written.figures, json.dumps(_figures(benchmark, trials, found, judged), indent=1) + "\n")
-    write_page(written.document, "benchmark.md.j2", **values)
-    write_page(written.page, "report.html.j2", **values)
+    written = Written(folder, found, tuple(verdicts(found)), drift)
+    values = _values(benchmark, trials, written) | {"worst": worst, "certificate": certificate}
+    write_table(folder / TABLE, _rows(trials))
+    write_text(folder / FIGURES, json.dumps(_figures(benchmark, trials, written), indent=1) + "\n")
+    write_page(folder / DOCUMENT, "benchmark.md.j2", **values)
+    write_page(folder / PAGE, "report.html.j2", **values)
     return written
 
 
@@ -138,25 +119,24 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
         )  # fmt: skip
 
 
-def _figures(
-    benchmark: Benchmark, trials: Sequence[Trial], found: Statistics, judged: Sequence[Verdict]
-) -> dict[str, Any]:
+def _figures(benchmark: Benchmark, trials: Sequence[Trial], written: Written) -> dict[str, Any]:
     """All figures; what differs from run to run stands under "times" alone."""
+    found = written.statistics
     names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),
         "parts": len({t.part for t in trials}),
-        "targets": plain(list(judged)),
+        "targets": plain(written.verdicts),
         **{name: plain(getattr(found, name)) for name in names},
         "times": [plain_times(group) for group in found.by_severity],
     }
 
 
-def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
+def _values(benchmark: Benchmark, trials: Sequence[Trial], written: Written) -> dict[str, Any]:
     """Values of the page and of the document by their names in the templates."""
-    description, errors = benchmark.description(), [t for t in trials if t.error]
-    modes, n_parts = modes_in(found.by_mode), len({t.part for t in trials})
+    found, description = written.statistics, benchmark.description()
+    modes = modes_in(found.by_mode)
     # charts show the first thing given: more lines would hide each other
     by_severity, by_mode = (
         [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
@@ -171,10 +151,11 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         pictures["stage"] = charts.stage_figure(by_severity)
     return {
         "title": "Benchmark of reading dirty marks",
-        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "n_parts": n_parts,
+        "n_parts": len({t.part for t in trials}),
         "modes": modes,
         "found": found,
+        "verdicts": written.verdicts,
+        "drift": written.drift,
         "design": description["parts"],
         "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
         "lead": leading_mode(modes),
@@ -190,7 +171,7 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "severities": severities_in(found.by_severity),
         "pictures": {name: data_uri(figure) for name, figure in pictures.items()},
         "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sorted(by_mode)],
-        "errors": errors,
+        "errors": [t for t in trials if t.error],
         "settings": list(_flat(description)),
     }
 
@@ -214,10 +195,3 @@ def _flat(values: dict[str, Any], before: str = "") -> Iterator[tuple[str, str]]
             yield from _flat(value, f"{before}{name}.")
         else:
             yield f"{before}{name}", ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
-def command_line() -> str:
-    """Return the command line as typed."""
-    import shlex
-
-    return shlex.join(["tactile-marks", *sys.argv[1:]])

@@ -8,8 +8,7 @@ depth.csv      sources of the variation in depth
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from matplotlib.figure import Figure
 
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri, draw_grid
 from pipeline.benchmark.report.page import make_folder, write_page, write_table
-from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
@@ -27,7 +25,7 @@ _MOST_PARTS = 60
 """Most disputed parts that the page shows; the table has all of them."""
 
 
-def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path, ...]:
+def write_study(study: Study, folder: Path) -> tuple[Path, ...]:
     """Write the page and the tables, and return their paths.
 
     Without a gauge study there is no table of depths.
@@ -35,7 +33,6 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
     Args:
         study: results of the study.
         folder: folder for the files; created if missing.
-        command: the command that repeats the study, as typed.
 
     Raises:
         FileError: the folder cannot be written.
@@ -51,19 +48,15 @@ def write_study(study: Study, folder: Path, *, command: str = "") -> tuple[Path,
         folder / PAGE,
         "study.html.j2",
         title="Agreement study",
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         study=study,
         trials=max((m.number for m in study.measured), default=0),
         comparisons=[("serials", study.serials), ("decisions", study.decisions)],
         gauge=study.depth,
         components=[] if study.depth is None else list(components(study.depth)),
-        widest=study.widest_depth,
         depths="" if study.depth is None else data_uri(depth_figure(study)),
         differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
         errors=[m for m in study.measured if m.error],
-        notes=study.notes,
-        command=command,
     )
     return tuple(folder / name for name in (PAGE, *tables))
 
@@ -136,18 +129,14 @@ def _agreement(study: Study) -> Iterator[Sequence[object]]:
         "attribute", "comparison", "appraisers", "agree", "parts", "share", "low", "high", "kappa", "kappa_low",
         "kappa_high", "disagreed",
     )  # fmt: skip
-    for attribute, found in (("serial", study.serials), ("decision", study.decisions)):
-        yield from (_agreement_row(attribute, each) for each in found)
-
-
-def _agreement_row(attribute: str, found: Agreement) -> Sequence[object]:
-    parts, kappa = found.parts, found.kappa
-    kappas: Iterable[object] = ("", "", "") if kappa is None else (
-        round(v, 6) for v in (kappa.value, kappa.low, kappa.high)
-    )  # fmt: skip
-    shares = (round(v, 6) for v in (parts.value, parts.low, parts.high))
-    disagreed = " ".join(found.disagreed)
-    return (attribute, found.kind.value, found.who, parts.count, parts.total, *shares, *kappas, disagreed)
+    for attribute, each in (("serial", study.serials), ("decision", study.decisions)):
+        for a in each:
+            shares, kappas = (
+                ("", "", "") if of is None else (round(of.value, 6), round(of.low, 6), round(of.high, 6))
+                for of in (a.parts, a.kappa)
+            )
+            counts = (a.parts.count, a.parts.total)
+            yield attribute, a.kind.value, a.who, *counts, *shares, *kappas, " ".join(a.disagreed)
 
 
 def _depth(gauge: GaugeRR) -> Iterator[Sequence[object]]:

@@ -9,7 +9,6 @@ part-1,Ben,KX407Z51         an empty text: not readable
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from pathlib import Path
 
 from glyphs.errors import FileError
@@ -19,21 +18,13 @@ _HEADINGS = ("reviewer", "appraiser", "who")
 _MOST_NAMED = 5
 
 
-@dataclass(frozen=True)
-class Reviews:
-    """Answers of people.
-
-    Attributes:
-        answers: trial by trial, of every part, of every reviewer; without blanks.
-        unknown: parts that were answered and are not in the study.
-    """
-
-    answers: dict[str, dict[str, tuple[str, ...]]]
-    unknown: tuple[str, ...]
-
-
-def load_reviews(path: Path, parts: Collection[str]) -> Reviews:
+def load_reviews(
+    path: Path, parts: Collection[str]
+) -> tuple[dict[str, dict[str, tuple[str, ...]]], tuple[str, ...]]:
     """Load the reviewers' answers for some parts from a table.
+
+    Returns:
+        The answers without blanks by reviewer and part, trial by trial; and parts of the table that the study has not.
 
     Raises:
         FileError: a table of another kind, a line without a reviewer, no part of the study, or a reviewer
@@ -63,4 +54,4 @@ def load_reviews(path: Path, parts: Collection[str]) -> Reviews:
                 path, f"{who} read some parts {most} times and others less often: {', '.join(few)}",
                 "give as many lines for each",
             )  # fmt: skip
-    return Reviews(answers, tuple(unknown))
+    return answers, tuple(unknown)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -26,6 +25,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.runs.journal import resumable
+from pipeline.runs.progress import Progress
 from pipeline.workers.executors import Executor
 from recognition.decision.evidence import measures_of
 from recognition.decision.score import FITTED
@@ -101,8 +101,7 @@ def run_benchmark(
     folder: Path,
     *,
     executor: Executor | None = None,
-    on_start: Callable[[int, int], None] | None = None,
-    on_part: Callable[[Sequence[Trial]], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Trial]:
     """Run the trials of every part that is not in the folder yet.
 
@@ -110,8 +109,7 @@ def run_benchmark(
         benchmark: the benchmark to run.
         folder: folder for the trials; created if needed.
         executor: executor that runs the work (default: this process).
-        on_start: called with the number of parts and the number of these already done.
-        on_part: called with the trials of each part after it is done.
+        progress: shows how far the run is.
 
     Returns:
         The trials, ordered by part, then by given knowledge, perturbation and mode.
@@ -128,14 +126,14 @@ def run_benchmark(
             open_mode(mode, Reader(settings))
 
     with TrialJournal(folder, benchmark.description()) as book:
-        if on_start is not None:
-            on_start(len(items), sum(item.part in book.names for item in items))
-        work = executor or Executor()
+        if progress:
+            progress.start(len(items), sum(item.part in book.names for item in items))
+        lost = partial(_failed, benchmark)
         for _, trials in resumable(
-            book, items, work, try_part, benchmark, lost=partial(_failed, benchmark), name="part"
+            book, items, executor or Executor(), try_part, benchmark, lost=lost, name="part"
         ):
-            if on_part is not None:
-                on_part(trials)
+            if progress:
+                progress.advance(failed=any(t.error for t in trials))
         done = book.done
     return [trial for item in items for trial in done[item.part]]
 

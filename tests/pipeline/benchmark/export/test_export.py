@@ -19,6 +19,7 @@ from pipeline.benchmark.export.exported_part import ExportOrder, polygon_px
 from pipeline.benchmark.export.folder import ExportError, check, export
 from pipeline.formats.npz import read_soil
 from tests.factories import designed_parts
+from tests.support.counted import Counted
 
 EMPTY_MM = 0.06
 """A two-tone test of places: a mark is deeper than half of its 0.2 mm where the land is not."""
@@ -90,17 +91,16 @@ def test_places_are_where_touch_feels_marks(exam: tuple[ExportOrder, Path]) -> N
 
 def test_an_export_goes_on_where_it_was_broken_off(exam: tuple[ExportOrder, Path], tmp_path: Path) -> None:
     order, whole = exam
-    first, second = (item.part for item in order.parts.items())
-    made: list[str] = []
+    first, _ = (item.part for item in order.parts.items())
     beginning = replace(order, parts=replace(order.parts, first=1))
-    assert export(beginning, tmp_path, on_part=made.append) == 1
+    counted = Counted()
+    assert export(beginning, tmp_path, progress=counted) == 1
     assert not check(order, tmp_path)
     (tmp_path / "photos" / f"{first}.png").write_bytes(b"torn")
-    started: list[tuple[int, int]] = []
-    export(order, tmp_path, on_start=lambda *n: started.append(n), on_part=made.append)
-    assert (made, started) == ([first, first, second], [(2, 0)])
-    export(order, tmp_path, on_start=lambda *n: started.append(n), on_part=made.append)
-    assert (len(made), started[-1]) == (3, (2, 2))
+    export(order, tmp_path, progress=counted)
+    assert (counted.parts, counted.starts) == (3, [(1, 0), (2, 0)])
+    export(order, tmp_path, progress=counted)
+    assert (counted.parts, counted.starts[-1]) == (3, (2, 2))
     assert (tmp_path / "manifest.json").read_text() == (whole / "manifest.json").read_text()
     first_photo, stray = tmp_path / "photos" / f"{first}.png", tmp_path / "photos" / "stray.png"
     first_photo.rename(stray)

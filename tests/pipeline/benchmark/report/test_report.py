@@ -89,12 +89,13 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> report.Written:
     benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ReaderSettings())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report, "draw_worst", not_drawn)
+        patch.setattr("sys.argv", ["/bin/tactile-marks", "benchmark", "run", "--seed", "1"])
         folder = tmp_path_factory.mktemp("report")
-        return report.write_report(benchmark, TRIALS, folder, command="tactile-marks benchmark run --seed 1")
+        return report.write_report(benchmark, TRIALS, folder)
 
 
 def test_the_page_is_whole_and_needs_nothing_beside_it(written: report.Written) -> None:
-    text = written.page.read_text(encoding="utf-8")
+    text = (written.folder / report.PAGE).read_text(encoding="utf-8")
     page = Page(text)
     assert page.open == []
     assert set(SECTIONS) <= set(page.ids)
@@ -108,7 +109,7 @@ def test_the_page_is_whole_and_needs_nothing_beside_it(written: report.Written) 
 
 
 def test_the_table_has_a_line_a_trial(written: report.Written) -> None:
-    with written.table.open(encoding="utf-8", newline="") as stream:
+    with (written.folder / report.TABLE).open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(TRIALS)
     assert [r["characters_right"] for r in rows[:5]] == ["2", "1", "1", "1", "0"]
@@ -117,7 +118,7 @@ def test_the_table_has_a_line_a_trial(written: report.Written) -> None:
 
 
 def test_the_tables_for_documents_are_those_of_the_trials(written: report.Written) -> None:
-    command, _, given, _, *table = written.document.read_text(encoding="utf-8").splitlines()
+    command, _, given, _, *table = (written.folder / report.DOCUMENT).read_text(encoding="utf-8").splitlines()
     assert command.strip() == "tactile-marks benchmark run --seed 1"
     assert given == "Readers are given nothing."
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
@@ -133,7 +134,7 @@ def test_the_tables_for_documents_are_those_of_the_trials(written: report.Writte
 
 
 def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
-    told = json.loads(written.figures.read_text(encoding="utf-8"))
+    told = json.loads((written.folder / report.FIGURES).read_text(encoding="utf-8"))
     tactile = next(g for g in told["by_severity"] if g["mode"] == "tactile")
     assert (tactile["serials"]["count"], tactile["characters"]["count"]) == (1, 5)
     assert tactile["split"] == {
@@ -147,12 +148,12 @@ def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
 
 
 def test_the_time_of_reading_stands_beside_the_accuracy(written: report.Written) -> None:
-    text = written.page.read_text(encoding="utf-8")
+    text = (written.folder / report.PAGE).read_text(encoding="utf-8")
     summary = text[text.index('id="summary"') : text.index('id="accuracy"')]
     assert "<th>reading, ms</th>" in summary
     assert "<td>250</td><td>250</td></tr>" in summary  # tactile, less the simulated scan
     assert "<td>1000</td><td>1000</td></tr>" in summary  # vision
-    with written.table.open(encoding="utf-8", newline="") as stream:
+    with (written.folder / report.TABLE).open(encoding="utf-8", newline="") as stream:
         first = next(csv.DictReader(stream))
     assert [float(first[k]) for k in ("compute_s", "reading_s", "simulated_s")] == [1.0, 0.25, 0.75]
 
@@ -223,14 +224,14 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report, "draw_worst", not_drawn)
         done = report.write_report(benchmark, trials, tmp_path)
-    told = json.loads(done.figures.read_text(encoding="utf-8"))
+    told = json.loads((done.folder / report.FIGURES).read_text(encoding="utf-8"))
     first = told["effects"][0]
     assert (first["factor"], first["mode"], first["levels"][0]["level"]) == ("soil", "tactile", "rust")
     lost = sum("A7" in t.text and t.mode == "tactile" for t in trials) / (2 * len(parts.items()))
     assert first["levels"][0]["difference"]["value"] == pytest.approx(-lost)
     assert told["knowledge"][0]["serials"]["only_second"] == 0
     assert {c["given"] for c in told["cells"]} == {"format", "font,format"}
-    text = done.page.read_text(encoding="utf-8")
+    text = (done.folder / report.PAGE).read_text(encoding="utf-8")
     page = Page(text)
     assert page.open == []
     assert page.ids.index("factors") < page.ids.index("summary")
@@ -307,5 +308,5 @@ def test_a_page_is_written_of_parts_that_all_failed(tmp_path: Path) -> None:
         designed_parts().items()[0].part, 0, {"severity": 0.3}, "tactile", "", error="MarksError: no land"
     )
     benchmark = Benchmark(designed_parts(), ("tactile",), ReaderSettings())
-    done = report.write_report(benchmark, [failed], tmp_path, command="x")
-    assert "no land" in done.page.read_text(encoding="utf-8")
+    done = report.write_report(benchmark, [failed], tmp_path)
+    assert "no land" in (done.folder / report.PAGE).read_text(encoding="utf-8")

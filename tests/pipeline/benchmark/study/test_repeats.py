@@ -115,9 +115,9 @@ def test_a_study_goes_on_where_it_was_broken_off(
 def test_answers_are_put_to_their_trials(tmp_path: Path) -> None:
     table = tmp_path / "reviews.csv"
     table.write_text("part,Reviewer,text\nm,Ada,A 1\nm.npz,Ada,A7\nm,Ben,\nother,Ben,X\n", encoding="utf-8")
-    found = load_reviews(table, {"m"})
-    assert found.answers == {"Ada": {"m": ("A1", "A7")}, "Ben": {"m": ("",)}}
-    assert found.unknown == ("other",)
+    answers, unknown = load_reviews(table, {"m"})
+    assert answers == {"Ada": {"m": ("A1", "A7")}, "Ben": {"m": ("",)}}
+    assert unknown == ("other",)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from recognition.language.box import Box
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
+from tests.support.counted import Counted
 from whisker_array.simulation.traces import Fidelity
 
 FAST = ReaderSettings(fidelity=Fidelity.POINTWISE)
@@ -103,21 +104,14 @@ def test_a_run_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
     benchmark = Benchmark(Blanks(6), ("echo",), FAST)
     whole = run_benchmark(benchmark, tmp_path / "whole")
 
-    def stop(trials: Any) -> None:
-        if trials[0].part == "b1":
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        run_benchmark(benchmark, tmp_path / "broken", on_part=stop)
+        run_benchmark(benchmark, tmp_path / "broken", progress=Counted(stop_after=2))
     assert set(TrialJournal.read(tmp_path / "broken").done) == {"b0", "b1"}
-    starts: list[tuple[int, int]] = []
-    again: list[str] = []
-    resumed = run_benchmark(
-        benchmark, tmp_path / "broken", on_start=lambda *n: starts.append(n),
-        on_part=lambda t: again.append(t[0].part),
-    )  # fmt: skip
-    assert starts == [(6, 2)]
-    assert again == ["b2", "b3", "b4", "b5"]
+    counted = Counted()
+    resumed = run_benchmark(benchmark, tmp_path / "broken", progress=counted)
+    assert counted.starts == [(6, 2)]
+    assert counted.parts == 4
+    assert counted.failed == 2
     assert told(resumed) == told(whole)
     assert json.dumps(plain(list(statistics_of(resumed).by_mode))) == json.dumps(
         plain(list(statistics_of(whole).by_mode))
