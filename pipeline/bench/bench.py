@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -50,25 +49,18 @@ class Bench:
         """
         self.settings = settings
         self._in_pass = False
-        self.daq = _open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
-        try:
+        with contextlib.ExitStack() as until_connected:
+            self.daq = _open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
+            until_connected.callback(self.daq.close)
             self.stage = _CONTROLLERS[settings.stage.firmware](settings.stage)
-        except BaseException:
-            self.daq.close()
-            raise
-        try:
+            until_connected.callback(self.stage.close)
             self.greeting = self.stage.connect()
-        except BaseException:
-            self.stage.close()
-            self.daq.close()
-            raise
+            until_connected.pop_all()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def home(self) -> None:
@@ -100,23 +92,17 @@ class Bench:
             StageError: homing failed, or the region is off the field.
         """
         fitting = self.settings.fitting(part_id)
-        x0, y0, x1, y1 = (
-            v - shift for v, shift in zip(fitting.field_mm, (x_mm, y_mm, x_mm, y_mm), strict=True)
-        )
+        low, high = np.reshape(fitting.field_mm, (2, 2)) - (x_mm, y_mm)
         if region_mm is not None:
-            x0, y0, x1, y1 = (
-                max(x0, region_mm[0]),
-                max(y0, region_mm[1]),
-                min(x1, region_mm[2]),
-                min(y1, region_mm[3]),
-            )
-        if min(x1 - x0, y1 - y0) < fitting.height_mm:
+            low, high = np.maximum(low, region_mm[:2]), np.minimum(high, region_mm[2:])
+        if (high - low).min() < fitting.height_mm:
             raise StageError(
                 f"the region {region_mm} mm is not on the bench's field",
                 "check camera_mm and field_mm of [plate]",
             )
         if self.stage.lost:
             self.home()
+        x0, y0, x1, y1 = (float(v) for v in (*low, *high))
         return BenchSession(self, replace(fitting, field_mm=(x0, y0, x1, y1)), x_mm=x_mm, y_mm=y_mm)
 
     def run(self, moves: Moves) -> Record:
@@ -199,10 +185,8 @@ class BenchSession:
         moves = moves_of(on_plate, settings, preload_mm=self.fitting.touch.preload_mm)
         air, felt, clipped = samples(self._bench.run(moves), order, moves)
         gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
-        flags = np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
-        flags |= np.where(
-            beyond(on_plate, settings.plate.field_mm), np.uint8(SampleFlag.OUTSIDE), np.uint8(0)
-        )
+        outside = beyond(on_plate, settings.plate.field_mm)
+        flags = clipped * np.uint8(SampleFlag.OUT_OF_RANGE) | outside * np.uint8(SampleFlag.OUTSIDE)
         # the offset too, so that a whisker's is not another's when the comb has turned
         zero = air.mean(axis=1, keepdims=True) if air.size else 0.0
         return Sweep(

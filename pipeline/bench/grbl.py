@@ -29,6 +29,7 @@ _ALARMS = {
     r"(\d+)": "number {1}",
 }
 _MOVING = ("Run", "Jog", "Home")
+_GREETING = re.compile("Grbl.*")
 
 
 class Grbl(Controller):
@@ -94,22 +95,18 @@ class Grbl(Controller):
     def _reset(self) -> str:
         self.port.quiet(for_s=0.0)
         self.port.write(b"\x18")
-        until = time.monotonic() + self.settings.answer_s
-        while time.monotonic() < until:
-            line = self.port.line(wait_s=LOOK_S)
-            if line is not None and line.startswith("Grbl"):
-                self.port.quiet(for_s=0.05)
-                return line
-        raise self.unknown()
+        greeting = self.port.answer(_GREETING, wait_s=self.settings.answer_s)
+        if greeting is None:
+            raise self.unknown()
+        self.port.quiet(for_s=0.05)
+        return greeting[0]
 
     def _state(self, *, wait_s: float) -> str | None:
         """State of a fresh status report; None where none comes."""
         self._place = None
         self.port.write(b"?")
-        until = time.monotonic() + wait_s
-        while (left := until - time.monotonic()) > 0.0:
-            line = self.port.line(wait_s=left)
-            if line is not None and (found := self.dialect.place.match(line)):
-                self._place = (float(found[2]), float(found[3]), float(found[4]))
-                return found[1]
-        return None
+        found = self.port.answer(self.dialect.place, wait_s=wait_s)
+        if found is None:
+            return None
+        self._place = (float(found[2]), float(found[3]), float(found[4]))
+        return found[1]

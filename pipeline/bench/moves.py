@@ -13,6 +13,7 @@ greatest; `Moves.whisker` tells which one felt which line.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -126,14 +127,10 @@ def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...]
 
 def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tuple[float, float]:
     """Machine x, y of the turning axis while the middle tip is over a place of the plate."""
-    cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
-    along, across = stage.tip_mm
-    x = tip_mm[0] - (cos * along - sin * across)
-    y = tip_mm[1] - (sin * along + cos * across)
-    return (
-        stage.origin_mm[0] + (-x if stage.flip_x else x),
-        stage.origin_mm[1] + (-y if stage.flip_y else y),
-    )
+    offset = complex(*stage.tip_mm) * cmath.rect(1.0, math.radians(turn))
+    x, y = tip_mm[0] - offset.real, tip_mm[1] - offset.imag
+    origin = stage.origin_mm
+    return (origin[0] + (-x if stage.flip_x else x), origin[1] + (-y if stage.flip_y else y))
 
 
 def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from pipeline.bench.daq import Record
 from pipeline.bench.moves import Moves
@@ -64,12 +65,8 @@ def samples(
     air = np.empty((len(order.line_mm), 0))
     if moves.air_s > 0.0:
         time_s = np.arange(air_at.stop - air_at.start) / record.rate_hz
-        air = _averaged(
-            time_s,
-            lines[air_at],
-            (np.arange(order.air_samples, dtype=np.float64) + 2.0) / rate_hz,
-            1.0 / rate_hz,
-        )
+        at_s = (np.arange(order.air_samples, dtype=np.float64) + 2.0) / rate_hz
+        air = _averaged(time_s, lines[air_at], at_s, 1.0 / rate_hz)
     return air, felt, clipped
 
 
@@ -77,9 +74,6 @@ def _averaged(
     x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
 ) -> NDArray[np.float64]:
     """(channels, at) means of (samples, channels) over a width about each place: no faster wiggle is folded back."""
-    steps = np.diff(x)[:, None]
-    whole = np.concatenate(
-        [np.zeros((1, rows.shape[1])), np.cumsum(0.5 * (rows[1:] + rows[:-1]) * steps, axis=0)]
-    )
-    ends = [[np.interp(at + s * width, x, c) for c in whole.T] for s in (-0.5, 0.5)]
-    return np.asarray((np.array(ends[1]) - np.array(ends[0])) / width)
+    whole = cumulative_trapezoid(rows, x, axis=0, initial=0.0)
+    low, high = (np.array([np.interp(at + s * width, x, c) for c in whole.T]) for s in (-0.5, 0.5))
+    return np.asarray((high - low) / width)

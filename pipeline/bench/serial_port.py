@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from typing import Any
@@ -76,12 +77,23 @@ class SerialPort:
                 return None
         return self._lines.popleft()
 
-    def quiet(self, *, for_s: float = 0.1) -> list[str]:
-        """Read lines until none comes for `for_s` seconds: late answers to earlier questions."""
-        late = []
-        while (line := self.line(wait_s=for_s)) is not None:
-            late.append(line)
-        return late
+    def answer(self, wanted: re.Pattern[str], *, wait_s: float) -> re.Match[str] | None:
+        """Read lines until one matches, and return the match; None on timeout.
+
+        Raises:
+            StageError: the port is gone.
+        """
+        until = time.monotonic() + wait_s
+        while (left := until - time.monotonic()) > 0.0:
+            line = self.line(wait_s=left)
+            if line is not None and (found := wanted.match(line)):
+                return found
+        return None
+
+    def quiet(self, *, for_s: float = 0.1) -> None:
+        """Drop lines until none comes for `for_s` seconds: late answers to earlier questions."""
+        while self.line(wait_s=for_s) is not None:
+            pass
 
     def close(self) -> None:
         """Close the port; closing again does nothing."""

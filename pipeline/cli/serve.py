@@ -79,11 +79,10 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
     require_distributed()
     # what stands in the environment goes before what Dask's nanny would set for the processes that it starts
     environment = {**MALLOC, "NUMBA_NUM_THREADS": "1", **os.environ}
+    memory = "auto" if memory_gb is None else f"{memory_gb}GB"
     arguments = [
-        *(sys.executable, "-m", "distributed.cli.dask_worker", address),
-        *("--nworkers", str(jobs or cores()), "--nthreads", "1"),
-        *("--memory-limit", "auto" if memory_gb is None else f"{memory_gb}GB"),
-        "--no-dashboard",
+        *(sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-dashboard"),
+        *("--nworkers", str(jobs or cores()), "--nthreads", "1", "--memory-limit", memory),
     ]
     sys.stdout.flush()
     os.execve(sys.executable, arguments, environment)

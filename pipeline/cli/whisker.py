@@ -96,9 +96,7 @@ def scan(
     surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
     soil = read_soil(height_map, maps)
     built = read_whisker_file(whisker) if whisker is not None else None
-    if height_mm is None and built is not None:
-        height_mm = built.character_height_mm
-    height = height_mm if height_mm is not None else find_height_mm(surface, soil=soil)
+    height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
     bench: dict[str, Any] = {
         "height_mm": height, "fidelity": Fidelity(fidelity), "noise": noise, "memory": memory, "sensor_seed": seed,
         "part_id": height_map.stem, "friction": friction, "soil": soil,
@@ -111,8 +109,7 @@ def scan(
     if built is not None:
         plan = replace(plan, speed_mm_s=built.speed_mm_s)
     print(describe_plan(plan))
-    shape = built.whisker if built is not None else default_whisker(height)
-    touch = built.touch if built is not None else default_touch(height)
+    shape, touch = (built.whisker, built.touch) if built else (default_whisker(height), default_touch(height))
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
         print(f"warning: {warning}", file=sys.stderr)

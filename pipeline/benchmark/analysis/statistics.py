@@ -102,15 +102,7 @@ def plain(value: Any) -> Any:
         case GroupKey():
             return {"mode": value.mode, **dict(value.levels)}
         case Share():
-            return plain(
-                {
-                    "count": value.count,
-                    "total": value.total,
-                    "share": value.value,
-                    "low": value.low,
-                    "high": value.high,
-                }
-            )
+            return plain({**vars(value), "share": value.value})
         case RiskCoverage():
             step = max(1, value.coverage.size // _CURVE_POINTS)
             curve = np.stack([value.coverage, value.risk], axis=1)[::-1][::step][::-1]

@@ -125,9 +125,9 @@ class _Writer:
         part, surface = self.specimen.part, self.specimen.height_map
         write_surface(self.folder / f"parts/{part}.npz", surface, self.specimen.soil)
         photo = self.senses.photo
-        photo_grid = _Grid(photo_pitch_mm(photo), photo_origin_mm(photo), photo.shape)
+        photo_grid = _grid(photo_pitch_mm(photo), photo_origin_mm(photo), photo.shape)
         self._picture("photo", f"photos/{part}.png", photo, photo_grid)
-        plate = _Grid(surface.pitch_mm, (0.0, 0.0), surface.z_mm.shape)
+        plate = _grid(surface.pitch_mm, (0.0, 0.0), surface.z_mm.shape)
         self._layer("ideal", f"ideal/{part}.png", surface.z_mm, "mm", plate)
         if felt:
             self._felt(self.senses.felt, f"felt/{part}")
@@ -143,40 +143,35 @@ class _Writer:
     def _felt(self, maps: FeltMaps, stem: str) -> None:
         self.scan, edges, relief = _scan(maps.scan), maps.edges, maps.relief
         if edges is not None:
-            grid = _Grid(edges.pitch_mm, edges.origin_mm, edges.shape)
-            self._picture(
-                "edges", f"{stem}-edges.png", Photo(draw_edges(edges), pitch_mm=grid.pitch_mm), grid
-            )
+            grid = _grid(edges.pitch_mm, edges.origin_mm, edges.shape)
+            drawn = Photo(draw_edges(edges), pitch_mm=edges.pitch_mm)
+            self._picture("edges", f"{stem}-edges.png", drawn, grid)
             for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
                 view, values = f"edges-{direction:d}-16", np.where(edges.valid, layer, np.nan)
                 self._layer(view, f"{stem}-{view}.png", values, "enhancement", grid)
         if relief is not None:
-            grid = _Grid(relief.pitch_mm, relief.origin_mm, relief.height_mm.shape)
-            drawn = draw_heights(relief.height_mm, pitch_mm=grid.pitch_mm)
-            self._picture("relief", f"{stem}-relief.png", Photo(drawn, pitch_mm=grid.pitch_mm), grid)
+            grid = _grid(relief.pitch_mm, relief.origin_mm, relief.height_mm.shape)
+            heights = draw_heights(relief.height_mm, pitch_mm=relief.pitch_mm)
+            self._picture("relief", f"{stem}-relief.png", Photo(heights, pitch_mm=relief.pitch_mm), grid)
             self._layer("relief-16", f"{stem}-relief-16.png", relief.height_mm, "mm", grid)
 
     def _picture(self, view: str, path: str, photo: Photo, grid: _Grid) -> None:
         write_photo(self.folder / path, photo)
-        self.views[view] = {"file": path, **grid.label()}
+        self.views[view] = {"file": path, **grid}
 
     def _layer(self, view: str, path: str, values: NDArray[np.floating], unit: str, grid: _Grid) -> None:
-        place: Any = {"pitch_mm": grid.pitch_mm, "origin_mm": grid.origin_mm}
+        place = {name: grid[name] for name in ("pitch_mm", "origin_mm")}
         step = write_layer(self.folder / path, values, unit=unit, **place)
-        self.views[view] = {"file": path, **grid.label(), "step": step, "unit": unit}
+        self.views[view] = {"file": path, **grid, "step": step, "unit": unit}
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Position of the pixels of a view on the plate."""
+_Grid = dict[str, Any]
+"""Position of the pixels of a view on the plate, as its label says it."""
 
-    pitch_mm: float
-    origin_mm: tuple[float, float]
-    shape: tuple[int, ...]
 
-    def label(self) -> dict[str, Any]:
-        origin = [round(float(v), 6) for v in self.origin_mm]
-        return {"pitch_mm": float(self.pitch_mm), "origin_mm": origin, "shape": list(self.shape[:2])}
+def _grid(pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, ...]) -> _Grid:
+    origin = [round(float(v), 6) for v in origin_mm]
+    return {"pitch_mm": float(pitch_mm), "origin_mm": origin, "shape": list(shape[:2])}
 
 
 def _scan(scan: Scan) -> dict[str, Any]:

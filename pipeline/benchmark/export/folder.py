@@ -127,13 +127,10 @@ def _prepare(order: ExportOrder, folder: Path) -> None:
         if occupied:
             if held is None:
                 raise FileError(folder, "is not empty and holds no export", "name another folder")
-            was, now = (
-                {**(card.get("design") or {}), "program": card.get("program")} for card in (held, new)
-            )
+            was, now = ({**(c.get("design") or {}), "program": c.get("program")} for c in (held, new))
             if was != now:
-                raise FileError(
-                    folder, f"holds another export ({differences(was, now)})", "name another folder"
-                )
+                what = f"holds another export ({differences(was, now)})"
+                raise FileError(folder, what, "name another folder")
         for name in FOLDERS:
             (folder / name).mkdir(exist_ok=True)
     except OSError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pipeline.common.settings import SettingsError
@@ -27,32 +28,20 @@ def rules() -> dict[str, ReadingFlag | Measure]:
     return found
 
 
-def without_rule(reading: Reading, name: str) -> Reading:
-    """Decide on a reading without one rule; nothing is read again.
-
-    Raises:
-        SettingsError: no such rule.
-    """
-    from recognition.decision.flags import ReadingFlag
-    from recognition.decision.score import with_score
-
-    rule = check_rule(name)
-    return (
-        reading.without_flags(rule)
-        if isinstance(rule, ReadingFlag)
-        else with_score(reading, without=frozenset({rule}))
-    )
-
-
-def check_rule(name: str) -> ReadingFlag | Measure:
-    """Look a rule up.
+def leave_out(name: str) -> Callable[[Reading], Reading]:
+    """Make a function that decides on a reading without one rule; nothing is read again.
 
     Raises:
         SettingsError: no such rule; names all.
     """
+    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.score import with_score
+
     known = rules()
     if name not in known:
-        raise SettingsError(
-            f"there is no rule {name!r} to leave out", hint=f"the rules are {', '.join(known)}"
-        )
-    return known[name]
+        what = f"there is no rule {name!r} to leave out"
+        raise SettingsError(what, hint=f"the rules are {', '.join(known)}")
+    rule = known[name]
+    if isinstance(rule, ReadingFlag):
+        return lambda reading: reading.without_flags(rule)
+    return lambda reading: with_score(reading, without=frozenset({rule}))

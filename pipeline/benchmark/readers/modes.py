@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.readers.ablation import check_rule, without_rule
+from pipeline.benchmark.readers.ablation import leave_out
 from pipeline.benchmark.readers.experts import EXPERT_MODES, alone, experts_in
 from pipeline.benchmark.readers.mode import Mode, PartReadings
 from pipeline.benchmark.readers.own_reader import own_mode
@@ -91,8 +91,7 @@ def open_mode(name: str, reader: Reader) -> Mode:
         return own_mode(name, reader.settings)
     whole, _, rule = name.partition(WITHOUT)
     if rule and whole in MODES:
-        check_rule(rule)
-        return _changed(whole, lambda reading: without_rule(reading, rule), reader)
+        return _changed(whole, leave_out(rule), reader)
     if (plan := TouchPlan.of(name)) is not None:
         return plan_mode(plan, reader)
     makers = {**MODES, **EXPERTS, **PEERS}

@@ -65,6 +65,8 @@ def severity_panels(
     for axes, severity in zip(panels, severities, strict=False):
         draw(axes, severity)
         axes.set_title(f"dirt {level_name(severity)}", loc="left", fontsize=10, fontweight="bold")
+        axes.xaxis.label.set_fontsize(9)
+        axes.yaxis.label.set_fontsize(9)
         draw_grid(axes)
     for axes in panels[len(severities) :]:
         axes.set_axis_off()
@@ -103,10 +105,9 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
                 marker=marker, linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
             )  # fmt: skip
         axes.set_title(f"{measure} right", loc="left", fontsize=11, fontweight="bold")
-        axes.set_ylim(-0.02, 1.03)
+        axes.set(ylim=(-0.02, 1.03), xlabel="severity of the dirt")
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xticks(range(len(severities)), [level_name(s) for s in severities])
-        axes.set_xlabel("severity of the dirt")
         draw_grid(axes)
     _legend_below(figure, panels[0])
     return figure
@@ -121,18 +122,15 @@ def stage_figure(groups: Sequence[Group]) -> Figure:
         for name, (colour, marker, line) in zip(
             dict.fromkeys(p.name for p in plans.values()), _STYLES, strict=False
         ):
-            own = sorted((g for g in here if plans[g.key].name == name), key=lambda g: g.stage_s)
-            x, y = [g.stage_s for g in own], [g.accepted.value for g in own]
-            axes.plot(x, y, color=colour, marker=marker, linestyle=line, label=name)
+            own = sorted((g.stage_s, g.accepted.value) for g in here if plans[g.key].name == name)
+            axes.plot(*zip(*own, strict=True), color=colour, marker=marker, linestyle=line, label=name)
         wrong = [g for g in here if g.split["accepted_wrong"]]
         x, y = [g.stage_s for g in wrong], [g.accepted.value for g in wrong]
         axes.scatter(x, y, marker="x", s=90.0, color="#c00000", zorder=5)
         axes.set_xscale("log")  # the whole plan takes twenty times as long as the others
-        axes.set_ylim(-0.03, 1.05)
+        axes.set(ylim=(-0.03, 1.05), xlabel="mean stage time of a part, s", ylabel="accepted")
         axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.set_xlabel("mean stage time of a part, s", fontsize=9)
-        axes.set_ylabel("accepted", fontsize=9)
 
     return severity_panels(severities_in(groups), draw, height_in=2.8)
 

@@ -36,12 +36,10 @@ def risk_figure(groups: Sequence[Group]) -> Figure:
                 label=group.key.mode, clip_on=False,
             )  # fmt: skip
             most = max(most, float(group.risk.risk.max(initial=0.0)))
-        axes.set_xlim(0.0, 1.0)
-        axes.set_ylim(0.0, min(1.02, 1.08 * most))
+        axes.set(xlim=(0.0, 1.0), ylim=(0.0, min(1.02, 1.08 * most)))
+        axes.set(xlabel="coverage: share let through, the surest first", ylabel="risk: of these wrong")
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
-        axes.set_xlabel("coverage: share let through, the surest first", fontsize=9)
-        axes.set_ylabel("risk: of these wrong", fontsize=9)
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
 
     return severity_panels(severities_in(groups), draw, height_in=2.6)
 
@@ -58,13 +56,11 @@ def reliability_figure(groups: Sequence[Group]) -> Figure:
     panels = figure.subplots(*shape, squeeze=False, sharex=True, sharey=True)
     for column, mode in enumerate(modes):
         group = next(g for g in groups if g.key.mode == mode)
-        for row, (name, diagram) in enumerate(
-            (("serials", group.serial_reliability), ("characters", group.character_reliability))
-        ):
+        diagrams = {"serials": group.serial_reliability, "characters": group.character_reliability}
+        for row, (name, diagram) in enumerate(diagrams.items()):
             axes = panels[0, 2 * column + row] if in_a_row else panels[row, column]
             _diagram(axes, diagram, style_of(mode)[0])
             axes.set_title(f"{mode}, {name}\nECE {diagram.error:.3f}", loc="left", fontsize=9)
-            axes.set_aspect("equal")
     for axes in panels[-1]:
         axes.set_xlabel("confidence said", fontsize=9)
     for axes in panels[:, 0]:
@@ -74,17 +70,15 @@ def reliability_figure(groups: Sequence[Group]) -> Figure:
 
 def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.plot([0, 1], [0, 1], color="#9aa5ad", linewidth=0.8, linestyle="--")
-    axes.set_xlim(-0.03, 1.03)
-    axes.set_ylim(-0.03, 1.03)
-    axes.set_xticks([0.0, 0.5, 1.0])
-    axes.set_yticks([0.0, 0.5, 1.0])
+    ends, ticks = (-0.03, 1.03), (0.0, 0.5, 1.0)
+    axes.set(xlim=ends, ylim=ends, xticks=ticks, yticks=ticks, aspect="equal")
     draw_grid(axes)
     if not diagram.bins:
         axes.text(0.5, 0.5, "no confidence said", ha="center", va="center", fontsize=8)
         return
-    x = np.array([b.confidence for b in diagram.bins])
-    y = np.array([b.right.value for b in diagram.bins])
-    n = np.array([b.right.total for b in diagram.bins])
-    axes.vlines(x, [b.right.low for b in diagram.bins], [b.right.high for b in diagram.bins], color=colour)
+    x, y, n, low, high = np.transpose(
+        [(b.confidence, b.right.value, b.right.total, b.right.low, b.right.high) for b in diagram.bins]
+    )
+    axes.vlines(x, low, high, color=colour)
     axes.plot(x, y, color=colour, linewidth=0.8, alpha=0.6)
     axes.scatter(x, y, s=12.0 + 90.0 * n / n.sum(), color=colour, zorder=3)

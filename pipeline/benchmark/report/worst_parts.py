@@ -58,13 +58,12 @@ def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart
     by_part: dict[str, list[Trial]] = {}
     for trial in trials:
         by_part.setdefault(trial.part, []).append(trial)
-    ranked = []
-    for members in by_part.values():
-        own = [t for t in members if t.mode in _OWN_MODES] or members
-        worst = min(own, key=_badness)
-        ranked.append((_badness(worst), worst, tuple(members)))
-    ranked.sort(key=lambda r: r[0])
-    return [WorstPart(members, _why(worst), worst.given) for _, worst, members in ranked[:shown]]
+    worst_of = {
+        part: min([t for t in members if t.mode in _OWN_MODES] or members, key=_badness)
+        for part, members in by_part.items()
+    }
+    ranked = sorted(worst_of.values(), key=_badness)[:shown]
+    return [WorstPart(tuple(by_part[worst.part]), _why(worst), worst.given) for worst in ranked]
 
 
 def _badness(trial: Trial) -> tuple[bool, bool, float, float]:
@@ -114,10 +113,7 @@ def _figure(senses: PartReadings) -> Figure:
     else:
         axes[1].text(0.5, 0.5, "no edge map", ha="center", va="center")
     for each in figure.axes:
-        each.set_xlabel("")
-        each.set_ylabel("")
-        each.set_xticks([])
-        each.set_yticks([])
+        each.set(xlabel="", ylabel="", xticks=[], yticks=[])
     return figure
 
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import pytest
 
-from pipeline.benchmark.readers.ablation import rules, without_rule
+from pipeline.benchmark.readers.ablation import leave_out, rules
 from pipeline.benchmark.readers.modes import expand_groups, open_mode
 from pipeline.common.settings import SettingsError
 from recognition.decision.decide import CONTRACTS, Decision
@@ -37,9 +37,9 @@ def test_without_a_contract_a_reading_that_broke_it_alone_is_accepted() -> None:
         if isinstance(rule, ReadingFlag):
             broken = replace(SURE, flags=rule)
             assert broken.decision is Decision.REVIEW
-            assert without_rule(broken, name).decision is Decision.ACCEPT
+            assert leave_out(name)(broken).decision is Decision.ACCEPT
             other = ReadingFlag.UNREAD_MARKS if name != "unread-marks" else ReadingFlag.NOT_WHOLE
-            assert without_rule(replace(broken, flags=rule | other), name).decision is Decision.REVIEW
+            assert leave_out(name)(replace(broken, flags=rule | other)).decision is Decision.REVIEW
 
 
 def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,7 +48,7 @@ def test_without_a_term_its_quantity_counts_as_usual(monkeypatch: pytest.MonkeyP
     measures = {Measure.ODDS: 9.0, term: worst}
     monkeypatch.setattr("recognition.decision.score.measures_of", lambda _: MappingProxyType(measures))
     whole = with_score(SURE)
-    less = without_rule(whole, term.name.lower().replace("_", "-"))
+    less = leave_out(term.name.lower().replace("_", "-"))(whole)
     assert less.confidence > whole.confidence
     assert less.confidence == score_of("tactile").probability({Measure.ODDS: 9.0})
 
