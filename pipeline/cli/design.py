@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.cli.choices import Flag, listed
 from pipeline.cli.exit_status import CommandError, UsageError
@@ -140,11 +140,10 @@ def design(
         from pipeline.plots.whisker_drawing import check_drawing, save_drawing
 
         check_drawing(drawing)
-    tuned = None
+    within: Any = {"limits": limits, "section": section}
+    tuned = None if sensitive_to is None else tune(math.radians(sensitive_to), request, **within)
     try:
-        if sensitive_to is not None:
-            tuned = tune(math.radians(sensitive_to), request, limits=limits, section=section)
-        made = tuned.design if tuned else design_whisker(request, limits=limits, section=section)
+        made = tuned.design if tuned else design_whisker(request, **within)
     except NoWhiskerError as error:
         raise DesignError(explain_failure(error)) from error
     trades = (slide_trade_off(made), speed_trade_off(made)) if trade_offs and tuned is None else ()

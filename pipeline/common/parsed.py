@@ -112,10 +112,10 @@ def read_toml(
         try:
             return adapter.validate_python(written)
         except ValidationError as error:
-            raise DataError(*_wrong_key(error, hidden)) from error
+            raise DataError(*wrong_key(error, hidden)) from error
 
 
-def _wrong_key(error: ValidationError, hidden: Collection[str]) -> tuple[str, str]:
+def wrong_key(error: ValidationError, hidden: Collection[str] = ()) -> tuple[str, str]:
     """The error of the first wrong key, and the hint."""
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"] if part not in hidden)

@@ -70,6 +70,17 @@ def save_figure(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
+def reading_panels(left: Axes, right: Axes, reading: Reading) -> None:
+    """Draw the height map and the edge map of a reading with what was read there."""
+    heights, edges = reading.trace.height_map, reading.trace.edge_map
+    if heights is not None:
+        height_panel(left, height_map=heights, reading=reading, colour_bar=False)
+    if edges is not None:
+        edge_panel(right, edges=edges, layer=0, reading=reading, colour_bar=False)
+    else:
+        right.text(0.5, 0.5, "no edge map", ha="center", va="center")
+
+
 @dataclass(frozen=True, eq=False)
 class SheetPart:
     """One part of the overview: its name, the text stamped on it and its reading."""
@@ -89,12 +100,9 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
     """Draw a sheet of parts: relief with the text stamped, edge map with the text read."""
     figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)))
     for (left, right), part in zip(figure.subplots(len(parts), 2, squeeze=False), parts, strict=True):
-        reading, trace = part.reading, part.reading.trace
-        if trace.height_map is not None:
-            height_panel(left, height_map=trace.height_map, reading=reading, colour_bar=False)
+        reading = part.reading
+        reading_panels(left, right, reading)
         left.set_title(f"{part.name}: “{part.truth}” stamped")
-        if trace.edge_map is not None:
-            edge_panel(right, edges=trace.edge_map, layer=0, reading=reading, colour_bar=False)
         verdict = "right" if part.right else "WRONG"
         confidence = f"{reading.confidence:.3f}{reading.font and f', {reading.font}'}"
         right.set_title(

@@ -42,11 +42,11 @@ from pydantic import (
     model_validator,
 )
 
-from glyphs.errors import FileError
 from glyphs.soiling.soiled import WORKSHOP
 from pipeline.benchmark.exam.condition import Condition, Level, parse_given
-from pipeline.common.parsed import toml_of
+from pipeline.common.parsed import toml_of, wrong_key
 from pipeline.common.settings import SettingsError
+from pipeline.errors import naming
 from pipeline.formats.synth import MAX_PARTS
 
 
@@ -161,12 +161,8 @@ class Design(BaseModel):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            said = first["msg"].removeprefix("Value error, ")
-            if first["type"] == "extra_forbidden":
-                said = "a design has no such setting"
-            raise SettingsError(f"{where}: {said}" if where else said, hint="correct the design") from error
+            what, hint = wrong_key(error)
+            raise SettingsError(f"the design {what}", hint=hint) from error
 
     @classmethod
     def load(cls, path: Path) -> Design:
@@ -175,10 +171,8 @@ class Design(BaseModel):
         Raises:
             FileError: there is no such file, or it is not TOML or not a design; the message names the setting.
         """
-        try:
+        with naming(path):
             return cls.of(**{"name": path.stem, **toml_of(path)})
-        except SettingsError as error:
-            raise FileError(path, error.what, error.hint) from error
 
     def with_given(self, given: tuple[str, ...]) -> Design:
         """Return a design of the same parts for readers that are told something else.

@@ -64,15 +64,12 @@ def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
     for name in design.font_names:
         packaged = design.fonts.get(name)
         if packaged is not None:
-            origin = {
-                "from": f"{packaged.package} {packaged.version}, {packaged.file}",
-                "licence": _licence(packaged.package),
-            }
+            origin = f"{packaged.package} {packaged.version}, {packaged.file}", _licence(packaged.package)
         elif font_name(name) != name:
-            origin = {"from": "a file", "licence": "that of the file"}
+            origin = "a file", "that of the file"
         else:
-            origin = {"from": "tactile-marks", "licence": "that of the program"}
-        found[font_name(name)] = origin
+            origin = "tactile-marks", "that of the program"
+        found[font_name(name)] = dict(zip(("from", "licence"), origin, strict=True))
     return found
 
 

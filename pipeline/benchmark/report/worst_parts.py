@@ -19,7 +19,7 @@ from pipeline.benchmark.readers.mode import PartReadings
 from pipeline.benchmark.report.charts import data_uri
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
-from recognition.decision.panels import edge_panel, height_panel
+from pipeline.plots.pictures import reading_panels
 
 SHOWN = 12
 _OWN_MODES = ("fused", "tactile", "vision")
@@ -101,17 +101,12 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
 
 
 def _figure(senses: PartReadings) -> Figure:
-    reading, photographed = senses.touch, senses.specimen.take_photo is not None
+    photographed = senses.specimen.take_photo is not None
     figure = Figure(figsize=(10.5, 1.75) if photographed else (8.0, 2.0), layout="constrained")
     axes = list(figure.subplots(1, 3 if photographed else 2))
     if photographed:
         _photo_panel(axes.pop(0), senses)
-    if reading.trace.height_map is not None:
-        height_panel(axes[0], height_map=reading.trace.height_map, reading=reading, colour_bar=False)
-    if reading.trace.edge_map is not None:
-        edge_panel(axes[1], edges=reading.trace.edge_map, layer=0, reading=reading, colour_bar=False)
-    else:
-        axes[1].text(0.5, 0.5, "no edge map", ha="center", va="center")
+    reading_panels(*axes, senses.touch)
     for each in figure.axes:
         each.set(xlabel="", ylabel="", xticks=[], yticks=[])
     return figure

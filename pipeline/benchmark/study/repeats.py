@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import re
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import TYPE_CHECKING, ClassVar
 
 from glyphs.errors import MarksError, describe_fault
@@ -87,19 +89,17 @@ def depth_of(trial: Trial) -> float | None:
 
 def studied_parts(listed: Sequence[PartFiles]) -> list[StudiedPart]:
     """The parts, those that only a number after a full stop tells apart put together."""
-    stems: dict[str, list[tuple[int, PartFiles]]] = {}
+    numbered = {part.name: found for part in listed if (found := _REPEAT.fullmatch(part.name))}
+    times = Counter(found[1] for found in numbered.values())
+    parts: dict[str, list[tuple[int, PartFiles]]] = {}
     for part in listed:
-        if named := _REPEAT.fullmatch(part.name):
-            stems.setdefault(named[1], []).append((int(named[2]), part))
-    several = {stem: sorted(found, key=lambda f: f[0]) for stem, found in stems.items() if len(found) > 1}
-    parts: dict[str, StudiedPart] = {}
-    for part in listed:
-        named = _REPEAT.fullmatch(part.name)
-        stem = named[1] if named and named[1] in several else part.name
-        if stem not in parts:
-            recordings = tuple(p for _, p in several[stem]) if stem in several else (part,)
-            parts[stem] = StudiedPart(stem, recordings)
-    return list(parts.values())
+        found = numbered.get(part.name)
+        stem, number = (found[1], int(found[2])) if found and times[found[1]] > 1 else (part.name, 0)
+        parts.setdefault(stem, []).append((number, part))
+    return [
+        StudiedPart(stem, tuple(part for _, part in sorted(own, key=itemgetter(0))))
+        for stem, own in parts.items()
+    ]
 
 
 def measure(

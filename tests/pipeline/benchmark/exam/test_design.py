@@ -109,7 +109,7 @@ def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
         ({"part": {"severity": [0.3, 1.5]}}, "lies between 0 and 1"),
         ({"part": {"height_mm": []}}, "at least one level"),
         ({"part": {"height_mm": [5, 5]}}, "each once"),
-        ({"severities": [0.3]}, "severities: a design has no such setting"),
+        ({"severities": [0.3]}, "has the unknown key severities"),
         ({"given": ()}, "name at least one"),
     ],
 )
@@ -141,7 +141,7 @@ def test_parts_that_cannot_be_made_are_named(part: dict[str, Any], error: type[E
 def test_a_file_that_is_no_design_is_named_with_its_setting(tmp_path: Path) -> None:
     path = tmp_path / "d.toml"
     for text, said in (
-        ("parts = 'x'\n[part]\n", "parts: "),
+        ("parts = 'x'\n[part]\n", "says parts = 'x'"),
         ("parts = [", "is not TOML"),
         (TOML.replace("font,format", "serial"), "cannot be given 'serial'"),
     ):
