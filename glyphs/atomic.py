@@ -44,6 +44,18 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
         ) from error
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder of output, and those above it, if need be.
+
+    Raises:
+        FileError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+
+
 def sync_folder(folder: Path) -> None:
     """Put the names of a folder's files on the disk; Windows does so by itself.
 

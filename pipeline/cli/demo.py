@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.choices import Flag
-from pipeline.cli.exit_status import FAILED, CommandError, UsageError
+from pipeline.cli.exit_status import FAILED, UsageError
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
@@ -44,10 +44,9 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     """
     if stay and not service:
         raise UsageError("demo: --stay goes with --service")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CommandError(f"{out} cannot be made ({error.strerror})", hint="name another folder") from error
+    from glyphs.atomic import make_folder
+
+    make_folder(out)
     return _serve(out, stay=stay) if service else _read(out)
 
 

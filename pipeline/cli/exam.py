@@ -319,7 +319,6 @@ def score(
     }
     print_scores(read)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         # part by part, as a run has them
         trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
         written = write_report(Benchmark(source, names, ReaderSettings()), trials, out)

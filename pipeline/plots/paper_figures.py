@@ -13,8 +13,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glyphs.atomic import replacing
-from glyphs.errors import FileError
+from glyphs.atomic import make_folder, replacing
 from pipeline.plots.pictures import BLUE, VERMILION, note, save_figure, styled
 from pipeline.plots.steps import DEPTH_MM, L1_MM, PRELOAD_MM, TIP_RADIUS_MM, Step, feel_step, paper_whisker
 from whisker_array.simulation.traces import Fidelity
@@ -49,10 +48,7 @@ def draw_figures(folder: Path, *, mu: float) -> tuple[list[Path], list[dict[str,
         FileError: the folder cannot be made or written.
         StepError: a step cannot be read off a trace.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    make_folder(folder)
     written, rows = [], []
     for name, (figure, steps) in (
         ("fig4-factor", factor_figure()),

@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import make_folder
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import make_folder, write_page, write_table
+from pipeline.benchmark.report.page import write_page, write_table
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remake import remake

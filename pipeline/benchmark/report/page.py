@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
 from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.shares import Estimate
 from pipeline.benchmark.exam.condition import level_name
@@ -21,18 +20,6 @@ from pipeline.common.texts import align, harmless
 from pipeline.common.version import library_versions
 
 PROGRAM = "tactile-marks"
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of a report, if need be.
-
-    Raises:
-        FileError: it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
 
 
 def write_text(path: Path, text: str) -> None:

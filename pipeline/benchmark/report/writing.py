@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from glyphs.atomic import make_folder
 from pipeline.benchmark.analysis.checks import WRONG_LIMIT, Verdict, at_most, verdicts
 from pipeline.benchmark.analysis.confusion import characters_right, mistakes
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
@@ -85,6 +86,7 @@ def write_report(
     drift = {} if certificate is None else drift_of(trials, certificate)
     written = Written(folder, found, tuple(verdicts(found)), drift)
     values = _values(benchmark, trials, written) | {"worst": worst, "certificate": certificate}
+    make_folder(folder)
     write_table(folder / TABLE, _rows(trials))
     write_text(folder / FIGURES, json.dumps(_figures(benchmark, trials, written), indent=1) + "\n")
     write_page(folder / DOCUMENT, "benchmark.md.j2", **values)

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from glyphs.atomic import make_folder
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri, draw_grid
-from pipeline.benchmark.report.page import make_folder, write_page, write_table
+from pipeline.benchmark.report.page import write_page, write_table
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
