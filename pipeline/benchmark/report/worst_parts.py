@@ -106,7 +106,7 @@ def _figure(senses: PartReadings) -> Figure:
     axes = list(figure.subplots(1, 3 if photographed else 2))
     if photographed:
         _photo_panel(axes.pop(0), senses)
-    reading_panels(*axes, senses.touch)
+    reading_panels(axes[-2], axes[-1], senses.touch)
     for each in figure.axes:
         each.set(xlabel="", ylabel="", xticks=[], yticks=[])
     return figure
