@@ -159,27 +159,21 @@ def _variables(model: type[Settings]) -> Iterator[tuple[str, str]]:
 def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dict[str, Any]:
     if not model.table:
         return {key: value for key, value in written.items() if key not in {other.table for other in MODELS}}
-    found = written.get(model.table, {})
-    if not isinstance(found, dict):
-        raise SettingsError(
-            f"{model.table} in {file} is {shown(found)}", hint=f"make it a table: [{model.table}]"
-        )
-    return dict(_flat(found, model, file))
+    return dict(_flat(written.get(model.table, {}), model, file, model.table))
 
 
-def _flat(written: dict[str, Any], model: type[Settings], file: Path) -> Iterator[tuple[str, Any]]:
-    """The settings of a table and its sections, by name."""
+def _flat(written: Any, model: type[Settings], file: Path, place: str) -> Iterator[tuple[str, Any]]:
+    """The settings of a table and its sections, by name; `place` is the table's own name."""
+    if not isinstance(written, dict):
+        name = place.rpartition(".")[2]
+        raise SettingsError(f"{name} in {file} is {shown(written)}", hint=f"make it a table: [{place}]")
     for key, value in written.items():
         section = model.model_fields[key].annotation if key in model.model_fields else None
-        if not (isinstance(section, type) and issubclass(section, Settings)):
-            yield key, value
-        elif isinstance(value, dict):
-            yield from ((f"{key}.{name}", below) for name, below in _flat(value, section, file))
+        if isinstance(section, type) and issubclass(section, Settings):
+            below = _flat(value, section, file, f"{place}.{key}")
+            yield from ((f"{key}.{name}", setting) for name, setting in below)
         else:
-            raise SettingsError(
-                f"{key} in {file} is {shown(value)}",
-                hint=f"make it a table: [{model.table or 'service'}.{key}]",
-            )
+            yield key, value
 
 
 def _path_given(arguments: ArgumentCollection, flag: str) -> Path | None:

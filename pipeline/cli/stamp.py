@@ -27,15 +27,11 @@ def list_fonts(database: Path | None = None) -> int:
     from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
     from glyphs.stamping.database import load_database
 
-    if database is not None:
-        content = load_database(database)
-        fonts = list(content.fonts.values())
-    else:
-        fonts = [load_font(name) for name in BUILTIN_FONTS]
-    for font in fonts:
+    content = None if database is None else load_database(database)
+    for font in map(load_font, BUILTIN_FONTS) if content is None else content.fonts.values():
         stroke = f"stroke h x {font.stroke_ratio:.3g}" if font.stroke_ratio else "outlines"
         print(f"{font.name:<20} {len(font.glyphs):4d} characters  {stroke:<18}  {font.source}")
-    if database is not None:
+    if content is not None:
         print(f"{len(content.dies)} dies, {len(content.exemplars)} enrolled exemplars")
     return 0
 

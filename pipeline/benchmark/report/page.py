@@ -69,8 +69,9 @@ def write_page(path: Path, template: str, **values: Any) -> None:
 
 def command_line() -> str:
     """The command line as typed; empty where a program of somebody else's asks."""
-    program, *arguments = sys.argv
-    return shlex.join([PROGRAM, *arguments]) if Path(program).stem == PROGRAM else ""
+    program = Path(sys.argv[0])
+    ours = program.stem == PROGRAM or program.parent.name == "pipeline"  # or by python -m pipeline
+    return shlex.join([PROGRAM, *sys.argv[1:]]) if ours else ""
 
 
 def versions() -> dict[str, str]:

@@ -108,21 +108,14 @@ def _readings(study: Study) -> Iterator[Sequence[object]]:
         "part", "truth", "appraiser", "trial", "recorded", "text", "right", "decision", "confidence",
         "depth_mean_mm", "error",
     )  # fmt: skip
-    for m in study.measured:
+    for m in (*study.measured, *study.answers):
+        truth, depth_mm = study.truth.get(m.part), depth_of(m)
         yield (
-            m.part, study.truth.get(m.part, ""), m.mode, m.number, int(bool(m.levels[RECORDED])), m.text,
-            _right(study, m.part, m.text), m.decision, m.confidence,
-            "" if (depth_mm := depth_of(m)) is None else round(depth_mm, 6), m.error,
+            m.part, truth or "", m.mode, m.number, int(bool(m.levels[RECORDED])), m.text,
+            "" if truth is None else int(m.text == truth), m.decision,
+            m.confidence if m.decision or m.error else "",  # people do not say any
+            "" if depth_mm is None else round(depth_mm, 6), m.error,
         )  # fmt: skip
-    for who, by_part in study.answers.items():
-        for part, texts in by_part.items():
-            for trial, text in enumerate(texts, start=1):
-                right = _right(study, part, text)
-                yield part, study.truth.get(part, ""), who, trial, 1, text, right, "", "", "", ""
-
-
-def _right(study: Study, part: str, text: str) -> int | str:
-    return int(study.truth[part] == text) if part in study.truth else ""
 
 
 def _agreement(study: Study) -> Iterator[Sequence[object]]:

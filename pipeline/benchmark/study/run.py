@@ -49,7 +49,7 @@ def run_study(
     listed = discover(inputs, photos=settings.mode == "vision", height_images=settings.height_image)
     parts = studied_parts(listed)
     names = {part.name for part in parts}
-    answers, unknown = load_reviews(reviewers, names) if reviewers else ({}, ())
+    answers, unknown = load_reviews(reviewers, names) if reviewers else ([], ())
     true = _truth(truth, listed, names)
     notes = []
     if plan.arrays > 1 and (settings.mode == "vision" or not all(part.simulated for part in parts)):

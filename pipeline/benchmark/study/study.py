@@ -19,7 +19,7 @@ class Study:
 
     Attributes:
         measured: every trial of the reader.
-        answers: of reviewers, by reviewer and part.
+        answers: of reviewers.
         truth: by part, as far as known.
         serials: how far serials agree, of the reader and the reviewers.
         decisions: how far the reader's decisions agree.
@@ -31,7 +31,7 @@ class Study:
     """
 
     measured: tuple[Trial, ...]
-    answers: Mapping[str, Mapping[str, tuple[str, ...]]]
+    answers: tuple[Trial, ...]
     truth: Mapping[str, str]
     serials: tuple[Agreement, ...]
     decisions: tuple[Agreement, ...]
@@ -49,7 +49,7 @@ class Study:
     @property
     def appraisers(self) -> tuple[str, ...]:
         """The reader's arrays, then the reviewers."""
-        return (*dict.fromkeys(m.mode for m in self.measured), *self.answers)
+        return tuple(self.texts)
 
     @property
     def widest_depth(self) -> tuple[str, float]:
@@ -60,15 +60,12 @@ class Study:
     @property
     def texts(self) -> dict[str, dict[str, tuple[str, ...]]]:
         """Texts by appraiser and part, trial by trial."""
-        return {
-            **_by_appraiser(self.measured, "text"),
-            **{w: dict(parts) for w, parts in self.answers.items()},
-        }
+        return _by_appraiser((*self.measured, *self.answers), "text")
 
 
 def study_of(
     measured: Sequence[Trial],
-    answers: Mapping[str, Mapping[str, tuple[str, ...]]] | None = None,
+    answers: Sequence[Trial] = (),
     truth: Mapping[str, str] | None = None,
     *,
     notes: tuple[str, ...] = (),
@@ -77,14 +74,14 @@ def study_of(
 
     Args:
         measured: every trial; equally many of every part and appraiser.
-        answers: of reviewers: trial by trial, by reviewer and part.
+        answers: of reviewers; equally many of every part by each.
         truth: text by part, as far as known.
         notes: what else to know.
 
     Raises:
         ValueError: not equally many.
     """
-    answers, truth = answers or {}, {part: "".join(text.split()) for part, text in (truth or {}).items()}
+    truth = {part: "".join(text.split()) for part, text in (truth or {}).items()}
     depths, depthless = _depths(measured)
     trials = max((m.number for m in measured), default=0)
     no_depth = ""
@@ -94,9 +91,9 @@ def study_of(
         no_depth = "every part was measured once"
     return Study(
         measured=tuple(measured),
-        answers=answers,
+        answers=tuple(answers),
         truth=truth,
-        serials=tuple(agreements({**_by_appraiser(measured, "text"), **answers}, truth)),
+        serials=tuple(agreements(_by_appraiser((*measured, *answers), "text"), truth)),
         decisions=tuple(agreements(_by_appraiser(measured, "decision"))),
         depth=None if no_depth else gauge_rr(list(depths.values())),
         no_depth=no_depth,

@@ -116,7 +116,9 @@ def test_answers_are_put_to_their_trials(tmp_path: Path) -> None:
     table = tmp_path / "reviews.csv"
     table.write_text("part,Reviewer,text\nm,Ada,A 1\nm.npz,Ada,A7\nm,Ben,\nother,Ben,X\n", encoding="utf-8")
     answers, unknown = load_reviews(table, {"m"})
-    assert answers == {"Ada": {"m": ("A1", "A7")}, "Ben": {"m": ("",)}}
+    assert [(a.mode, a.part, a.number, a.text) for a in answers] == [
+        ("Ada", "m", 1, "A1"), ("Ada", "m", 2, "A7"), ("Ben", "m", 1, ""),
+    ]  # fmt: skip
     assert unknown == ("other",)
 
 
@@ -158,7 +160,8 @@ def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
         *trials("a", [0.20, 0.21, 0.20, 0.21]), *trials("b", [0.30, 0.31, 0.30, 0.31]),
         *trials("c", [0.30, None, 0.30, 0.31]),
     ]  # fmt: skip
-    found = study_of(measured, {"Ada": {"a": ("A1",), "b": ("B1",)}}, {"a": "A 1"})
+    ada = [Trial(part, 1, {"recorded": True}, "Ada", "", text) for part, text in (("a", "A1"), ("b", "B1"))]
+    found = study_of(measured, ada, {"a": "A 1"})
     assert found.depthless == ("c",)
     assert found.depth is not None
     assert (found.depth.parts, found.depth.appraisers, found.depth.trials) == (2, 2, 2)
