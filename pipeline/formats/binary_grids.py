@@ -16,6 +16,7 @@ from pipeline.formats.raw_map import RawMap, check_size
 
 # Surfer 6: columns, rows, and the ends of x, y and z; Surfer 7: rows, columns, corner, steps, ends of z, turn, blank
 _SURFER_6, _SURFER_7 = struct.Struct("<4shh6d"), struct.Struct("<ii8d")
+_MOST_SECTIONS = 20
 _GSF = b"Gwyddion Simple Field 1.0\n"
 _MOST_HEAD_BYTES = 100_000
 _MATLAB_NUMBERS = (
@@ -43,7 +44,7 @@ def read_grd(path: Path, most: int = MAX_PIXELS) -> RawMap:
         return read_text_map(path, most)
     sections: dict[bytes, int] = {}
     at = 0
-    while at + 8 <= len(data) and not {b"GRID", b"DATA"} <= sections.keys():
+    while b"DATA" not in sections and len(sections) < _MOST_SECTIONS:
         tag, size = struct.unpack_from("<4si", data, at)
         sections[tag] = at = at + 8
         at += max(size, 0)

@@ -338,7 +338,8 @@ def _size_of_doubles(path: Path) -> tuple[int, int] | None:
     """Rows and columns of a TIFF of 64 bit floats, which Pillow does not open; None of other files."""
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-    with path.open("rb") as stream:
+    with path.open("rb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is damaged is refused below
         head = stream.read(HEAD_BYTES)
         if (kind := kind_of(head)) is None or kind.name != "TIFF":
             return None

@@ -102,6 +102,7 @@ def read_las(path: Path, most: int = MAX_PIXELS) -> RawMap:
     if kind & 0xC0:
         raise DataError("holds compressed points (LAZ)", "save it as LAS, as PLY or as columns x y z")
     count = count or _LAS_MANY.unpack_from(data, 247)[0]
+    check_size(count, 1, most)
     scale_and_origin = np.reshape(_LAS_SCALE.unpack_from(data, 131), (2, 3))
     record = np.dtype({"names": ["at"], "formats": ["(3,)<i4"], "offsets": [0], "itemsize": length})
     at = np.frombuffer(data, record, count=count, offset=start)["at"]

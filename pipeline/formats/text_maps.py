@@ -33,11 +33,11 @@ from pipeline.formats.table_file import CP1252, encoding_of
 _SNIFF_BYTES = 200_000
 _SNIFF_LINES = 400
 _MOST_HEAD_LINES = 300
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+_COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 # a number with marks between its thousands and a decimal sign, in a line of numbers parted by semicolons or tabs
 _GROUPED = re.compile(
-    r"(?m)^(?=[^\n]*[;\t])[-+\d.,'’ \u00a0\u202f;\teE]*?\d([.,'’ \u00a0\u202f])\d{3}(?:\1\d{3})*(?!\1)[.,]\d"
+    r"(?m)^(?=[^\n]*[;\t])[-+\d.,'’ \u00a0\u202f;\teE]*?\d([.,'’ \u00a0\u202f])\d{3}(?:\1\d{3}){0,3}(?!\1)[.,]\d"
 )
 # missing values: phrases, the NaN of Microsoft's C, and other contents of a cell
 _PHRASE = re.compile(
@@ -247,6 +247,7 @@ _SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
 _WYKO = "wyko ascii data file format"
 _ZYGO = "Zygo XYZ Data File"
+_MOST_NAME = 100
 # a unit is a known word, or any word in brackets
 _KNOWN_UNIT = "|".join(sorted((*MM, "px", "pixels?"), key=len, reverse=True))
 _AXIS = re.compile(
@@ -285,7 +286,7 @@ def _named_points(table: NumberTable) -> tuple[NDArray[np.float64], float | None
     """
     found: dict[str, tuple[int, float | None]] = {}
     for column, name in enumerate(table.names):
-        if axis := _AXIS.fullmatch(name.strip("\"'# ")):
+        if len(name) <= _MOST_NAME and (axis := _AXIS.fullmatch(name.strip("\"'# "))):
             unit = axis["unit"] or ""
             if unit and unit not in MM and not unit.startswith(("px", "pixel")):
                 what = f"has the column {name!r}, and {unit} is no unit of length that is known"

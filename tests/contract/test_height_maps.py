@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -550,6 +551,19 @@ def test_images_and_compressed_files_are_refused_in_words(case: str, tmp_path: P
     make, message = REFUSED[case]
     with pytest.raises(FileError, match=message):
         read_height_map(make(tmp_path))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["1" * 190_000, "x" + "_" * 90_000 + "a,y,z", ";1" + ",234" * 40_000, "1." * 60_000, "no " * 60_000],
+)
+def test_no_line_keeps_the_reader_of_tables_busy(line: str, tmp_path: Path) -> None:
+    """Expressions that go over a line again and again took minutes."""
+    (tmp_path / "a.xyz").write_text(f"{line} 2 3\n" + "1,2,3\n" * 500)
+    began_s = time.process_time()
+    with pytest.raises(FileError):
+        read_height_map(tmp_path / "a.xyz")
+    assert time.process_time() - began_s < 10.0
 
 
 WORDS: dict[str, tuple[str, str, str]] = {
