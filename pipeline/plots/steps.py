@@ -26,14 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.surface.maps import HeightMap
-from whisker_array.simulation.contact import trace_contact
-from whisker_array.simulation.pointwise import trace_pointwise
-from whisker_array.simulation.surface import prepare_surface, sample_lines
+from glyphs.surface.maps import HeightMap, TraceDirection
+from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.simulation.tracing import trace_sweep
 from whisker_array.whisker.enhancement import enhancement_factor
+from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import Round
 from whisker_array.whisker.shapes import LShaped, straight_whisker
+from whisker_array.whisker.touch import Touch
 
 # the paper's bench, mm: length and wire of the whisker, d0, ball of the tip, depth of the test pieces
 L1_MM = 30.0
@@ -172,23 +173,16 @@ def feel_step(
     """
     run_mm = DEPTH_MM / math.tan(math.radians(alpha_deg))
     wedge = Wedge(math.radians(alpha_deg), floor_mm=max(0.3, _VIEW_MM - run_mm))
-    tip = paper_whisker(k).tip_model()
-    surface = prepare_surface(wedge.height_map(pitch_mm=SAMPLE_MM), tip_radius_mm=tip_radius_mm, friction=mu)
-    line, samples = np.array([SAMPLE_MM]), surface.shape[1]
-    if fidelity is Fidelity.POINTWISE:
-        heights, friction, _ = sample_lines(
-            surface, lines_mm=line, start_mm=0.0, step_mm=SAMPLE_MM, n_samples=samples
-        )
-        traces = trace_pointwise(heights, tip, step_mm=SAMPLE_MM, preload_mm=PRELOAD_MM, friction=friction)
-    else:
-        traces = trace_contact(
-            surface, tip, lines_mm=line, start_mm=0.0, step_mm=SAMPLE_MM, n_samples=samples,
-            preload_mm=PRELOAD_MM, nominal_friction=mu,
-        )  # fmt: skip
+    tip, piece = paper_whisker(k).tip_model(), wedge.height_map(pitch_mm=SAMPLE_MM)
+    surface = prepare_surface(piece, tip_radius_mm=tip_radius_mm, friction=mu)
+    touch = Touch(tip, PRELOAD_MM, tip_radius_mm, friction=mu)
+    line = np.array([[SAMPLE_MM]])
+    sweep = SweepPlan(TraceDirection.FORWARD_X, line, 0.0, SAMPLE_MM, surface.shape[1], n_lead=0)
+    traces = trace_sweep(surface, sweep, touch=touch, fidelity=fidelity, origin_mm=0.0, size_mm=piece.size_mm)
     wrong = SampleFlag(int(np.bitwise_or.reduce(traces.flags, axis=None)))
     if wrong:
         raise StepError(f"k = {k}, {alpha_deg:g} degrees, mu = {mu}: {wrong.describe()}")
-    place = np.asarray(np.arange(samples) * SAMPLE_MM - wedge.land_mm, dtype=np.float64)
+    place = sweep.position_mm() - wedge.land_mm
     moment = np.asarray(traces.moment_n_mm[0], dtype=np.float64)
     return Step(
         k, alpha_deg, mu, fidelity, wedge, place, moment,
