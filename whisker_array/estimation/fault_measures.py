@@ -11,7 +11,9 @@ is the bench's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +22,10 @@ from glyphs.surface.display import OneLine
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sweep import Sweep
+from whisker_array.whisker.passes import SweepPlan
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 MAD = 1.4826
 """From a median of deviations to a standard deviation."""
 
@@ -32,75 +35,90 @@ class SweepShares(OneLine):
     """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
 
     Attributes:
-        sweep: as recorded.
+        plan: of the passes, in their order across the plate.
         share: (passes, whiskers, samples).
         air: (passes, whiskers, air samples), each pass about its median.
+        across: (passes,) which of the recorded ones each is.
     """
 
-    sweep: Sweep
+    plan: SweepPlan
     share: Floats
     air: Floats
+    across: NDArray[np.intp]
+
+    @cached_property
+    def lines(self) -> tuple[Floats, NDArray[np.intp], Floats]:
+        """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
+        (passes, whiskers, samples), lead = self.share.shape, self.plan.n_lead
+        felt = self.share.reshape(-1, samples)[:, lead : samples - lead]
+        order = np.argsort(self.plan.line_mm, axis=None, kind="stable")
+        order = order[np.isfinite(felt).mean(axis=1)[order] > 0.5]
+        return felt[order], np.tile(np.arange(whiskers), passes)[order], self.plan.line_mm.ravel()[order]
+
+    def only(self, good: Mask) -> SweepShares:
+        """The same with all other whiskers unknown."""
+        if good.all():
+            return self
+        share, air = (np.where(good[:, None], values, np.nan) for values in (self.share, self.air))
+        return replace(self, share=share, air=air)
 
 
 def sweep_shares(scan: Scan) -> list[SweepShares]:
     """The dragged sweeps of a scan of one kind of whisker."""
     land, found = scan.touch.land_moment_n_mm(), []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):
-        share = calibrated_moments(scan, sweep) / land
-        share[(sweep.flags & UNUSABLE) != 0] = np.nan
-        air = sweep.air_n_mm.astype(np.float64) / land
+        across = np.argsort(sweep.plan.line_mm[:, 0], kind="stable")
+        share = calibrated_moments(scan, sweep)[across]
+        share /= land
+        share[(sweep.flags[across] & UNUSABLE) != 0] = np.nan
+        air = sweep.air_n_mm[across].astype(np.float64) / land
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]
-        if air.shape[2]:
-            air -= np.median(air, axis=2, keepdims=True)
-        found.append(SweepShares(sweep, share, air))
+        plan = replace(sweep.plan, line_mm=sweep.plan.line_mm[across])
+        found.append(SweepShares(plan, share, air - quantile_of_known(air)[..., None], across))
     return found
 
 
-def levels(shares: list[SweepShares]) -> Floats:
-    """(whiskers,) median of all that a whisker felt; NaN where it was hardly on the part."""
-    return np.array([_median(values) for values in _of_whiskers([f.share for f in shares])])
+def quantile_of_known(values: Floats, q: float = 0.5, *, fewest: int = 1) -> Floats:
+    """Quantile of the known values along the last axis; NaN where there are fewer than that.
+
+    It is that of `np.nanquantile`, which takes many times as long where rows are many.
+    """
+    if not values.shape[-1]:
+        return np.full(values.shape[:-1], np.nan)
+    ordered = np.sort(values, axis=-1)
+    known = (ordered < np.inf).sum(axis=-1)
+    last = np.maximum(known - 1, 0)
+    below = (q * last).astype(np.intp)
+    low, high = (
+        np.take_along_axis(ordered, at[..., None], axis=-1)[..., 0]
+        for at in (below, np.minimum(below + 1, last))
+    )
+    return np.where(known >= fewest, low + (q * last - below) * (high - low), np.nan)
 
 
-def _of_whiskers(stacks: list[Floats]) -> list[Floats]:
-    return [np.concatenate([s[:, w].ravel() for s in stacks]) for w in range(stacks[0].shape[1])]
+def levels(shares: list[SweepShares], *, fewest: int = 200) -> Floats:
+    """(whiskers,) median of all that a whisker felt; NaN where it was hardly on the part, by so few samples."""
+    each = (np.concatenate([f.share[:, w].ravel() for f in shares]) for w in range(shares[0].share.shape[1]))
+    return np.array([quantile_of_known(values, fewest=fewest) for values in each])
 
 
-def _median(values: Floats, *, fewest: int = 200) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size >= fewest else float("nan")
-
-
-def noises(shares: list[SweepShares]) -> tuple[Floats, Floats]:
-    """(whiskers,) rms of what is new in each sample, lifted and touching; NaN where there are too few samples."""
-    return _noise([f.air for f in shares]), _noise([f.share for f in shares])
-
-
-def _noise(stacks: list[Floats]) -> Floats:
-    if stacks[0].shape[2] <= 2:
-        return np.full(stacks[0].shape[1], np.nan)
-    changes = _of_whiskers([np.diff(stack, n=2, axis=2) for stack in stacks])
-    return np.array([MAD * _median(np.abs(change)) / np.sqrt(6.0) for change in changes])
+def noises(stacks: list[Floats], *, fewest: int = 200) -> Floats:
+    """(whiskers,) rms of what is new in each sample of (passes, whiskers, samples); NaN where there are too few."""
+    found = []
+    for w in range(stacks[0].shape[1]):
+        changes = np.concatenate([np.diff(stack[:, w], n=2).ravel() for stack in stacks])
+        found.append(quantile_of_known(np.abs(changes), fewest=fewest))
+    return np.asarray(MAD * np.array(found) / np.sqrt(6.0))
 
 
 def level_steps(shares: list[SweepShares]) -> Floats:
     """(whiskers,) rms step of the lead-in's level from a pass to the one beside it."""
     steps: list[Floats] = []
     for f in shares:
-        n = f.sweep.plan.n_lead or f.share.shape[2] // 8
-        lead = f.share[:, :, :n]
-        known = np.isfinite(lead).sum(axis=2) > n // 2
-        level = np.full(known.shape, np.nan)
-        level[known] = np.nanmedian(lead[known], axis=1)
-        order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
-        steps.append(np.diff(level[order], axis=0))
-    joined = np.concatenate(steps)
-    found = np.full(joined.shape[1], np.nan)
-    for w, own in enumerate(joined.T):
-        known = own[np.isfinite(own)]
-        if known.size >= 8:
-            found[w] = MAD * np.median(np.abs(known)) / np.sqrt(2.0)
-    return found
+        n = f.plan.n_lead or f.share.shape[2] // 8
+        steps.append(np.diff(quantile_of_known(f.share[:, :, :n], fewest=n // 2 + 1), axis=0))
+    return np.asarray(MAD * quantile_of_known(np.abs(np.concatenate(steps)).T, fewest=8) / np.sqrt(2.0))
 
 
 def sharpness(
@@ -124,65 +142,42 @@ def sharpness(
         least_steps: root sum of squares of the steps along such lines, share of the land: less is no mark.
         least_depth: share of the land: a line that is less deep runs beside the strokes that the other meets.
     """
-    n, borders = shares[0].share.shape[1], []
+    n = shares[0].share.shape[1]
+    borders: list[tuple[int, int, float]] = []
     for f in shares:
-        lines, whisker, place = _lines(f)
-        marks = lines / np.nanmedian(lines, axis=1, keepdims=True) - 1.0
-        gaps = np.diff(place)
+        lines, whisker, place = f.lines
         # nor do neighbours meet over the gap that a whisker leaves which is out of use
-        for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * line_pitch_mm)):
-            before, after = slice(i + 1 - beside, i + 1), slice(i + 1, i + 1 + beside)
-            if i + 1 < beside or np.ptp(whisker[before]) or np.ptp(whisker[after]):
-                continue
-            (depth0, steps0), (depth1, steps1) = _contrast(marks[before]), _contrast(marks[after])
-            if min(steps0, steps1) < least_steps or min(depth0, depth1) < least_depth:
-                continue
-            step = 0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0))
-            borders.append((int(whisker[i]), int(whisker[i + 1]), step))
+        first = np.flatnonzero((whisker[1:] != whisker[:-1]) & (np.diff(place) < 2.0 * line_pitch_mm))
+        first = first[(first + 1 >= beside) & (first + beside < whisker.size)]
+        # (borders, sides, lines)
+        near = first[:, None, None] + np.arange(1 - beside, 1 + beside).reshape(2, beside)
+        near = near[(np.ptp(whisker[near], axis=2) == 0).all(axis=1)]
+        marks = lines[near] / quantile_of_known(lines[near])[..., None] - 1.0
+        depth = -quantile_of_known(marks.reshape(len(near), 2, beside * lines.shape[1]), 0.02)
+        steps = np.sqrt(np.nansum(np.diff(marks, axis=3) ** 2, axis=(2, 3)))
+        marked = ((steps >= least_steps) & (depth >= least_depth)).all(axis=1)
+        step = 0.5 * np.diff(np.log(depth[marked]) + np.log(steps[marked]), axis=1)[:, 0]
+        borders += zip(*whisker[near[marked, :, 0]].T.tolist(), step.tolist(), strict=True)
     found = np.exp(reconcile_steps(borders, n))
     met = np.bincount([w for before, after, _ in borders for w in (before, after)], minlength=n)
-    found[met < 2] = np.nan
-    return np.asarray(found)
-
-
-def _contrast(marks: Floats) -> tuple[float, float]:
-    """Depth and total steps of marks, shares of the land."""
-    steps = float(np.sqrt(np.nansum(np.diff(marks, axis=1) ** 2)))
-    return -float(np.nanquantile(marks, 0.02)), steps
+    return np.where(met < 2, np.nan, found)
 
 
 def gains(shares: list[SweepShares]) -> Floats:
     """(whiskers,) gain of each over the others' where they meet, whatever the plate's form; NaN where not known."""
-    n = shares[0].share.shape[1]
-    logs: list[list[float]] = [[] for _ in range(n)]
-    for f in shares:
-        lines, whisker, _ = _lines(f)
-        if np.unique(whisker).size < 2:
-            continue
-        found = whisker_gain(lines, whisker)
-        for w in np.unique(whisker):
-            logs[w].append(float(np.log(found[whisker == w][0])))
-    return np.array([np.exp(np.median(one)) if one else np.nan for one in logs])
+    logs = np.full((len(shares), shares[0].share.shape[1]), np.nan)
+    for log, f in zip(logs, shares, strict=True):
+        lines, whisker, _ = f.lines
+        if np.unique(whisker).size > 1:
+            log[whisker] = np.log(whisker_gain(lines, whisker))
+    return np.exp(quantile_of_known(logs.T))
 
 
-def _lines(f: SweepShares) -> tuple[Floats, NDArray[np.intp], Floats]:
-    """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
-    passes, n, samples = f.share.shape
-    lead = f.sweep.plan.n_lead
-    order = np.argsort(f.sweep.plan.line_mm, axis=None, kind="stable")
-    lines = f.share.reshape(-1, samples)[order, lead : samples - lead]
-    keep = np.isfinite(lines).mean(axis=1) > 0.5
-    return lines[keep], np.tile(np.arange(n), passes)[order][keep], f.sweep.plan.line_mm.ravel()[order][keep]
+class Form(NamedTuple):
+    """Form of the plate along (x, y), mm over the length that was felt: a plane's rise, a parabola's sag."""
 
-
-@dataclass(frozen=True)
-class Form:
-    """Form of the plate, mm over the length and width that were felt: a plane's rise, a parabola's sag."""
-
-    rise_x_mm: float
-    rise_y_mm: float
-    sag_x_mm: float
-    sag_y_mm: float
+    rise_mm: tuple[float, float]
+    sag_mm: tuple[float, float]
 
 
 def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
@@ -193,37 +188,32 @@ def plate_form(shares: list[SweepShares], preload_mm: float) -> Form:
     """
     found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for f in shares:
-        lines, _, _ = _lines(f)
+        lines, _, _ = f.lines
         if lines.shape[0] < 8 or lines.shape[1] < 16:
             continue
-        known = np.isfinite(lines).any(axis=0)
-        middle = np.full(known.size, np.nan)
-        middle[known] = np.nanmedian(lines[:, known], axis=0)
-        u = np.linspace(-1.0, 1.0, middle.size)
+        middle = quantile_of_known(lines.T)
+        terms = np.vander(np.linspace(-1.0, 1.0, middle.size), 3)
         keep = np.isfinite(middle)
         for _ in range(4):
             if keep.sum() < 16:
                 break
-            bend, slope, level = np.polyfit(u[keep], middle[keep], 2)
-            off = np.abs(middle - (level + u * (slope + u * bend)))
+            bend, slope, level = fit = np.linalg.lstsq(terms[keep], middle[keep], rcond=None)[0]
+            off = np.abs(middle - terms @ fit)
             keep = off <= 2.5 * MAD * float(np.median(off[keep])) + 1e-9
         else:
-            forward = -1.0 if f.sweep.plan.direction.backward else 1.0
+            forward = -1.0 if f.plan.direction.backward else 1.0
             scale = preload_mm / level if level else 0.0
-            found[f.sweep.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
-    (rise_x, sag_x), (rise_y, sag_y) = (
-        np.median(found[axis], axis=0) if found[axis] else (0.0, 0.0) for axis in (True, False)
-    )
-    return Form(float(rise_x), float(rise_y), float(sag_x), float(sag_y))
+            found[f.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
+    along = [np.median(found[axis], axis=0).tolist() if found[axis] else (0.0, 0.0) for axis in (True, False)]
+    return Form(*zip(*along, strict=True))
 
 
-@dataclass(frozen=True)
-class Tone:
-    """A line in the spectrum that all whiskers share: frequency, amplitude, and its power over that beside it."""
+class Tone(NamedTuple):
+    """A line in the spectrum that all whiskers share: its power over that beside it, frequency, amplitude."""
 
-    hz: float
-    amplitude: float
-    ratio: float
+    ratio: float = 0.0
+    hz: float = 0.0
+    amplitude: float = 0.0
 
 
 def strongest_tone(
@@ -240,37 +230,37 @@ def strongest_tone(
         least_hz: lowest frequency that counts.
         locked: agreement of phases from pass to pass, above which a wave stands on the plate.
     """
-    best = Tone(0.0, 0.0, 0.0)
+    tones = [Tone()]
     for f in shares:
-        order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
         known = np.isfinite(f.share).mean(axis=2) > 0.9
-        change = np.nan_to_num(np.diff(f.share[order], axis=0))
-        both = (known[order][1:] & known[order][:-1]).astype(np.float64)
-        rows = both.sum(axis=1) > 0
-        if rows.sum() < 4 or change.shape[2] < 64:
+        both = (known[1:] & known[:-1]).astype(np.float64)
+        rows, samples = both.sum(axis=1) > 0, f.share.shape[2]
+        if rows.sum() < 4 or samples < 64:
             continue
+        change = np.diff(f.share, axis=0)
+        change[np.isnan(change)] = 0.0
         # beyond what a vibration changes is a mark that the one pass met and the other did not
-        cut = 4.0 * MAD * np.median(np.abs(change[both > 0.0]))
-        shared = (np.clip(change, -cut, cut) * both[..., None]).sum(axis=1)[rows] / both.sum(axis=1)[
-            rows, None
-        ]
-        window = np.hanning(shared.shape[1])
+        cut = 4.0 * MAD * quantile_of_known(np.abs(change[both > 0.0]).ravel())
+        np.clip(change, -cut, cut, out=change)
+        shared = np.einsum("pws,pw->ps", change, both)[rows] / both.sum(axis=1)[rows, None]
+        window = np.hanning(samples)
         spectrum = np.fft.rfft((shared - shared.mean(axis=1, keepdims=True)) * window)
         power = (np.abs(spectrum) ** 2).mean(axis=0)
-        hz = np.fft.rfftfreq(shared.shape[1], 1.0 / sample_rate_hz)
+        hz = np.fft.rfftfreq(samples, 1.0 / sample_rate_hz)
         # a peak is held against what lies three to eight lines beside it
         padded = np.pad(power[1:], (9, 8), constant_values=np.nan)
         around = np.lib.stride_tricks.sliding_window_view(padded, 17)
         at = np.flatnonzero((hz >= least_hz) & (hz < 0.4 * sample_rate_hz))
-        at = at[power[at] >= np.nanmax(around[at, 7:10], axis=1)]
-        beside = np.nanmedian(around[at][:, [*range(6), *range(11, 17)]], axis=1)
-        for k, other in zip(at, beside, strict=True):
-            ratio = float(power[k] / max(float(other), 1e-30))
+        at = at[power[at] >= np.fmax.reduce(around[at, 7:10], axis=1)]
+        beside = quantile_of_known(around[at][:, [*range(6), *range(11, 17)]])
+        ratio = power[at] / np.maximum(beside, 1e-30)
+        ratio[np.abs(np.mean(np.exp(2j * np.angle(spectrum[:, at])), axis=0)) >= locked] = 0.0
+        if at.size:
+            k = int(np.argmax(ratio))
             # of a sine of amplitude a, differences between passes of any phase have 2 a^2 on average
-            amplitude = float(np.sqrt(0.5 * power[k]) * 2.0 / window.sum())
-            if ratio > best.ratio and abs(np.mean(np.exp(2j * np.angle(spectrum[:, k])))) < locked:
-                best = Tone(float(hz[k]), amplitude, ratio)
-    return best
+            amplitude = float(np.sqrt(0.5 * power[at[k]]) * 2.0 / window.sum())
+            tones.append(Tone(float(ratio[k]), float(hz[at[k]]), amplitude))
+    return max(tones)
 
 
 def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Floats:
@@ -281,29 +271,38 @@ def _median_of_five(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats) -> Fl
     return median
 
 
-SPIKE_REACH = 6
-"""Samples beyond a stretch on which its spikes depend."""
-
-
-def spikes(f: SweepShares, *, least: float) -> NDArray[np.bool_]:
+def spikes(f: SweepShares, *, least: float) -> Mask:
     """(passes, whiskers, samples) single samples that stand out alone: neither their neighbours nor the pass beside do.
 
     Args:
         f: of one direction.
         least: how far they stand out, share of the land.
     """
+    from scipy.ndimage import maximum_filter1d
+
     x = f.share
-    out = np.zeros(x.shape)
+    seen = np.zeros(x.shape)
     middle = _median_of_five(*(x[..., k : x.shape[2] - 4 + k] for k in range(5)))
-    out[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - middle))
-    order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
-    seen = out[order]
-    widest = np.max([np.roll(seen, k, axis=2) for k in (-2, -1, 0, 1, 2)], axis=0)
-    beside = (
-        np.maximum(np.r_[widest[1:2], widest[:-1]], np.r_[widest[1:], widest[-2:-1]])
-        if len(x) > 1
-        else 0.0 * seen
-    )
-    found = np.empty(x.shape, dtype=np.bool_)
-    found[order] = (seen > least) & (seen > 4.0 * beside)
-    return found
+    seen[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - middle))
+    alone = seen > least
+    if len(x) > 1:
+        widest = maximum_filter1d(seen, 5, axis=2, mode="wrap")
+        beside = np.maximum(np.r_[widest[1:2], widest[:-1]], np.r_[widest[1:], widest[-2:-1]])
+        alone &= seen > 4.0 * beside
+    return alone
+
+
+def count_spikes(shares: list[SweepShares], *, least: float, reach: int = 6) -> int:
+    """Spikes in lead-ins and lead-outs, and in the air, where there is nothing to be felt.
+
+    Args:
+        shares: of all sweeps.
+        least: see `spikes`.
+        reach: samples beyond a stretch on which its spikes depend.
+    """
+    count = sum(int((np.abs(f.air) > least).sum()) for f in shares)
+    for f in (f for f in shares if f.plan.n_lead):
+        for ahead in (f.share, f.share[..., ::-1]):
+            near = replace(f, share=ahead[..., : f.plan.n_lead + reach])
+            count += int(spikes(near, least=least)[..., : f.plan.n_lead].sum())
+    return count

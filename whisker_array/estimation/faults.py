@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
 from whisker_array.estimation import fault_measures as measures
@@ -21,8 +21,6 @@ from whisker_array.estimation.fault_measures import Floats, SweepShares
 from whisker_array.scan.scan import Scan, only
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.touch import Touch
-
-Mask = NDArray[np.bool_]
 
 
 class FaultKind(StrEnum):
@@ -184,27 +182,28 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         what = "the whiskers hardly touch, {:.0f} % of the moment of land"
         return (_fault(FaultKind.HEIGHT, percent, message=what),)
     # the size of a whisker's fault, NaN where it has none
-    in_air, on_land = (np.where(dead, np.nan, rms) for rms in measures.noises(shares))
-    noisy = np.fmax(
-        _above_others(in_air, limits.noise_air, limits), _above_others(on_land, limits.noise_land, limits)
-    )
+    noisy = np.full(level.size, np.nan)
+    for stacks, least in (
+        ([f.air for f in shares], limits.noise_air),
+        ([f.share for f in shares], limits.noise_land),
+    ):
+        rms = np.where(dead, np.nan, measures.noises(stacks))
+        noisy = np.fmax(noisy, _above_others(rms, least, limits))
     found = {FaultKind.DEAD: np.where(dead, level, np.nan), FaultKind.NOISY: noisy}
     bench: list[Fault] = []
     good = touching & ~dead & np.isnan(noisy)
     if good.any():
-        sound = _of_whiskers(shares, good)
-        n_spikes = _count_spikes(sound, limits.spike)
+        sound = [f.only(good) for f in shares]
+        n_spikes = measures.count_spikes(sound, least=limits.spike)
         if n_spikes >= limits.few_spikes:
-            sound = [
-                replace(f, share=np.where(measures.spikes(f, least=limits.spike), np.nan, f.share))
-                for f in sound
-            ]
+            bad = (measures.spikes(f, least=limits.spike) for f in sound)
+            sound = [replace(f, share=np.where(b, np.nan, f.share)) for f, b in zip(sound, bad, strict=True)]
         loose = _above_others(measures.level_steps(sound), limits.loose_step, limits)
         firm = good & np.isnan(loose)
-        gain = measures.gains(_of_whiskers(sound, firm))
+        gain = measures.gains([f.only(firm) for f in sound])
         gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
         bent = np.where(np.abs(gain - 1.0) > limits.bent_gain, gain, np.nan)
-        straight = _of_whiskers(sound, firm & np.isnan(bent))
+        straight = [f.only(firm & np.isnan(bent)) for f in sound]
         kept = measures.sharpness(straight, line_pitch_mm=scan.line_pitch_mm)
         found |= {FaultKind.LOOSE: loose, FaultKind.BENT: bent, FaultKind.WORN: _blunt(kept, limits)}
         bench = list(_bench_faults(scan, sound, level[good], limits))
@@ -216,15 +215,6 @@ def find_faults(scan: Scan, limits: FaultLimits = FaultLimits()) -> tuple[Fault,
         for w in np.flatnonzero(np.isfinite(values))
     )
     return (*of_whiskers, *bench)
-
-
-def _of_whiskers(shares: list[SweepShares], good: Mask) -> list[SweepShares]:
-    """The same with all other whiskers unknown."""
-    keep = good[:, None]
-    return [
-        replace(one, share=np.where(keep, one.share, np.nan), air=np.where(keep, one.air, np.nan))
-        for one in shares
-    ]
 
 
 def _others(values: Floats) -> Iterator[Floats]:
@@ -263,29 +253,14 @@ def _bench_faults(
     if not low - limits.height_margin < share < high + limits.height_margin:
         way = "high" if share < 1.0 else "low"
         yield _fault(FaultKind.HEIGHT, 100.0 * share, abs(share - 1.0) * preload, way)
-    form = measures.plate_form(shares, preload)
-    for kind, both, limit in (
-        (FaultKind.TILTED, (form.rise_x_mm, form.rise_y_mm), limits.rise),
-        (FaultKind.BOWED, (form.sag_x_mm, form.sag_y_mm), limits.sag),
-    ):
-        axis, mm = max(zip("xy", map(abs, both), strict=True), key=lambda pair: pair[1])
+    kinds = (FaultKind.TILTED, limits.rise), (FaultKind.BOWED, limits.sag)
+    for (kind, limit), both in zip(kinds, measures.plate_form(shares, preload), strict=True):
+        mm, axis = max(zip(map(abs, both), "xy", strict=True), key=itemgetter(0))
         if mm > limit * preload:
             yield _fault(kind, mm, axis, preload)
     tone = measures.strongest_tone(shares, scan.sample_rate_hz)
     if tone.amplitude > limits.tone and tone.ratio > limits.tone_ratio:
         yield _fault(FaultKind.VIBRATION, 100.0 * tone.amplitude, tone.hz)
-
-
-def _count_spikes(shares: list[SweepShares], least: float) -> int:
-    """Spikes in lead-ins and lead-outs, and in the air."""
-    count = 0
-    for one in shares:
-        lead = one.sweep.plan.n_lead
-        for end in (slice(None), slice(None, None, -1)) if lead else ():
-            near = one.share[..., end][..., : lead + measures.SPIKE_REACH]
-            count += int(measures.spikes(replace(one, share=near), least=least)[..., :lead].sum())
-        count += int((np.abs(one.air) > least).sum())
-    return count
 
 
 def _land_range(touch: Touch, frictions: tuple[float, float]) -> tuple[float, float]:
@@ -312,7 +287,10 @@ def flag_faults(scan: Scan, faults: Sequence[Fault], limits: FaultLimits = Fault
     spiked = {}
     if any(f.kind is FaultKind.SPIKES for f in faults):
         shares = measures.sweep_shares(only(scan))
-        spiked = {one.sweep.plan.direction: measures.spikes(one, least=limits.spike) for one in shares}
+        spiked = {
+            one.plan.direction: measures.spikes(one, least=limits.spike)[np.argsort(one.across)]
+            for one in shares
+        }
     if not whiskers and not spiked:
         return scan
     bad, columns = np.uint8(SampleFlag.FAULTY), np.flatnonzero(np.asarray(scan.kind) == 0)
