@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.plots.pictures import BLUE, GREEN, PURPLE, VERMILION, note, styled
-from whisker_array.simulation.dynamic_speed import FINE_ERROR, SpeedCost, groove_traces, speed_cost
+from whisker_array.simulation.dynamic_speed import FINE_ERROR, SpeedCost, speed_cost
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
@@ -32,10 +32,10 @@ def speed_figure() -> Figure:
     )
     traces = panels["traces"]
     for k, (speed, colour) in enumerate(TRACED_MM_S.items()):
-        x, slow, fast = groove_traces(whisker, touch, speed_mm_s=speed, character_height_mm=HEIGHT_MM)
-        traces.plot(x, fast - 0.5 * k, color=colour, linewidth=1.0)
-        traces.plot(x, slow - 0.5 * k, color="0.4", linewidth=0.7, linestyle="--")
-        note(traces, f"{speed:g} mm/s", (x[-1], 1.0 - 0.5 * k), (-2, 5), ha="right", color=colour)
+        cost = speed_cost(whisker, touch, speed_mm_s=speed, character_height_mm=HEIGHT_MM)
+        traces.plot(cost.place_mm, cost.fast - 0.5 * k, color=colour, linewidth=1.0)
+        traces.plot(cost.place_mm, cost.slow - 0.5 * k, color="0.4", linewidth=0.7, linestyle="--")
+        note(traces, f"{speed:g} mm/s", (cost.place_mm[-1], 1.0 - 0.5 * k), (-2, 5), ha="right", color=colour)
     traces.set(
         xlabel="along the trace, mm; walls of 45°",
         ylabel="moment / land's, each 0.5 lower",

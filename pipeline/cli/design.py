@@ -220,9 +220,9 @@ def _file(made: Design) -> WhiskerFile:
     tip, words = whisker.tip_model(), whisker.describe()
     return WhiskerFile(
         whisker=whisker,
-        touch=Touch(tip, made.preload_mm, made.tip_radius_mm, friction, words),
+        touch=Touch(tip, made.preload_mm, made.request.tip_radius_mm, friction, words),
         character_height_mm=made.request.character_height_mm,
-        line_pitch_mm=made.line_pitch_mm,
-        sample_pitch_mm=made.sample_pitch_mm,
+        line_pitch_mm=made.request.line_pitch_mm,
+        sample_pitch_mm=made.request.sample_pitch_mm,
         speed_mm_s=made.speed_mm_s,
     )

@@ -44,11 +44,11 @@ def _described(design: Design) -> list[str]:
         f"{r.depth_mm:g} mm deep, characters {r.character_height_mm:g} mm, {r.least_speed_mm_s:g} mm/s\n",
         f"build  {describe_section(w)}",
         f"       l1 {w.l1_mm:.2f} mm set at beta {math.degrees(w.beta_rad):.2f} deg, tip arm l2 {w.l2_mm:.2f} mm "
-        f"(k = {w.k:.3f}), ground down to a ball of radius {design.tip_radius_mm:.3f} mm",
+        f"(k = {w.k:.3f}), ground down to a ball of radius {design.request.tip_radius_mm:.3f} mm",
         f"       sensor axis {abs(w.lowered_mm):.2f} mm {where} the clamp (l3 {w.lowered_mm:.2f} mm), "
         f"{design.axis_over_land_mm:.2f} mm above the land",
-        f"use    preload {design.preload_mm:.3f} mm, lines {design.line_pitch_mm:.3f} mm, samples "
-        f"{design.sample_pitch_mm:.4f} mm, up to {design.speed_mm_s:.0f} mm/s",
+        f"use    preload {design.preload_mm:.3f} mm, lines {design.request.line_pitch_mm:.3f} mm, samples "
+        f"{design.request.sample_pitch_mm:.4f} mm, up to {design.speed_mm_s:.0f} mm/s",
         f"       force on the land up to {design.land_force_n:.3f} N, first frequency with the tip held "
         f"{design.frequency_hz:.0f} Hz\n",
     ]

@@ -52,7 +52,7 @@ def _draw_whisker(axes: Axes, line: NDArray[np.float64], design: Design, *, colo
     run_mm = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
     ground_mm = [design.whisker.l2_mm, 0.0]
     half = np.interp(
-        run_mm, run_mm[-1] - np.array(ground_mm), [thick_mm, min(design.tip_radius_mm, thick_mm)]
+        run_mm, run_mm[-1] - np.array(ground_mm), [thick_mm, min(design.request.tip_radius_mm, thick_mm)]
     )
     ahead = np.gradient(line, axis=0)
     side = half[:, None] * np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.hypot(*ahead.T)[:, None]
@@ -91,7 +91,7 @@ def _whisker_panel(axes: Axes, design: Design) -> None:
 
 def _tip_panel(axes: Axes, design: Design) -> None:
     """Draw ball, tip arm and the steepest mark, to scale; the tip stands on the groove's floor."""
-    request, radius, depth = design.request, design.tip_radius_mm, design.request.depth_mm
+    request, radius, depth = design.request, design.request.tip_radius_mm, design.request.depth_mm
     wall, stroke = request.narrowest_wall_mm, request.character_height_mm / 10.0
     floor = max(stroke - 2.0 * wall, 0.0)
     deep = depth if floor > 0.0 else 0.5 * stroke / wall * depth

@@ -11,9 +11,9 @@ All combinations are worked out, and the quickest is taken, for every number of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 from glyphs.ranges import require_positive, require_range
 from glyphs.surface.display import OneLine
@@ -99,33 +99,28 @@ def ribbon_mm(whisker: LShaped) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Build:
-    """A whisker that combs are made of."""
+    """A whisker that combs are made of, whose rows stand whole steps apart."""
 
     whisker: LShaped
     body: Body
     speed_mm_s: float
     step_mm: float
-    in_file: int
-    clear: Callable[[int], bool]
 
     def stagger_mm(self, rows: int) -> float:
         """Least stagger at which rows of any lateral distance are clear of each other."""
         if rows == 1:
             return 0.0
-        for k in range(1, self.in_file):
-            if all(k * apart >= self.in_file or self.clear(k * apart) for apart in range(1, rows)):
+        in_file = math.ceil(self.body.in_file_mm / self.step_mm)
+        for k in range(1, in_file):
+            behind = (k * apart for apart in range(1, rows) if k * apart < in_file)
+            if all(_air_mm(self.body, steps * self.step_mm) >= GAP_MM for steps in behind):
                 return k * self.step_mm
-        return self.in_file * self.step_mm
+        return in_file * self.step_mm
 
 
-def _clear_at(body: Body, step_mm: float) -> Callable[[int], bool]:
-    """Whether rows so many steps apart are clear of each other."""
-
-    @cache
-    def clear(steps: int) -> bool:
-        return body.clear_mm(steps * step_mm) >= GAP_MM
-
-    return clear
+@lru_cache(maxsize=1024)
+def _air_mm(body: Body, behind_mm: float) -> float:
+    return body.clear_mm(behind_mm)
 
 
 def _builds(request: ArrayRequest) -> Iterator[_Build]:
@@ -140,7 +135,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
             body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
             own = touch.with_whisker(whisker)
             speed = fastest_mm_s(whisker, own, character_height_mm=h, allowed_error=request.speed_error)
-            yield _Build(whisker, body, speed, step, math.ceil(body.in_file_mm / step), _clear_at(body, step))
+            yield _Build(whisker, body, speed, step)
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:

@@ -103,13 +103,10 @@ class Design(OneLine):
     """A whisker, its use, and how it stands to every limit.
 
     Attributes:
-        request: what was asked.
+        request: what was asked; ball, lines and samples follow from it.
         limits: what was allowed.
         whisker: the whisker.
         preload_mm: d0.
-        tip_radius_mm: ball, see `Request.tip_radius_mm`.
-        line_pitch_mm: see `Request.line_pitch_mm`.
-        sample_pitch_mm: see `Request.sample_pitch_mm`.
         speed_mm_s: the fastest quasi-static scan; at least the one asked for.
         worst: the edge with the least contrast by (16).
         contrast_exact: the contrast of that edge with F by the elastica; NaN where that has no answer.
@@ -124,9 +121,6 @@ class Design(OneLine):
     limits: Limits
     whisker: LShaped
     preload_mm: float
-    tip_radius_mm: float
-    line_pitch_mm: float
-    sample_pitch_mm: float
     speed_mm_s: float
     worst: Worst
     contrast_exact: float
@@ -277,9 +271,6 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
         limits=limits,
         whisker=whisker,
         preload_mm=preload_mm,
-        tip_radius_mm=request.tip_radius_mm,
-        line_pitch_mm=request.line_pitch_mm,
-        sample_pitch_mm=request.sample_pitch_mm,
         speed_mm_s=speed,
         worst=worst,
         contrast_exact=exact,
@@ -293,20 +284,16 @@ def describe_design(whisker: LShaped, request: Request, *, limits: Limits, prelo
 
 def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
     """Ranges of what can be made, as lines of the table: the nearer end of each."""
-    section = whisker.section
-    beta = (math.degrees(limits.beta_rad[0]), math.degrees(limits.beta_rad[1]))
+    section = whisker.segments()[0].section_at(0.0)
+    low, high = limits.beta_rad
     ranges = [
         (Bound.LENGTH, whisker.l1_mm, limits.l1_mm),
         (Bound.K, whisker.k, limits.k),
-        (Bound.BETA, math.degrees(whisker.beta_rad), beta),
+        (Bound.BETA, math.degrees(whisker.beta_rad), (math.degrees(low), math.degrees(high))),
+        (Bound.THICKNESS, 2.0 * section.c_vertical_mm, limits.thickness_mm),
     ]
     if isinstance(section, Rectangle):
-        ranges.append((Bound.THICKNESS, section.thickness_mm, limits.thickness_mm))
         ranges.append((Bound.ASPECT, section.width_mm / section.thickness_mm, limits.aspect))
-    else:
-        ranges.append(
-            (Bound.THICKNESS, 2.0 * whisker.segments()[0].section_at(0.0).c_vertical_mm, limits.thickness_mm)
-        )
     both = [
         (Constraint(bound, value, low, False), Constraint(bound, value, high, True))
         for bound, value, (low, high) in ranges

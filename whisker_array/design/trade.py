@@ -46,7 +46,7 @@ def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) ->
         design: the design to start from.
         factors: multiples of the slide that the design allows.
     """
-    at = design.limits.slide_lines * design.line_pitch_mm
+    at = design.limits.slide_lines * design.request.line_pitch_mm
 
     def change(factor: float) -> tuple[Request, Limits]:
         return design.request, replace(design.limits, slide_lines=factor * design.limits.slide_lines)

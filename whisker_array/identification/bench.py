@@ -6,7 +6,7 @@ A `Bench` holds numbers by name, but for those that every whisker of a comb has 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import LShaped
@@ -21,22 +22,34 @@ from whisker_array.whisker.touch import Touch
 
 
 class Unknown(StrEnum):
-    """A number that is found, gains apart."""
+    """A number that is found, gains apart.
 
-    L1 = "l1_mm"
-    L2 = "l2_mm"
-    L3 = "l3_mm"
-    BETA = "beta_deg"
-    STIFFNESS = "stiffness"
-    RADIUS = "tip_radius_mm"
-    PRELOAD = "preload_mm"
-    FRICTION = "friction"
-    PLAY = "play_mm"
-    SHIFT_X = "shift_x_mm"
-    SHIFT_Y = "shift_y_mm"
-    YAW = "yaw_deg"
-    TILT_X = "tilt_x_mrad"
-    TILT_Y = "tilt_y_mrad"
+    Attributes:
+        sd: standard deviation before anything is recorded; of radius and preload in parts of themselves.
+    """
+
+    sd: float
+
+    def __new__(cls, name: str, sd: float) -> Unknown:
+        """A number, equal to its name."""
+        member = str.__new__(cls, name)
+        member._value_, member.sd = name, sd
+        return member
+
+    L1 = "l1_mm", 0.1
+    L2 = "l2_mm", 0.1
+    L3 = "l3_mm", 0.1
+    BETA = "beta_deg", 1.5
+    STIFFNESS = "stiffness", 0.05
+    RADIUS = "tip_radius_mm", 0.2
+    PRELOAD = "preload_mm", 0.05
+    FRICTION = "friction", 0.1
+    PLAY = "play_mm", 0.03
+    SHIFT_X = "shift_x_mm", 0.2
+    SHIFT_Y = "shift_y_mm", 0.2
+    YAW = "yaw_deg", 0.2
+    TILT_X = "tilt_x_mrad", 2.0
+    TILT_Y = "tilt_y_mrad", 2.0
 
 
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
@@ -48,7 +61,7 @@ MEMORY_SD = 0.02
 """Standard deviation of each before: gauges of whiskers were seen at up to 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
-GROUND_TIP, WORN_TIP = 0.2, 0.6
+GROUND_TIP, WORN_TIP = Unknown.RADIUS.sd, 0.6
 """Standard deviation of a tip's radius, in parts of itself, as it is ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
 """Leads of usual screws (ISO 3408-2, the small ones)."""
@@ -83,9 +96,8 @@ class Bench(OneLine):
         if missing or not all(math.isfinite(value) for value in self.values.values()):
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
-        object.__setattr__(self, "gain", np.array(self.gain, dtype=np.float64))
-        object.__setattr__(self, "memory", np.array(self.memory, dtype=np.float64))
-        object.__setattr__(self, "screw", np.array(self.screw, dtype=np.float64))
+        own = {"gain": ("whiskers",), "memory": (MEMORIES, "whiskers"), "screw": (2, _OF_A_SCREW)}
+        freeze_arrays(WhiskerError, self, own)
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
@@ -165,23 +177,33 @@ def nominal_bench(whisker: LShaped | Touch, touch: Touch, *, n_whiskers: int) ->
     """
     if isinstance(whisker, LShaped) and whisker.is_straight:
         raise WhiskerError("only an L-shaped whisker is identified", hint="give the drawing of one")
-    drawn = {}
-    if isinstance(whisker, LShaped):
-        drawn = {
-            Unknown.L1: whisker.l1_mm,
-            Unknown.L2: whisker.l2_mm,
-            Unknown.L3: whisker.lowered_mm,
-            Unknown.BETA: math.degrees(whisker.beta_rad),
-        }
-    values = {
-        **dict.fromkeys(Unknown, 0.0),
-        **drawn,
+    values = dict.fromkeys(Unknown, 0.0) | {
         Unknown.STIFFNESS: 1.0,
         Unknown.RADIUS: touch.tip_radius_mm,
         Unknown.PRELOAD: touch.preload_mm,
         Unknown.FRICTION: touch.friction,
     }
+    if isinstance(whisker, LShaped):
+        beta_deg = math.degrees(whisker.beta_rad)
+        drawn = (whisker.l1_mm, whisker.l2_mm, whisker.lowered_mm, beta_deg)
+        values |= zip(DRAWN, drawn, strict=False)
     return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)), np.zeros((2, _OF_A_SCREW)))
+
+
+def first_order_sd(
+    moved: Callable[[int, float], float], steps: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> float:
+    """Standard deviation of what depends on some numbers: sqrt(g^T C g) of central differences g.
+
+    Args:
+        moved: the value with a number, by its index, off by so much.
+        steps: (n,) of the differences; a number with none counts as known.
+        covariance: (n, n) of the numbers.
+    """
+    slope = np.array(
+        [(moved(i, s) - moved(i, -s)) / (2.0 * s) if s > 0.0 else 0.0 for i, s in enumerate(steps.tolist())]
+    )
+    return float(np.sqrt(slope @ covariance @ slope))
 
 
 def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
@@ -209,22 +231,9 @@ def prior_sd(
     tip as ground (20 %), a preload as set by a feeler gauge (5 %), a friction of steel on steel (0.1), a stage's play
     (0.03 mm), gauges as good as whiskers' were seen, and a piece put down by hand.
     """
-    sd = {
-        Unknown.L1: 0.1,
-        Unknown.L2: 0.1,
-        Unknown.L3: 0.1,
-        Unknown.BETA: 1.5,
-        Unknown.STIFFNESS: 0.05,
-        Unknown.RADIUS: max(tip_sd * nominal[Unknown.RADIUS], 0.005),
-        Unknown.PRELOAD: 0.05 * nominal[Unknown.PRELOAD],
-        Unknown.FRICTION: 0.1,
-        Unknown.PLAY: 0.03,
-        Unknown.SHIFT_X: 0.2,
-        Unknown.SHIFT_Y: 0.2,
-        Unknown.YAW: 0.2,
-        Unknown.TILT_X: 2.0,
-        Unknown.TILT_Y: 2.0,
-    }
+    sd = {name: name.sd for name in Unknown}
+    sd[Unknown.RADIUS] = max(tip_sd * nominal[Unknown.RADIUS], 0.005)
+    sd[Unknown.PRELOAD] *= nominal[Unknown.PRELOAD]
     n = nominal.gain.size
     return np.array(
         [

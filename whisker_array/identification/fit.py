@@ -30,6 +30,7 @@ from whisker_array.identification.bench import (
     LOOSE_GAIN,
     Bench,
     Unknown,
+    first_order_sd,
     nominal_bench,
     of_screw,
     of_whisker,
@@ -137,13 +138,12 @@ class Identified(OneLine):
 
     def sd_of(self, function: Callable[[Bench], float], *, probe_sds: float = 0.1) -> float:
         """Standard deviation of whatever depends on the numbers, to first order, in steps of `probe_sds` of them."""
-        at, gradient = self.bench.vector(), np.empty(self.before.size)
-        for i, sd in enumerate(self.sd):
-            step = np.zeros(at.size)
-            step[i] = probe_sds * sd
-            up, down = (function(Bench.of_vector(at + s)) for s in (step, -step))
-            gradient[i] = 0.0 if sd == 0.0 else (up - down) / (2.0 * step[i])
-        return float(np.sqrt(gradient @ self.covariance @ gradient))
+        at = self.bench.vector()
+
+        def moved(i: int, off: float) -> float:
+            return function(Bench.of_vector(at + np.where(np.arange(at.size) == i, off, 0.0)))
+
+        return first_order_sd(moved, probe_sds * self.sd, self.covariance)
 
 
 def identify(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
-from whisker_array.identification.bench import DRAWN, Unknown, nominal_bench
+from whisker_array.identification.bench import DRAWN, Unknown, first_order_sd, nominal_bench
 from whisker_array.identification.fit import Identified
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.sections import WhiskerError
@@ -103,13 +103,8 @@ def predictions(
 
     made = []
     for what, quantity in {**_ALWAYS, **(more or {})}.items():
-        slope = np.array(
-            [
-                (of(quantity, name, sd) - of(quantity, name, -sd)) / (2.0 * sd) if sd > 0.0 else 0.0
-                for name, sd in zip(known.names, known.sd, strict=True)
-            ]
-        )
-        made.append(Prediction(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
+        sd = first_order_sd(lambda i, off: of(quantity, known.names[i], off), known.sd, known.covariance)  # noqa: B023
+        made.append(Prediction(what, of(quantity), sd))
     return tuple(made)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from glyphs.compiled import FAST, inline_kernel, kernel
 from whisker_array.simulation.soft import LEAST_GIVE
+from whisker_array.simulation.surface import bilinear, cell_of
 from whisker_array.simulation.traces import SampleFlag
 
 _LOST = np.uint8(SampleFlag.CONTACT_LOST)
@@ -28,43 +29,20 @@ SMOOTHING_STEPS = 1e-3
 
 @inline_kernel
 def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
-    """Height, both slopes and friction at (x, z), bilinear, clamped at the rim."""
-    rows, cols = fields.shape[0], fields.shape[1]
-    u = min(max(x * inv_pitch, 0.0), cols - 1.001)
-    v = min(max(z * inv_pitch, 0.0), rows - 1.001)
-    c, r = int(u), int(v)
-    fu, fv = u - c, v - r
-    w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
-    w10, w11 = (1.0 - fu) * fv, fu * fv
-    a, b = fields[r, c], fields[r, c + 1]
-    e, g = fields[r + 1, c], fields[r + 1, c + 1]
-    return (
-        w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0],
-        w00 * a[1] + w01 * b[1] + w10 * e[1] + w11 * g[1],
-        w00 * a[2] + w01 * b[2] + w10 * e[2] + w11 * g[2],
-        w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3],
-    )
+    """Height, both slopes and friction at (x, z)."""
+    cell = cell_of(fields, x * inv_pitch, z * inv_pitch)
+    h, p, q = bilinear(fields, cell, 0), bilinear(fields, cell, 1), bilinear(fields, cell, 2)
+    return h, p, q, bilinear(fields, cell, 3)
 
 
 @inline_kernel
 def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def]
     """The same of a surface whose grid is not that of the traces (`contact.Laid`)."""
     (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = laid
-    rows, cols = fields.shape[0], fields.shape[1]
-    u = min(max((o + ox * x + oz * z) * inv_pitch, 0.0), cols - 1.001)
-    v = min(max((s + sx * x + sz * z) * inv_pitch, 0.0), rows - 1.001)
-    c, r = int(u), int(v)
-    fu, fv = u - c, v - r
-    w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
-    w10, w11 = (1.0 - fu) * fv, fu * fv
-    a, b = fields[r, c], fields[r, c + 1]
-    e, g = fields[r + 1, c], fields[r + 1, c + 1]
-    h = w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0]
-    p = w00 * a[1] + w01 * b[1] + w10 * e[1] + w11 * g[1]
-    q = w00 * a[2] + w01 * b[2] + w10 * e[2] + w11 * g[2]
-    h += share * (w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3])
-    p += share * (w00 * a[4] + w01 * b[4] + w10 * e[4] + w11 * g[4])
-    q += share * (w00 * a[5] + w01 * b[5] + w10 * e[5] + w11 * g[5])
+    cell = cell_of(fields, (o + ox * x + oz * z) * inv_pitch, (s + sx * x + sz * z) * inv_pitch)
+    h = bilinear(fields, cell, 0) + share * bilinear(fields, cell, 3)
+    p = bilinear(fields, cell, 1) + share * bilinear(fields, cell, 4)
+    q = bilinear(fields, cell, 2) + share * bilinear(fields, cell, 5)
     return h + rise + along * x + across * z, ox * p + sx * q + along, oz * p + sz * q + across, mu
 
 

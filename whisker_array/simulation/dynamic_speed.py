@@ -12,16 +12,18 @@ proportion.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap
 from whisker_array.simulation.dynamic import trace_dynamic
-from whisker_array.simulation.dynamic_modes import WhiskerModes, contact_mm_per_n, whisker_modes
+from whisker_array.simulation.dynamic_modes import contact_mm_per_n, whisker_modes
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import LINES_PER_HEIGHT
@@ -34,51 +36,44 @@ BEVEL_RAD = math.pi / 4.0
 """The usual bevel of stamped marks."""
 DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
 """Dimensions of usual marks, character heights (0.25 mm deep at 6.35 mm)."""
-FINE_ERROR, COARSE_ERROR = 0.05, 0.2
-"""Allowed errors of passes that characters are read from, and of those that only look for a line."""
+FINE_ERROR = 0.05
+"""Allowed error of passes that characters are read from."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
 _SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
 
 
-@dataclass(frozen=True)
-class SpeedCost:
-    """Errors at one speed.
+@dataclass(frozen=True, eq=False, repr=False)
+class SpeedCost(OneLine):
+    """One speed over the groove: moments over the land's, and errors.
 
     Attributes:
         speed_mm_s: of the stage.
+        place_mm: (samples,) along the trace.
+        fast: (samples,) moment at that speed.
+        slow: (samples,) moment on a stage so slow that nothing rings. (The pointwise one has no slip of the tip at the
+            groove's foot.)
         error: of the edge map, as a share of the signal.
-        ringing: greatest error a stroke behind the last edge and further, land moments.
+        ringing: greatest error a stroke behind the last edge and further.
         in_air_mm: length of surface that was not touched all the while.
     """
 
     speed_mm_s: float
+    place_mm: NDArray[np.float64]
+    fast: NDArray[np.float64]
+    slow: NDArray[np.float64]
     error: float
     ringing: float
     in_air_mm: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
-    """One whisker over one groove, made ready."""
+class _Stage:
+    """One whisker over one groove: its traces by speed, the moment at the slowest, and where ringing begins."""
 
-    touch: Touch
-    modes: WhiskerModes
-    contact: float
-    heights: NDArray[np.float32]
+    trace: Callable[..., Traces]
+    slow_n_mm: NDArray[np.float64]
     step_mm: float
     rings_from: int
-
-    def traced(self, speed_mm_s: float) -> Traces:
-        """The groove at a speed."""
-        return trace_dynamic(
-            self.heights,
-            self.modes,
-            step_mm=self.step_mm,
-            speed_mm_s=speed_mm_s,
-            preload_mm=self.touch.preload_mm,
-            friction=self.touch.friction,
-            contact_mm_per_n=self.contact,
-        )
 
 
 def _groove(
@@ -98,19 +93,15 @@ def _groove(
 
 
 @lru_cache(maxsize=8)
-def _trial(whisker: Whisker, touch: Touch, character_height_mm: float, bevel_rad: float) -> _Trial:
-    force = float(land_force_n(whisker, preload_mm=touch.preload_mm, mu=touch.friction)[1])
-    heights, step, rings = _groove(
-        character_height_mm, tip_radius_mm=touch.tip_radius_mm, bevel_rad=bevel_rad
-    )
-    contact = contact_mm_per_n(tip_radius_mm=touch.tip_radius_mm, force_n=force, material=whisker.material)
-    return _Trial(touch, whisker_modes(whisker), contact, heights, step, rings)
-
-
-@lru_cache(maxsize=8)
-def _slow_moment(trial: _Trial) -> NDArray[np.float64]:
-    """Moment on a stage so slow that nothing rings. (The pointwise one has no slip of the tip at the groove's foot.)"""
-    return np.asarray(trial.traced(_SLOWEST).moment_n_mm[0], dtype=np.float64)
+def _stage(whisker: Whisker, touch: Touch, character_height_mm: float, bevel_rad: float) -> _Stage:
+    ball, preload = touch.tip_radius_mm, touch.preload_mm
+    force = float(land_force_n(whisker, preload_mm=preload, mu=touch.friction)[1])
+    heights, step, rings_from = _groove(character_height_mm, tip_radius_mm=ball, bevel_rad=bevel_rad)
+    trace = partial(
+        trace_dynamic, heights, whisker_modes(whisker), step_mm=step, preload_mm=preload, friction=touch.friction,
+        contact_mm_per_n=contact_mm_per_n(tip_radius_mm=ball, force_n=force, material=whisker.material),
+    )  # fmt: skip
+    return _Stage(trace, trace(speed_mm_s=_SLOWEST).moment_n_mm[0].astype(np.float64), step, rings_from)
 
 
 def speed_cost(
@@ -134,39 +125,22 @@ def speed_cost(
         WhiskerError: a speed or height that is not positive, or a touch without a ball.
     """
     require_positive(WhiskerError, character_height_mm=character_height_mm, speed_mm_s=speed_mm_s)
-    trial = _trial(whisker, touch, character_height_mm, bevel_rad)
-    slow, fast = _slow_moment(trial), trial.traced(speed_mm_s)
-    land = float(slow[0])
-    signal, wrong = slow / land - 1.0, (fast.moment_n_mm[0].astype(np.float64) - slow) / land
+    stage = _stage(whisker, touch, character_height_mm, bevel_rad)
+    slow, traced = stage.slow_n_mm, stage.trace(speed_mm_s=speed_mm_s)
+    fast, land = traced.moment_n_mm[0].astype(np.float64), float(slow[0])
+    signal, wrong = slow / land - 1.0, (fast - slow) / land
     pixel = np.ones(_STEPS_A_PITCH) / _STEPS_A_PITCH
     averaged = [np.convolve(v, pixel, mode="valid") for v in (wrong, signal)]
-    lost = (fast.flags[0] & np.uint8(SampleFlag.CONTACT_LOST)) != 0
+    lost = (traced.flags[0] & np.uint8(SampleFlag.CONTACT_LOST)) != 0
     return SpeedCost(
         speed_mm_s=speed_mm_s,
+        place_mm=stage.step_mm * np.arange(slow.size, dtype=np.float64),
+        fast=fast / land,
+        slow=slow / land,
         error=float(np.sqrt((averaged[0] ** 2).mean() / (averaged[1] ** 2).mean())),
-        ringing=float(np.abs(wrong[trial.rings_from :]).max()),
-        in_air_mm=float(lost.sum()) * trial.step_mm,
+        ringing=float(np.abs(wrong[stage.rings_from :]).max()),
+        in_air_mm=float(lost.sum()) * stage.step_mm,
     )
-
-
-def groove_traces(
-    whisker: Whisker,
-    touch: Touch,
-    *,
-    speed_mm_s: float,
-    character_height_mm: float,
-    bevel_rad: float = BEVEL_RAD,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Places mm, and moments over the land's, of a slow and of a fast stage over the groove of `speed_cost`.
-
-    Raises:
-        WhiskerError: as `speed_cost`.
-    """
-    require_positive(WhiskerError, character_height_mm=character_height_mm, speed_mm_s=speed_mm_s)
-    trial = _trial(whisker, touch, character_height_mm, bevel_rad)
-    slow, fast = _slow_moment(trial), trial.traced(speed_mm_s).moment_n_mm[0].astype(np.float64)
-    places = trial.step_mm * np.arange(slow.size, dtype=np.float64)
-    return places, slow / float(slow[0]), fast / float(slow[0])
 
 
 def fastest_mm_s(
@@ -191,11 +165,10 @@ def fastest_mm_s(
     """
     require_positive(WhiskerError, allowed_error=allowed_error)
 
+    cost = partial(speed_cost, whisker, touch, character_height_mm=character_height_mm, bevel_rad=bevel_rad)
+
     def kept(speed: float) -> bool:
-        cost = speed_cost(
-            whisker, touch, speed_mm_s=speed, character_height_mm=character_height_mm, bevel_rad=bevel_rad
-        )
-        return cost.error <= allowed_error
+        return cost(speed_mm_s=speed).error <= allowed_error
 
     # upwards from slow: beyond the first limit half a swing may hide the error by chance
     slow, fast = _SLOWEST, _FIRST

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.compiled import FAST, kernel, read_only
+from glyphs.compiled import FAST, inline_kernel, kernel, read_only
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
@@ -204,22 +204,31 @@ def _turn(first, last, fields, along_x, backward, out):  # type: ignore[no-untyp
                         out[r, c, 6] = pixel[6]
 
 
+@inline_kernel
+def cell_of(fields, u, v):  # type: ignore[no-untyped-def]
+    """The cell of a place u columns and v rows into a grid, clamped at its rim, and the shares of its corners."""
+    u = min(max(u, 0.0), fields.shape[1] - 1.001)
+    v = min(max(v, 0.0), fields.shape[0] - 1.001)
+    c, r = int(u), int(v)
+    fu, fv = u - c, v - r
+    return r, c, (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv), (1.0 - fu) * fv, fu * fv
+
+
+@inline_kernel
+def bilinear(fields, cell, k):  # type: ignore[no-untyped-def]
+    """Layer k of some fields in a cell."""
+    r, c, w00, w01, w10, w11 = cell
+    above, below = w00 * fields[r, c, k] + w01 * fields[r, c + 1, k], fields[r + 1, c, k]
+    return above + w10 * below + w11 * fields[r + 1, c + 1, k]
+
+
 @kernel(allow=FAST)
 def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
-    rows, cols = fields.shape[0], fields.shape[1]
     for i in range(first, last):
-        v = min(max(lines[i] * inv_pitch, 0.0), rows - 1.001)
-        r = int(v)
-        fv = v - r
         for j in range(height.shape[1]):
-            u = min(max((start + j * step) * inv_pitch, 0.0), cols - 1.001)
-            c = int(u)
-            fu = u - c
-            w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
-            w10, w11 = (1.0 - fu) * fv, fu * fv
-            a, b, e, g = fields[r, c], fields[r, c + 1], fields[r + 1, c], fields[r + 1, c + 1]
-            height[i, j] = w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0]
-            mu[i, j] = w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3]
+            cell = cell_of(fields, (start + j * step) * inv_pitch, lines[i] * inv_pitch)
+            height[i, j], mu[i, j] = bilinear(fields, cell, 0), bilinear(fields, cell, 3)
+            r, c = cell[0], cell[1]
             missing[i, j] = dropout[r, c] or dropout[r, c + 1] or dropout[r + 1, c] or dropout[r + 1, c + 1]
 
 
@@ -227,18 +236,17 @@ def sample_lines(
     surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Height, friction and dropout under every sample of parallel lines, each (lines, samples), bilinear."""
-    shape = (lines_mm.size, n_samples)
-    height, mu = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
-    missing = np.empty(shape, dtype=np.bool_)
+    height, mu = np.empty((2, lines_mm.size, n_samples), dtype=np.float32)
+    missing = np.empty(height.shape, dtype=np.bool_)
+    fields, dropout = read_only(surface.fields), read_only(surface.dropout)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
-    inv_pitch, start, step = 1.0 / surface.pitch_mm, float(start_mm), float(step_mm)
     given = (
-        read_only(surface.fields),
-        read_only(surface.dropout),
-        inv_pitch,
+        fields,
+        dropout,
+        1.0 / surface.pitch_mm,
         lines,
-        start,
-        step,
+        float(start_mm),
+        float(step_mm),
         height,
         mu,
         missing,

@@ -78,27 +78,10 @@ class WhiskerArray:
         require_positive(WhiskerError, self, "pitch_mm")
         require_not_negative(WhiskerError, self, "stagger_mm")
         if self.body is not None:
-            self._check_room(self.body)
-
-    def _check_room(self, body: Body) -> None:
-        """Check that all rows of all kinds are clear of each other.
-
-        Raises:
-            WhiskerError: which would touch, and what would do.
-        """
-        touching = collisions(
-            body,
-            n_whiskers=self.n_whiskers,
-            pitch_mm=self.pitch_mm,
-            rows=self.rows,
-            kinds=self.kinds,
-            stagger_mm=self.stagger_mm,
-        )
-        if touching:
-            raise WhiskerError(
-                f"the comb cannot be built: {touching}",
-                hint=room_hint(body, n_whiskers=self.n_whiskers, pitch_mm=self.pitch_mm, kinds=self.kinds),
-            )
+            points = replace(self, body=None)
+            if touching := collisions(self.body, points):
+                what = f"the comb cannot be built: {touching}"
+                raise WhiskerError(what, hint=room_hint(self.body, points))
 
     @property
     def offset_mm(self) -> tuple[float, ...]:

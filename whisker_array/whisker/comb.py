@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm,
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
+
+if TYPE_CHECKING:
+    from whisker_array.whisker.array import WhiskerArray
 
 GAP_MM = 0.15
 """Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
@@ -220,63 +224,63 @@ def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
     return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
 
 
-def collisions(
-    body: Body, *, n_whiskers: int, pitch_mm: float, rows: int, stagger_mm: float, kinds: int = 1
-) -> str:
-    """The first two whiskers that would touch, in words; empty where none do."""
-    in_row = rows * pitch_mm
-    if n_whiskers > rows and in_row < body.side_room_mm:
+def collisions(body: Body, comb: WhiskerArray) -> str:
+    """The first two whiskers that would touch, in words; empty where none do.
+
+    Args:
+        body: of every whisker.
+        comb: where they stand.
+    """
+    in_row, several = comb.rows * comb.pitch_mm, comb.n_whiskers > comb.rows
+    if several and in_row < body.side_room_mm:
         return (
             f"whiskers {body.width_mm:.3g} mm wide cannot stand {in_row:.3g} mm apart in a row, "
             f"they need {body.side_room_mm:.3g} mm"
         )
-    for apart in range(1, rows * kinds):
+    for apart in range(1, comb.rows * comb.kinds):
         # rows a whole comb apart run on the same lines
-        beside = apart % rows
-        lateral = min(beside, rows - beside if n_whiskers > rows else beside) * pitch_mm
-        if lateral >= body.side_room_mm or apart * stagger_mm >= body.in_file_mm:
+        beside, behind_mm = apart % comb.rows, apart * comb.stagger_mm
+        lateral = min(beside, comb.rows - beside if several else beside) * comb.pitch_mm
+        if lateral >= body.side_room_mm or behind_mm >= body.in_file_mm:
             continue
-        air = body.clear_mm(apart * stagger_mm)
+        air = body.clear_mm(behind_mm)
         if air < GAP_MM:
             return (
-                f"rows {apart * stagger_mm:.3g} mm one behind the other leave {max(air, 0.0):.2g} mm of air between "
+                f"rows {behind_mm:.3g} mm one behind the other leave {max(air, 0.0):.2g} mm of air between "
                 f"a bent whisker and one that is not, and need {GAP_MM:g} mm"
             )
     return ""
 
 
-def least_stagger_mm(
-    body: Body, *, n_whiskers: int, pitch_mm: float, rows: int, step_mm: float, kinds: int = 1
-) -> float:
+def least_stagger_mm(body: Body, comb: WhiskerArray, *, step_mm: float) -> float:
     """Least distance of neighbouring rows, a whole number of steps, at which none touch; 0 for one row.
+
+    Args:
+        body: of every whisker.
+        comb: where they stand, whatever its stagger.
+        step_mm: between the distances tried.
 
     Raises:
         WhiskerError: whiskers of one row touch already.
     """
-    if n_whiskers > rows and rows * pitch_mm < body.side_room_mm:
+    if comb.n_whiskers > comb.rows and comb.rows * comb.pitch_mm < body.side_room_mm:
+        enough = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
         raise WhiskerError(
-            f"{rows} rows of whiskers {pitch_mm:.3g} mm apart leave no room sideways",
-            hint=f"take {least_rows(body, pitch_mm=pitch_mm, n_whiskers=n_whiskers)} rows",
+            f"{comb.rows} rows of whiskers {comb.pitch_mm:.3g} mm apart leave no room sideways",
+            hint=f"take {enough} rows",
         )
-    if rows * kinds == 1:
+    if comb.rows * comb.kinds == 1:
         return 0.0
     most = math.ceil(body.in_file_mm / step_mm)
-    for k in range(1, most):
-        if not collisions(
-            body, n_whiskers=n_whiskers, pitch_mm=pitch_mm, rows=rows, stagger_mm=k * step_mm, kinds=kinds
-        ):
-            return k * step_mm
-    return most * step_mm
+    tried = (k * step_mm for k in range(1, most))
+    return next((mm for mm in tried if not collisions(body, replace(comb, stagger_mm=mm))), most * step_mm)
 
 
-def room_hint(body: Body, *, n_whiskers: int, pitch_mm: float, kinds: int = 1) -> str:
+def room_hint(body: Body, comb: WhiskerArray) -> str:
     """Say what would make room: a wider pitch, or so many rows so far behind each other."""
-    rows = least_rows(body, pitch_mm=pitch_mm, n_whiskers=n_whiskers)
-    step = 0.25 * body.thickness_mm
-    stagger = least_stagger_mm(
-        body, n_whiskers=n_whiskers, pitch_mm=pitch_mm, rows=rows, step_mm=step, kinds=kinds
-    )
+    rows = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
+    stagger = least_stagger_mm(body, replace(comb, rows=rows), step_mm=0.25 * body.thickness_mm)
     built = f"take {rows} row{'s' if rows > 1 else ''}"
-    if rows * kinds > 1:
+    if rows * comb.kinds > 1:
         built += f" {stagger:.4g} mm behind each other"
     return built + f", a pitch of {body.side_room_mm:.3g} mm or more, or narrower whiskers"

@@ -37,13 +37,7 @@ def test_combs_can_be_built_and_times_are_the_plans(chosen: tuple) -> None:
     for choice in chosen:
         array = choice.plan.array
         assert array.body is not None
-        assert not collisions(
-            array.body,
-            n_whiskers=array.n_whiskers,
-            pitch_mm=array.pitch_mm,
-            rows=array.rows,
-            stagger_mm=array.stagger_mm,
-        )
+        assert not collisions(array.body, array)
         assert choice.stage_s == pytest.approx(sum(p.stage_s for p in choice.plan.passes()))
         assert choice.measured.accuracy >= REQUEST.accuracy
         assert choice.plan.region_mm == REQUEST.region_mm
@@ -70,7 +64,7 @@ def test_no_comb_of_default_whiskers_is_quicker(chosen: tuple) -> None:
         for lines in (5, 10, 20, 40):
             pitch = lines * usual.line_pitch_mm
             rows = least_rows(body, pitch_mm=pitch, n_whiskers=8)
-            stagger = least_stagger_mm(body, n_whiskers=8, pitch_mm=pitch, rows=rows, step_mm=1.0)
+            stagger = least_stagger_mm(body, WhiskerArray(8, pitch, rows=rows), step_mm=1.0)
             array = WhiskerArray(8, pitch, rows=rows, stagger_mm=stagger, body=body)
             assert replace(usual, array=array).scan_time_s >= best.stage_s
 

@@ -61,7 +61,7 @@ def feasible(whisker: LShaped, preload_mm: float, request: Request, limits: Limi
 def test_the_design_keeps_every_assumption_of_the_paper(made: Design) -> None:
     whisker, preload, wall = made.whisker, made.preload_mm, math.tan(ASKED.alpha_rad[1])
     assert preload >= PRELOAD_MARGIN * ASKED.depth_mm
-    detail_hz = made.speed_mm_s / (FINEST_WAVELENGTH_LINES * made.line_pitch_mm)
+    detail_hz = made.speed_mm_s / (FINEST_WAVELENGTH_LINES * made.request.line_pitch_mm)
     assert detail_hz <= QUASI_STATIC_SHARE * first_bending_frequency_hz(whisker, tip_held=True)
     for mu in (0.1, 0.2, 0.35, 0.5):
         assert not is_jammed([0.0, -wall, wall], mu, whisker.tip_model()).any()
@@ -153,7 +153,7 @@ def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
     for name in ("l1_mm", "lowered_mm"):
         assert getattr(twice.whisker, name) == pytest.approx(2.0 * getattr(made.whisker, name), rel=0.02)
     assert twice.preload_mm == pytest.approx(2.0 * made.preload_mm, rel=0.02)
-    assert twice.tip_radius_mm == pytest.approx(2.0 * made.tip_radius_mm)
+    assert twice.request.tip_radius_mm == pytest.approx(2.0 * made.request.tip_radius_mm)
     assert twice.frequency_hz == pytest.approx(0.5 * made.frequency_hz, rel=0.01)
 
 

@@ -23,6 +23,7 @@ from whisker_array.whisker.sections import WhiskerError
 
 HEIGHT = 5.0
 BODY = default_body(HEIGHT)
+TWO_ROWS = WhiskerArray(8, 2.5, rows=2)
 
 
 def inclined(beta_deg: float) -> Body:
@@ -63,18 +64,18 @@ def test_ribbons_on_half_a_height_cannot_stand_side_by_side() -> None:
 def test_inclined_whiskers_lie_like_tiles(beta_deg: float) -> None:
     """Parallel l1 are stagger x sin(beta) apart: no less than thickness and air, no more than the clamp needs, too."""
     body = inclined(beta_deg)
-    stagger = least_stagger_mm(body, n_whiskers=8, pitch_mm=2.5, rows=2, step_mm=0.05)
+    stagger = least_stagger_mm(body, TWO_ROWS, step_mm=0.05)
     lift = 1.1 * default_preload_mm(HEIGHT)
     apart, slope = stagger * math.sin(math.radians(beta_deg)), math.sin(math.radians(beta_deg))
     least = body.thickness_mm + GAP_MM
     assert least < apart < least + lift + body.clamp_mm[1] + slope * body.clamp_mm[0]
-    assert stagger < 0.5 * least_stagger_mm(BODY, n_whiskers=8, pitch_mm=2.5, rows=2, step_mm=0.5)
-    assert not collisions(body, n_whiskers=8, pitch_mm=2.5, rows=2, stagger_mm=stagger)
-    assert collisions(body, n_whiskers=8, pitch_mm=2.5, rows=2, stagger_mm=stagger - 0.05)
+    assert stagger < 0.5 * least_stagger_mm(BODY, TWO_ROWS, step_mm=0.5)
+    assert not collisions(body, replace(TWO_ROWS, stagger_mm=stagger))
+    assert collisions(body, replace(TWO_ROWS, stagger_mm=stagger - 0.05))
 
 
 def test_level_whiskers_stand_in_file() -> None:
-    stagger = least_stagger_mm(BODY, n_whiskers=8, pitch_mm=2.5, rows=2, step_mm=0.25)
+    stagger = least_stagger_mm(BODY, TWO_ROWS, step_mm=0.25)
     # clamp, l1 and how far the tip is pushed back; the tip arm is half a thickness thicker
     assert BODY.reach_mm < stagger <= BODY.in_file_mm + 0.25
     assert BODY.clear_mm(stagger) >= GAP_MM
