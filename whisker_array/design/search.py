@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -141,37 +142,6 @@ def round_candidate(candidate: Candidate, problem: Problem) -> Candidate:
     return problem.rate(whisker, five(candidate.preload_mm))
 
 
-class _Memory:
-    """One evaluation for objective, constraints and both of their derivatives."""
-
-    def __init__(self, problem: Problem, *, only_reserve: bool) -> None:
-        self.problem, self.only_reserve = problem, only_reserve
-        self.seen: dict[bytes, Values] = {}
-        self.slopes: dict[bytes, Values] = {}
-
-    def values(self, x: Values) -> Values:
-        """All that must be at least tau, then all that must be at least 0 (only_reserve: at least tau)."""
-        key = x.tobytes()
-        if key not in self.seen:
-            worth, checked = self.problem.look(*self.problem.decode(x))
-            reserve = np.concatenate(list(checked.reserve().values())) - HELD
-            self.seen[key] = reserve if self.only_reserve else np.concatenate([worth, reserve])
-            self.n_worth = reserve.size if self.only_reserve else worth.size
-        return self.seen[key]
-
-    def slope(self, x: Values, box: Values) -> Values:
-        key = x.tobytes()
-        if key not in self.slopes:
-            base = self.values(x)
-            out = np.empty((base.size, x.size))
-            for i in range(x.size):
-                moved = x.copy()
-                moved[i] += _STEP if x[i] + _STEP <= box[i, 1] else -_STEP
-                out[:, i] = (self.values(moved) - base) / (moved[i] - x[i]) if box[i, 1] > box[i, 0] else 0.0
-            self.slopes[key] = out
-        return self.slopes[key]
-
-
 class _Patience:
     """Ends a climb that no longer gains: on the kink where two natural frequencies cross SLSQP goes to and fro."""
 
@@ -194,26 +164,44 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
     from scipy.optimize import minimize
 
     box = problem.box()
-    memory = _Memory(problem, only_reserve=only_reserve)
+
+    @cache
+    def seen(x: bytes) -> tuple[Values, int]:
+        """All that must be at least tau, then all that must be at least 0; and how many the first are."""
+        worth, checked = problem.look(*problem.decode(np.frombuffer(x)))
+        reserve = np.concatenate(list(checked.reserve().values())) - HELD
+        return (reserve, reserve.size) if only_reserve else (np.concatenate([worth, reserve]), worth.size)
+
+    @cache
+    def slopes(key: bytes) -> Values:
+        (base, _), x = seen(key), np.frombuffer(key)
+        out = np.zeros((base.size, x.size))
+        for i in np.flatnonzero(box[:, 1] > box[:, 0]):
+            moved = x.copy()
+            moved[i] += _STEP if x[i] + _STEP <= box[i, 1] else -_STEP
+            out[:, i] = (seen(moved.tobytes())[0] - base) / (moved[i] - x[i])
+        return out
+
     start = np.clip(start, box[:, 0], box[:, 1])
-    first = memory.values(start)
-    share = np.zeros(first.size)
-    share[: memory.n_worth] = 1.0
-    tau = float(first[: memory.n_worth].min())
+    first, n_worth = seen(start.tobytes())
+    share = np.where(np.arange(first.size) < n_worth, 1.0, 0.0)
 
     def inside(y: Values) -> Values:
         return np.clip(y[:-1], box[:, 0], box[:, 1])
 
-    patience = _Patience(lambda y: memory.values(inside(y)) - share * y[-1])
+    def slack(y: Values) -> Values:
+        return np.asarray(seen(inside(y).tobytes())[0] - share * y[-1])
+
+    patience = _Patience(slack)
     found = minimize(
         lambda y: -y[-1],
-        np.append(start, tau),
+        np.append(start, float(first[:n_worth].min())),
         jac=lambda y: np.append(np.zeros(y.size - 1), -1.0),
         bounds=[*map(tuple, box), (None, None)],
         constraints={
             "type": "ineq",
-            "fun": lambda y: memory.values(inside(y)) - share * y[-1],
-            "jac": lambda y: np.column_stack([memory.slope(inside(y), box), -share]),
+            "fun": slack,
+            "jac": lambda y: np.column_stack([slopes(inside(y).tobytes()), -share]),
         },
         method="SLSQP",
         callback=patience,

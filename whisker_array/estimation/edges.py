@@ -44,6 +44,13 @@ def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     return raw.astype(np.float64) - offset[..., None]
 
 
+def usable_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
+    """`calibrated_moments`, NaN where a flag says that they cannot be used."""
+    moment = calibrated_moments(scan, sweep)
+    moment[(sweep.flags & UNUSABLE) != 0] = np.nan
+    return moment
+
+
 def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
     """Moments (passes, whiskers, samples) of the gain known, and the offsets (passes, whiskers) still in them."""
     raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
-from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.land import reconcile_steps, whisker_gain
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.passes import SweepPlan
@@ -68,9 +68,8 @@ def sweep_shares(scan: Scan) -> list[SweepShares]:
     land, found = scan.touch.land_moment_n_mm(), []
     for sweep in (s for s in scan.sweeps if not s.plan.pushed):
         across = np.argsort(sweep.plan.line_mm[:, 0], kind="stable")
-        share = calibrated_moments(scan, sweep)[across]
+        share = usable_moments(scan, sweep)[across]
         share /= land
-        share[(sweep.flags[across] & UNUSABLE) != 0] = np.nan
         air = sweep.air_n_mm[across].astype(np.float64) / land
         if scan.calibration is not None:
             air /= scan.calibration.gain[:, None]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import MapError
-from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.estimation.edges import usable_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
 from whisker_array.estimation.land import land_coefficients, land_surface
 from whisker_array.estimation.memory_removal import remove_memory
@@ -82,9 +82,8 @@ def _land_lines(scan: Scan, sweep: Sweep, kind: int, *, band: float = 0.03) -> _
     """Lines of one kind of whisker, NaN where they are off the land by more than a band: marks are 10 % and more."""
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     within = slice(sweep.plan.n_lead, sweep.plan.n_samples - sweep.plan.n_lead)
-    moment = calibrated_moments(scan, sweep)[:, columns, within]
-    flags = sweep.flags[:, columns, within]
-    lines = np.where(flags & UNUSABLE, np.nan, moment).reshape(-1, moment.shape[2])
+    moment = usable_moments(scan, sweep)[:, columns, within]
+    lines = moment.reshape(-1, moment.shape[2])
     place = sweep.plan.line_mm[:, columns].ravel()
     whisker = np.tile(np.arange(columns.size), moment.shape[0])
     order = np.argsort(place, kind="stable")

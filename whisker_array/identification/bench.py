@@ -30,7 +30,7 @@ class Unknown(StrEnum):
 
     sd: float
 
-    def __new__(cls, name: str, sd: float) -> Unknown:
+    def __new__(cls, name: str, sd: float = 0.0) -> Unknown:
         """A number, equal to its name."""
         member = str.__new__(cls, name)
         member._value_, member.sd = name, sd
@@ -96,7 +96,8 @@ class Bench(OneLine):
         if missing or not all(math.isfinite(value) for value in self.values.values()):
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
-        own = {"gain": ("whiskers",), "memory": (MEMORIES, "whiskers"), "screw": (2, _OF_A_SCREW)}
+        memory: tuple[int | str, ...] = (MEMORIES, "whiskers")
+        own = {"gain": memory[1:], "memory": memory, "screw": (2, _OF_A_SCREW)}
         freeze_arrays(WhiskerError, self, own)
 
     def __getitem__(self, name: Unknown) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
-from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.estimation.edges import usable_moments
 from whisker_array.identification.bench import Bench
 from whisker_array.identification.gauge_memory import gauge_effects
 from whisker_array.scan.scan import Scan
@@ -62,8 +62,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
     cluster = 0
     added = gauge_effects(scan, gain=about.gain, memory=about.memory, largest_n_mm=largest_n_mm)
     for sweep, of_gauges in zip(scan.sweeps, added, strict=True):
-        moment = calibrated_moments(scan, sweep)
-        moment[(sweep.flags & UNUSABLE) != 0] = np.nan
+        moment = usable_moments(scan, sweep)
         for whisker in range(moment.shape[1]):
             lines = [
                 Trace(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -28,6 +29,17 @@ from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.simulation.tracing import trace_sweep
 from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
+
+
+class VirtualBench(TypedDict, total=False):
+    """Surface, simulation and bench of a part that is felt virtually, by name; see `mount`."""
+
+    fidelity: Fidelity
+    friction: Friction | None
+    soil: Soil | None
+    sensor: SensorChain | None
+    stage: StagePlay | None
+    rng: np.random.Generator | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,10 +97,7 @@ class Mounted(OneLine):
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
-            asked, own = (
-                replace(one, line_mm=one.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
-                for one in (sweep, ran)
-            )
+            asked, own = sweep.of(whiskers), ran.of(whiskers)
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface,

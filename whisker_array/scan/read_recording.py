@@ -5,6 +5,7 @@ The layout is that of `whisker_array.scan.recording`.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 
@@ -54,6 +55,7 @@ class RecordingReader(CheckedFile):
         self._n_whiskers = self._lines.shape[1]
         ways = np.isin(self._direction, _DIRECTIONS).all()
         self.require(ways, "/passes/direction_deg holds values other than 0, 90, 180 and 270")
+        self._pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
 
     def scan(self) -> Scan:
         """Read the whole file as a Scan.
@@ -64,24 +66,20 @@ class RecordingReader(CheckedFile):
         units = self.text("units", "N*mm")
         known = (*UNIT_N_MM, VOLT)
         self.require(units in known, f"units are {units!r}", f"use one of {', '.join(known)}")
-        moment, flags = self._moments(UNIT_N_MM.get(units, 1.0))
+        self._moment, self._flags = self._moments(UNIT_N_MM.get(units, 1.0))
         calibration = None if self.raw else self._calibration(volt=units == VOLT)
         if calibration is not None and units == VOLT:
-            moment = apply_calibration(moment.T, calibration).T
+            self._moment = apply_calibration(self._moment.T, calibration).T
             # the signal is in N mm now; only creep and hysteresis of the gauges are left to correct
             calibration = None if calibration.memory is None else calibration.applied()
         kind, touches = self._kinds()
-        pushed = self.integers("passes/pushed", self._n_passes, default=0) != 0
-        ways = list(zip(self._direction.tolist(), pushed.tolist(), strict=True))
+        self._rows, self._offset_mm = self._rows_of_passes(), self._offsets()
+        # the passes of a log stay single; else those of one direction and way make a sweep
         log, is_logged = None, GROUP in self.file
-        groups = [[k] for k in range(len(ways))]
-        if not is_logged:
-            groups = [[k for k, other in enumerate(ways) if other == way] for way in dict.fromkeys(ways)]
-        rows, offset_mm = self._rows(len(moment)), self._offsets()
-        sweeps = tuple(
-            self._sweep(np.array(members), ways[members[0]], rows, offset_mm, moment, flags)
-            for members in groups
-        )
+        groups: defaultdict[object, list[int]] = defaultdict(list)
+        for k, way in enumerate(zip(self._direction, self._pushed, strict=True)):
+            groups[k if is_logged else way].append(k)
+        sweeps = tuple(self._sweep(np.array(members)) for members in groups.values())
         if is_logged:
             log = read_log(self, sweeps)
             try:
@@ -175,8 +173,9 @@ class RecordingReader(CheckedFile):
         )
         return offset
 
-    def _rows(self, n_rows: int) -> list[tuple[Rows, Rows]]:
+    def _rows_of_passes(self) -> list[tuple[Rows, Rows]]:
         """The rows of each pass in the air and in touch, in time order."""
+        n_rows = len(self._moment)
         number = self.integers("stage/pass", n_rows)
         n = self._n_passes
         there = f"/passes has {n} (0 to {n - 1})"
@@ -204,27 +203,19 @@ class RecordingReader(CheckedFile):
         flags[bad] |= np.uint8(SampleFlag.OUT_OF_RANGE)
         return moment, flags
 
-    def _sweep(
-        self,
-        members: Rows,
-        way: tuple[float, bool],
-        rows: list[tuple[Rows, Rows]],
-        offset_mm: NDArray[np.float64],
-        moment: NDArray[np.float32],
-        flags: NDArray[np.uint8],
-    ) -> Sweep:
-        """The sweep of all passes that share one `way`: direction in degrees, and whether it was pushed."""
-        direction = TraceDirection(int(way[0]))
+    def _sweep(self, members: Rows) -> Sweep:
+        """The sweep of some passes, which share their direction and way."""
+        direction, offset_mm = TraceDirection(int(self._direction[members[0]])), self._offset_mm
         name = f"passes in direction {int(direction)} deg"
-        counts = sorted({rows[p][1].size for p in members})
+        lifted, felt = zip(*(self._rows[p] for p in members), strict=True)
+        counts = sorted({rows.size for rows in felt})
         self.require(
             len(counts) == 1 and counts[0] >= 2,
             f"{name} have {counts[0]} to {counts[-1]} touching samples",
             "give all passes of a direction the same number, at least 2",
         )
-        touching = np.stack([rows[p][1] for p in members])
-        n_air = min(rows[p][0].size for p in members)
-        air = np.stack([rows[p][0][:n_air] for p in members])
+        touching, n_air = np.stack(felt), min(rows.size for rows in lifted)
+        air = np.stack([rows[:n_air] for rows in lifted])
         start, step = self._along(direction, members, touching)
         behind = offset_mm / step
         whole = np.rint(behind)
@@ -245,14 +236,14 @@ class RecordingReader(CheckedFile):
             step_mm=step,
             n_samples=n_samples,
             n_lead=n_lead,
-            pushed=way[1],
+            pushed=bool(self._pushed[members[0]]),
             offset_mm=tuple(float(v) for v in whole * step) if whole.any() else (),
         )
         return Sweep(
             plan=plan,
-            moment_n_mm=np.ascontiguousarray(to_places(moment[touching].transpose(0, 2, 1), behind)),
-            flags=np.ascontiguousarray(to_places(flags[touching].transpose(0, 2, 1), behind)),
-            air_n_mm=np.ascontiguousarray(moment[air].transpose(0, 2, 1)),
+            moment_n_mm=np.ascontiguousarray(to_places(self._moment[touching].transpose(0, 2, 1), behind)),
+            flags=np.ascontiguousarray(to_places(self._flags[touching].transpose(0, 2, 1), behind)),
+            air_n_mm=np.ascontiguousarray(self._moment[air].transpose(0, 2, 1)),
         )
 
     def _along(self, direction: TraceDirection, members: Rows, touching: Rows) -> tuple[float, float]:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import require_positive
-from glyphs.soiling.soil import Soil
 from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
-from whisker_array.scan.mounting import mount
+from whisker_array.scan.mounting import VirtualBench, mount
 from whisker_array.scan.pass_log import PassLog
-from whisker_array.scan.sensor import SensorChain
-from whisker_array.scan.stage_play import StagePlay
 from whisker_array.scan.sweep import Sweep
-from whisker_array.simulation.surface import Friction
-from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch
 
@@ -111,14 +107,9 @@ def trace_scan(
     *,
     touch: Touch,
     plan: RasterPlan,
-    fidelity: Fidelity = Fidelity.CONTACT,
-    friction: Friction | None = None,
-    sensor: SensorChain | None = None,
-    stage: StagePlay | None = None,
-    rng: np.random.Generator | None = None,
     part_id: str = "",
     others: tuple[Touch, ...] = (),
-    soil: Soil | None = None,
+    **bench: Unpack[VirtualBench],
 ) -> Scan:
     """Run the virtual array over a height map.
 
@@ -127,15 +118,12 @@ def trace_scan(
             soiled part it is the top of the dirt.
         touch: whisker, preload, tip.
         plan: passes and directions.
-        fidelity: pointwise formula or frictional contact.
-        friction: true friction of the surface, a number or a (rows, cols) map; default: that of the soil, and
-            the nominal one without soil.
-        sensor: gains, noise, converter, creep; default: an ideal sensor.
-        stage: play and errors of its place; default: an ideal stage.
-        rng: needed with a sensor that has noise, or a stage.
         part_id: what the part is called.
         others: touches of the further kinds of the plan's array.
-        soil: friction of the part, and dirt that yields (`whisker_array.simulation.soft`); default: none.
+        bench: as `mount`: fidelity (pointwise formula or frictional contact), friction (true one, a number or a (rows,
+            cols) map; default: that of the soil, and the nominal one without soil), soil (friction of the part, and
+            dirt that yields; default: none), sensor (gains, noise, converter, creep; default: ideal), stage (play
+            and errors of its place; default: ideal), rng (needed with a sensor or a stage).
 
     Raises:
         MapError: a friction map or soil that does not fit.
@@ -152,12 +140,7 @@ def trace_scan(
         touches=touches,
         sample_pitch_mm=plan.sample_pitch_mm,
         beyond_mm=plan.lead_mm + 2.0 * plan.line_pitch_mm,
-        friction=friction,
-        soil=soil,
-        fidelity=fidelity,
-        sensor=sensor,
-        stage=stage,
-        rng=rng,
+        **bench,
     )
     rate, pause = plan.sample_rate_hz, plan.turnaround_s
     sweeps = [
@@ -170,7 +153,7 @@ def trace_scan(
         line_pitch_mm=plan.line_pitch_mm,
         sample_rate_hz=plan.sample_rate_hz,
         part_id=part_id,
-        fidelity=fidelity.value,
+        fidelity=part.fidelity.value,
         others=others,
         kind=tuple(int(i) for i in np.repeat(np.arange(len(touches)), plan.array.n_whiskers)),
     )
@@ -193,19 +176,7 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
     calibration = None if scan.calibration is None else scan.calibration.of(columns.tolist())
     return replace(
         scan,
-        sweeps=tuple(
-            Sweep(
-                plan=replace(
-                    s.plan,
-                    line_mm=s.plan.line_mm[:, columns],
-                    offset_mm=tuple(s.plan.offset_mm[c] for c in columns) if s.plan.offset_mm else (),
-                ),
-                moment_n_mm=s.moment_n_mm[:, columns],
-                flags=s.flags[:, columns],
-                air_n_mm=s.air_n_mm[:, columns],
-            )
-            for s in sweeps
-        ),
+        sweeps=tuple(s.of(columns) for s in sweeps),
         touch=scan.touches[kind],
         calibration=calibration,
         others=(),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 
-from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
-from whisker_array.scan.mounting import Mounted, mount
+from whisker_array.scan.mounting import Mounted, VirtualBench, mount
 from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
@@ -22,10 +22,7 @@ from whisker_array.scan.sensor_memory import (
 )
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
-from whisker_array.scan.stage_play import StagePlay
 from whisker_array.scan.sweep import Sweep
-from whisker_array.simulation.surface import Friction
-from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
@@ -93,14 +90,9 @@ class SimulatedSession:
         array: WhiskerArray,
         height_mm: float,
         sample_pitch_mm: float,
-        fidelity: Fidelity = Fidelity.CONTACT,
-        friction: Friction | None = None,
-        soil: Soil | None = None,
-        sensor: SensorChain | None = None,
-        stage: StagePlay | None = None,
         calibration: Calibration | None = None,
-        rng: np.random.Generator | None = None,
         part_id: str = "",
+        **bench: Unpack[VirtualBench],
     ) -> None:
         """Mount the part.
 
@@ -110,20 +102,22 @@ class SimulatedSession:
             array: the comb, of one row.
             height_mm: character height that the whiskers are built for.
             sample_pitch_mm: the finest that will be asked for.
-            fidelity: pointwise formula or frictional contact.
-            friction: true friction; default: that of the soil, and the nominal one without soil.
-            soil: dirt that yields; default: none.
-            sensor: gains, noise, converter, creep; default: ideal.
-            stage: play and errors of its place; default: ideal.
             calibration: of the sensor, if it is known; ideal sensors are.
-            rng: needed with a sensor or a stage.
             part_id: what the part is called.
+            bench: fidelity, friction, soil, sensor, stage and rng, as `trace_scan`.
 
         Raises:
             MapError: a friction map or soil that does not fit.
             ValueError: a sensor or a stage without `rng`.
         """
-        if sensor is None:
+        part = mount(
+            height_map,
+            touches=(touch,),
+            sample_pitch_mm=sample_pitch_mm,
+            beyond_mm=_BEYOND_HEIGHTS * height_mm + 2.0 * sample_pitch_mm,
+            **bench,
+        )
+        if part.sensor is None:
             # lines that lie far apart do not show gains by what neighbours feel
             whiskers = array.n_whiskers * array.rows
             calibration = Calibration(np.ones(whiskers), np.zeros(whiskers))
@@ -133,22 +127,11 @@ class SimulatedSession:
             height_mm=height_mm,
             field_mm=(0.0, 0.0, *height_map.size_mm),
             calibration=calibration,
-            fidelity=fidelity.value,
+            fidelity=part.fidelity.value,
             part_id=part_id,
         )
         self.felt_s = 0.0
-        self._part: Mounted | None = mount(
-            height_map,
-            touches=(touch,),
-            sample_pitch_mm=sample_pitch_mm,
-            beyond_mm=_BEYOND_HEIGHTS * height_mm + 2.0 * sample_pitch_mm,
-            friction=friction,
-            soil=soil,
-            fidelity=fidelity,
-            sensor=sensor,
-            stage=stage,
-            rng=rng,
-        )
+        self._part: Mounted | None = part
 
     def feel(self, order: Pass) -> Sweep:
         """Feel one pass.

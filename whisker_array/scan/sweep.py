@@ -36,3 +36,8 @@ class Sweep(OneLine):
             )
         if self.air_n_mm.shape[:2] != shape[:2]:
             raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")
+
+    def of(self, whiskers: NDArray[np.intp]) -> Sweep:
+        """The moments of some of the whiskers."""
+        moment, air = self.moment_n_mm[:, whiskers], self.air_n_mm[:, whiskers]
+        return Sweep(self.plan.of(whiskers), moment, self.flags[:, whiskers], air)

@@ -84,6 +84,11 @@ class SweepPlan(OneLine):
         offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
         return samples_behind(offsets, self.step_mm)
 
+    def of(self, whiskers: slice | NDArray[np.intp]) -> SweepPlan:
+        """The passes of some of the whiskers."""
+        offsets = np.asarray(self.offset_mm)[whiskers].tolist() if self.offset_mm else ()
+        return replace(self, line_mm=self.line_mm[:, whiskers], offset_mm=tuple(offsets))
+
     def position_mm(self) -> NDArray[np.float64]:
         """(samples,) plate coordinate along the trace of each touching sample, the same for every row."""
         sign = -1.0 if self.direction.backward else 1.0
