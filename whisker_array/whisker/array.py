@@ -22,10 +22,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
+from glyphs.ranges import require_finite, require_not_negative, require_positive
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
-from whisker_array.whisker.comb import Body, collisions, default_body, room_hint
+from whisker_array.whisker.comb import Body, Comb, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
 from whisker_array.whisker.sections import WhiskerError
 
@@ -49,34 +49,20 @@ PITCH_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
-class WhiskerArray:
-    """A comb of equal whiskers, or several such combs one behind the other.
+class WhiskerArray(Comb):
+    """A comb of equal whiskers, or several such combs one behind the other; its places are those of `Comb`.
 
     Attributes:
-        n_whiskers: whiskers in one comb.
-        pitch_mm: lateral distance of neighbouring whiskers.
-        rows: staggered rows of one comb: whisker i stands in row i mod rows.
-        stagger_mm: distance of neighbouring rows along the trace.
-        kinds: combs, each of whiskers of one kind; all run on the same lines, and every sample is labelled with the
-            place of its own tip.
         body: what of a whisker takes room; none: whiskers are points, as in a prediction.
 
     Raises:
         WhiskerError: a number that cannot be; whiskers that would touch.
     """
 
-    n_whiskers: int
-    pitch_mm: float
-    rows: int = 1
-    stagger_mm: float = 0.0
-    kinds: int = 1
     body: Body | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        require_range(WhiskerError, 1, math.inf, self, "n_whiskers", "kinds", hint="give at least one")
-        require_range(WhiskerError, 1, self.n_whiskers, self, "rows")
-        require_positive(WhiskerError, self, "pitch_mm")
-        require_not_negative(WhiskerError, self, "stagger_mm")
+        super().__post_init__()
         if self.body is not None:
             points = replace(self, body=None)
             if touching := collisions(self.body, points):

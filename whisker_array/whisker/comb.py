@@ -21,20 +21,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_positive
+from glyphs.ranges import require_not_negative, require_positive, require_range
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
-
-if TYPE_CHECKING:
-    from whisker_array.whisker.array import WhiskerArray
 
 GAP_MM = 0.15
 """Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
@@ -219,12 +215,41 @@ def default_body(character_height_mm: float) -> Body:
     return _unit_body().scaled(character_height_mm)
 
 
+@dataclass(frozen=True)
+class Comb:
+    """Places of whiskers, in one comb or several, one behind the other.
+
+    Attributes:
+        n_whiskers: whiskers in one comb.
+        pitch_mm: lateral distance of neighbouring whiskers.
+        rows: staggered rows of one comb: whisker i stands in row i mod rows.
+        stagger_mm: distance of neighbouring rows along the trace.
+        kinds: combs, each of whiskers of one kind; all run on the same lines, and every sample is labelled with the
+            place of its own tip.
+
+    Raises:
+        WhiskerError: a number that cannot be.
+    """
+
+    n_whiskers: int
+    pitch_mm: float
+    rows: int = 1
+    stagger_mm: float = 0.0
+    kinds: int = 1
+
+    def __post_init__(self) -> None:
+        require_range(WhiskerError, 1, math.inf, self, "n_whiskers", "kinds", hint="give at least one")
+        require_range(WhiskerError, 1, self.n_whiskers, self, "rows")
+        require_positive(WhiskerError, self, "pitch_mm")
+        require_not_negative(WhiskerError, self, "stagger_mm")
+
+
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
     """Fewest rows in which the whiskers of a row stand clear of each other."""
     return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
 
 
-def collisions(body: Body, comb: WhiskerArray) -> str:
+def collisions(body: Body, comb: Comb) -> str:
     """The first two whiskers that would touch, in words; empty where none do.
 
     Args:
@@ -252,7 +277,7 @@ def collisions(body: Body, comb: WhiskerArray) -> str:
     return ""
 
 
-def least_stagger_mm(body: Body, comb: WhiskerArray, *, step_mm: float) -> float:
+def least_stagger_mm(body: Body, comb: Comb, *, step_mm: float) -> float:
     """Least distance of neighbouring rows, a whole number of steps, at which none touch; 0 for one row.
 
     Args:
@@ -276,7 +301,7 @@ def least_stagger_mm(body: Body, comb: WhiskerArray, *, step_mm: float) -> float
     return next((mm for mm in tried if not collisions(body, replace(comb, stagger_mm=mm))), most * step_mm)
 
 
-def room_hint(body: Body, comb: WhiskerArray) -> str:
+def room_hint(body: Body, comb: Comb) -> str:
     """Say what would make room: a wider pitch, or so many rows so far behind each other."""
     rows = least_rows(body, pitch_mm=comb.pitch_mm, n_whiskers=comb.n_whiskers)
     stagger = least_stagger_mm(body, replace(comb, rows=rows), step_mm=0.25 * body.thickness_mm)
