@@ -119,7 +119,7 @@ def _words(code: str) -> str:
     from recognition.decision.flags import ReadingFlag
 
     flag = ReadingFlag.__members__.get(code.upper())
-    return flag.messages()[0] if flag else code.replace("_", " ")
+    return flag.text if flag else code.replace("_", " ")
 
 
 def _kind(error: str) -> str:

@@ -52,7 +52,7 @@ TOUCHABLE = (
     | ReadingFlag.STROKES_MISSING
     | ReadingFlag.STROKES_UNDECIDED
     | ReadingFlag.NOT_WHOLE
-    | ReadingFlag.UNTOLD
+    | ReadingFlag.TOO_FEW_LINES
 )
 """Doubts that further passes may resolve."""
 

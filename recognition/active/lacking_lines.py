@@ -69,7 +69,9 @@ def review_lacking_lines(reading: Reading, scan: Scan) -> Reading:
         return reading
     lacking = {one.place: _axis(one) for one in reversed(missing)}
     strokes = tuple(
-        replace(place, untold=f"too few lines {lacking[k]} were felt over it") if k in lacking else place
+        replace(place, too_few_lines=f"too few lines {lacking[k]} were felt over it")
+        if k in lacking
+        else place
         for k, place in enumerate(reading.trace.strokes)
     )
     return add_stroke_findings(reading.with_trace(strokes=strokes))

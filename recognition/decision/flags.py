@@ -4,104 +4,109 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import Flag, auto
+from enum import Enum, Flag, auto
 from functools import reduce
 from operator import or_
+from typing import Self
+
+
+class Kind(Enum):
+    """What follows from a flag.
+
+    Attributes:
+        CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.
+        SCORE: nothing was read, or the score is too low.
+        STROKES: why a score is low; breaks no contract by itself.
+        MARK: a rule of the user's for the mark is broken; the part goes to review.
+        SCAN: samples are missing or wrong.
+        BENCH: a fault of whiskers or bench.
+        STAGE: the stage has not felt all that was asked of it; the part goes to review.
+    """
+
+    CONTRACT = auto()
+    SCORE = auto()
+    STROKES = auto()
+    MARK = auto()
+    SCAN = auto()
+    BENCH = auto()
+    STAGE = auto()
 
 
 class ReadingFlag(Flag):
-    """Doubts about a reading; no flag is set on a plain one."""
+    """Doubts about a reading; no flag is set on a plain one. The most important one is named first.
 
-    NONE = 0
-    NO_CHARACTERS = auto()
-    FORMAT_NOT_MET = auto()
-    LOW_CONFIDENCE = auto()
-    CASE_UNKNOWN = auto()
-    CONTACT_LOST = auto()
-    JAMMED = auto()
-    OUT_OF_RANGE = auto()
-    DROPOUTS = auto()
-    FOREIGN_SHAPES = auto()
-    UNREAD_MARKS = auto()
-    TOO_SHALLOW = auto()
-    TOO_SMALL = auto()
-    DEPTH_UNKNOWN = auto()
-    FORMAT_OVERRULED = auto()
-    CHECK_BLIND = auto()
-    SEARCH_EXHAUSTED = auto()
-    MISMATCH = auto()
-    SENSES_DISAGREE = auto()
-    LINE_MISSING = auto()
-    TOO_DEEP = auto()
-    BURR_TOO_HIGH = auto()
-    NO_DEPTH_RULE = auto()
-    NOT_CERTIFIED = auto()
-    STROKES_MISSING = auto()
-    STROKES_UNDECIDED = auto()
-    CODE_DISAGREES = auto()
-    WHISKER_FAULTY = auto()
-    BENCH_FAULTY = auto()
-    ORIENTATION_UNKNOWN = auto()
-    NOT_WHOLE = auto()
-    UNTOLD = auto()
-    BELIEVED_OTHERWISE = auto()
-    STAGE_FAILED = auto()
+    Attributes:
+        kind: what follows from a single flag.
+        text: a single flag in general words.
+    """
+
+    kind: Kind | None
+    text: str
+
+    def __new__(cls, kind: Kind | None, text: str) -> Self:
+        """One bit after the other; none for NONE, the first."""
+        made = object.__new__(cls)
+        made._value_ = 1 << (len(cls.__members__) - 1) if kind else 0
+        made.kind, made.text = kind, text
+        return made
+
+    NONE = None, ""
+    MISMATCH = Kind.CONTRACT, "this is not the expected serial (check the part and the order)"
+    NO_CHARACTERS = Kind.SCORE, "no characters found (check that the serial is in view)"
+    FORMAT_NOT_MET = Kind.CONTRACT, "the marks do not fit the format (check the part and the format)"
+    SENSES_DISAGREE = Kind.CONTRACT, "touch and camera read different serials (look at the part)"
+    CODE_DISAGREES = Kind.CONTRACT, "a code on the part holds another serial (look at the part)"
+    ORIENTATION_UNKNOWN = (
+        Kind.CONTRACT,
+        "the serial can be read otherwise with the part turned (set the orientation)",
+    )
+    LOW_CONFIDENCE = Kind.SCORE, "low confidence"
+    CASE_UNKNOWN = Kind.CONTRACT, "a letter may be a small one (a format says which)"
+    LINE_MISSING = Kind.CONTRACT, "a line that was asked for was not found (check the part)"
+    NOT_WHOLE = Kind.CONTRACT, "a character was not felt from edge to edge (scan a longer or wider stretch)"
+    TOO_FEW_LINES = Kind.CONTRACT, "too few lines were felt to tell two characters apart (feel more lines)"
+    BELIEVED_OTHERWISE = Kind.CONTRACT, "another text was believed before (look at the part)"
+    STROKES_MISSING = Kind.STROKES, "most strokes of a character are missing (clean it and scan it again)"
+    STROKES_UNDECIDED = Kind.STROKES, "the strokes that tell two characters apart were not felt (clean it)"
+    UNREAD_MARKS = Kind.CONTRACT, "there are marks beside the serial (check that all of it was read)"
+    FORMAT_OVERRULED = Kind.CONTRACT, "the format changed what was read (compare it with the part)"
+    CHECK_BLIND = Kind.CONTRACT, "the check digit cannot tell the likeliest serials apart (look at the part)"
+    SEARCH_EXHAUSTED = Kind.CONTRACT, "too many possible serials to try them all (look at the part)"
+    FOREIGN_SHAPES = Kind.CONTRACT, "the font may lack a character that stands there (look at the part)"
+    NOT_CERTIFIED = Kind.CONTRACT, "not covered by the certificate (look at the part)"
+    TOO_SHALLOW = Kind.MARK, "the mark is too shallow"
+    TOO_DEEP = Kind.MARK, "the mark is too deep"
+    BURR_TOO_HIGH = Kind.MARK, "the burr beside the mark is too high"
+    TOO_SMALL = Kind.MARK, "the characters are too small"
+    NO_DEPTH_RULE = Kind.MARK, "the rule names no depth for characters of this height"
+    DEPTH_UNKNOWN = Kind.MARK, "the depth of a character could not be measured (scan it again)"
+    CONTACT_LOST = Kind.SCAN, "the whisker lost contact in places (raise the preload)"
+    JAMMED = Kind.SCAN, "the whisker jammed on walls in places (lower k = l2/l1)"
+    OUT_OF_RANGE = Kind.SCAN, "the signal left the converter's range in places (lower the gain)"
+    DROPOUTS = Kind.SCAN, "parts of the map are missing (measure it again if they hide characters)"
+    WHISKER_FAULTY = Kind.BENCH, "a whisker is worn, loose or faulty (see to it)"
+    BENCH_FAULTY = Kind.BENCH, "something is wrong with the stage, the plate's seat or the wiring (see to it)"
+    STAGE_FAILED = Kind.STAGE, "the stage failed between passes (see to it)"
+
+    @classmethod
+    def of(cls, *kinds: Kind) -> ReadingFlag:
+        """All flags of some kinds."""
+        return reduce(or_, (flag for flag in cls if flag.kind in kinds))
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
-        return tuple(finding.text for finding in self.findings())
+        return tuple(flag.text for flag in self)
 
     def findings(self) -> tuple[Finding, ...]:
         """The flags in their general words."""
-        return tuple(Finding(flag, text) for flag, text in _MESSAGES.items() if flag in self)
+        return tuple(Finding(flag, flag.text) for flag in self)
 
 
-_MESSAGES = {
-    ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
-    ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
-    ReadingFlag.LOW_CONFIDENCE: "low confidence",
-    ReadingFlag.CASE_UNKNOWN: "a letter may be a small one (a format says which)",
-    ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
-    ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
-    ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
-    ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
-    ReadingFlag.FOREIGN_SHAPES: "the font may lack a character that stands there (look at the part)",
-    ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
-    ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
-    ReadingFlag.TOO_DEEP: "the mark is too deep",
-    ReadingFlag.BURR_TOO_HIGH: "the burr beside the mark is too high",
-    ReadingFlag.TOO_SMALL: "the characters are too small",
-    ReadingFlag.NO_DEPTH_RULE: "the rule names no depth for characters of this height",
-    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
-    ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
-    ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
-    ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
-    ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
-    ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
-    ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
-    ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
-    ReadingFlag.STROKES_UNDECIDED: "the strokes that tell two characters apart were not felt (clean it)",
-    ReadingFlag.CODE_DISAGREES: "a code on the part holds another serial (look at the part)",
-    ReadingFlag.WHISKER_FAULTY: "a whisker is worn, loose or faulty (see to it)",
-    ReadingFlag.BENCH_FAULTY: "something is wrong with the stage, the plate's seat or the wiring (see to it)",
-    ReadingFlag.ORIENTATION_UNKNOWN: "the serial can be read otherwise with the part turned (set the orientation)",
-    ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
-    ReadingFlag.NOT_WHOLE: "a character was not felt from edge to edge (scan a longer or wider stretch)",
-    ReadingFlag.UNTOLD: "too few lines were felt to tell two characters apart (feel more lines)",
-    ReadingFlag.BELIEVED_OTHERWISE: "another text was believed before (look at the part)",
-    ReadingFlag.STAGE_FAILED: "the stage failed between passes (see to it)",
-}
-MEASURE_FLAGS = (
-    ReadingFlag.TOO_SHALLOW
-    | ReadingFlag.TOO_DEEP
-    | ReadingFlag.BURR_TOO_HIGH
-    | ReadingFlag.TOO_SMALL
-    | ReadingFlag.DEPTH_UNKNOWN
-    | ReadingFlag.NO_DEPTH_RULE
-)
+BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
+"""Flags that send a reading to review whatever its score."""
+MEASURE_FLAGS = ReadingFlag.of(Kind.MARK)
 """Rules for the mark that are broken; findings give places and numbers."""
-EXPLANATIONS = ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED
-"""Why a score is low: they break no contract by themselves."""
+EXPLANATIONS = ReadingFlag.of(Kind.STROKES)
 
 
 @dataclass(frozen=True)
@@ -127,12 +132,9 @@ class Finding:
         return self.text
 
 
-BENCH_FLAGS = ReadingFlag.WHISKER_FAULTY | ReadingFlag.BENCH_FAULTY
-
-
 def bench_faults(findings: Iterable[Finding]) -> tuple[str, ...]:
     """Return the faults of whiskers and bench, in words."""
-    return tuple(finding.text for finding in findings if finding.flag & BENCH_FLAGS)
+    return tuple(finding.text for finding in findings if finding.flag & ReadingFlag.of(Kind.BENCH))
 
 
 def flags_of(findings: Iterable[Finding]) -> ReadingFlag:

@@ -207,7 +207,8 @@ class Reading:
     @property
     def decision(self) -> Decision:
         """Accept, review or reject (`recognition.decision.decide`)."""
-        return decide(self.characters, score=self.confidence, threshold=self.threshold, flags=self.flags)
+        states = [one.state for one in self.characters]
+        return decide(states, score=self.confidence, threshold=self.threshold, flags=self.flags)
 
     @property
     def fields(self) -> Mapping[str, str]:

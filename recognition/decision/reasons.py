@@ -12,39 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING
 
-from recognition.decision.flags import MEASURE_FLAGS, Finding, ReadingFlag, flags_of
+from recognition.decision.flags import MEASURE_FLAGS, Finding, Kind, ReadingFlag, flags_of
 from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState
 
 if TYPE_CHECKING:
     from recognition import Reading
 
-IMPORTANCE = (
-    ReadingFlag.MISMATCH,
-    ReadingFlag.NO_CHARACTERS,
-    ReadingFlag.FORMAT_NOT_MET,
-    ReadingFlag.SENSES_DISAGREE,
-    ReadingFlag.CODE_DISAGREES,
-    ReadingFlag.ORIENTATION_UNKNOWN,
-    ReadingFlag.LOW_CONFIDENCE,
-    ReadingFlag.CASE_UNKNOWN,
-    ReadingFlag.LINE_MISSING,
-    ReadingFlag.NOT_WHOLE,
-    ReadingFlag.UNTOLD,
-    ReadingFlag.BELIEVED_OTHERWISE,
-    ReadingFlag.STROKES_MISSING,
-    ReadingFlag.STROKES_UNDECIDED,
-    ReadingFlag.UNREAD_MARKS,
-    ReadingFlag.FORMAT_OVERRULED,
-    ReadingFlag.CHECK_BLIND,
-    ReadingFlag.SEARCH_EXHAUSTED,
-    ReadingFlag.FOREIGN_SHAPES,
-    ReadingFlag.NOT_CERTIFIED,
-)
+ABOUT_SERIAL = ReadingFlag.of(Kind.CONTRACT, Kind.SCORE, Kind.STROKES)
 """Doubts about a serial, most important first; a reading names its first (`reasons_of`)."""
 
 
@@ -55,10 +32,9 @@ def reasons_of(reading: Reading, *, most_reasons: int = 2) -> tuple[Finding, ...
         reading: of the part.
         most_reasons: most flags about the serial that are named.
     """
-    reasons = [found for flag in IMPORTANCE if (found := _findings(reading, flag))]
-    about_serial = reduce(or_, IMPORTANCE)
+    reasons = [found for flag in ABOUT_SERIAL if (found := _findings(reading, flag))]
     rules = _findings(reading, reading.flags & MEASURE_FLAGS)
-    scan = _findings(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
+    scan = _findings(reading, reading.flags & ~(ABOUT_SERIAL | MEASURE_FLAGS))
     named = [one for found in reasons[:most_reasons] for one in found]
     beside = (
         f"another line reads “{line.text}”, which does not fit the serial's format"

@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from recognition.decision.decide import BROKEN, Decision
-from recognition.decision.flags import EXPLANATIONS, Finding, ReadingFlag
+from recognition.decision.decide import Decision
+from recognition.decision.flags import BROKEN, EXPLANATIONS, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
 from recognition.marks.grade import Action
@@ -57,7 +57,7 @@ class RivalLimits:
         left: most posterior that a live rival may keep once the strokes are weighed.
         distinct_heights: least length of strokes that differ between two characters if touch is to decide, character
             heights.
-        untold: posterior from which a rival is not excluded if touch cannot decide.
+        least_belief: posterior from which a rival is not excluded if touch cannot decide.
         hidden_share: share of a rival's strokes that could not be felt, from which the rival is not excluded.
         hidden_margin: margin from which a stroke of the other character was felt after all, nats; even a piece
             gives more.
@@ -68,7 +68,7 @@ class RivalLimits:
 
     left: float = 0.002
     distinct_heights: float = 0.25
-    untold: float = 0.03
+    least_belief: float = 0.03
     hidden_share: float = 0.5
     hidden_margin: float = 2.5
 
@@ -92,7 +92,7 @@ def add_stroke_findings(
         missing: limits from which strokes are missing.
         rivals: limits from which a rival is not excluded.
     """
-    reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.UNTOLD)
+    reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.TOO_FEW_LINES)
     felt = reading.strokes_felt
     if reading.decision is Decision.REJECT and felt is not None and felt < text_felt:
         return no_text(reading)
@@ -191,11 +191,11 @@ def _another_font(reading: Reading, lead: float) -> bool:
 def _undecided_strokes(reading: Reading, limits: RivalLimits) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
         rivals = [r for r in place.rivals if _remains(r, limits)]
-        if place.untold:
+        if place.too_few_lines:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
-            what = f"{pair} at place {k + 1}: {place.untold} (feel more lines)"
-            yield Finding(ReadingFlag.UNTOLD, what, (k + 1,))
+            what = f"{pair} at place {k + 1}: {place.too_few_lines} (feel more lines)"
+            yield Finding(ReadingFlag.TOO_FEW_LINES, what, (k + 1,))
         elif rivals:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(
@@ -208,7 +208,7 @@ def _undecided_strokes(reading: Reading, limits: RivalLimits) -> Iterator[Findin
 def _remains(rival: RivalStrokes, limits: RivalLimits) -> bool:
     """Whether a rival is not excluded."""
     if rival.apart_heights < limits.distinct_heights:
-        return rival.belief >= limits.untold
+        return rival.belief >= limits.least_belief
     live = rival.belief >= LIVE and rival.excluded_nats < -math.log(limits.left)
     return live or _is_hidden(rival, limits)
 

@@ -114,7 +114,7 @@ class PlaceStrokes:
         font: name of the best-fitting font.
         rivals: characters that the format allows and that are probable, or listed as easily confused with this one.
         whole: whether the surface was felt from edge to edge of the character.
-        untold: why the scan lines cannot distinguish the character from its rivals; empty if they can.
+        too_few_lines: why the scan lines cannot distinguish the character from its rivals; empty if they can.
     """
 
     felt: float | None
@@ -122,7 +122,7 @@ class PlaceStrokes:
     font: str = ""
     rivals: tuple[RivalStrokes, ...] = ()
     whole: bool = True
-    untold: str = ""
+    too_few_lines: str = ""
 
 
 @dataclass(frozen=True, eq=False)

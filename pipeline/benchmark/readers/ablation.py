@@ -15,17 +15,14 @@ if TYPE_CHECKING:
 
 def rules() -> dict[str, ReadingFlag | Measure]:
     """List contracts and terms of the score by name, such as unread-marks or strokes."""
-    from recognition.decision.decide import CONTRACTS
     from recognition.decision.evidence import Measure
+    from recognition.decision.flags import BROKEN, MEASURE_FLAGS
     from recognition.decision.score import SOURCES, score_of
 
     terms = {term for source in SOURCES for term in score_of(source).terms if term is not Measure.ODDS}
-    found: dict[str, ReadingFlag | Measure] = {}
-    for rule in (*CONTRACTS, *sorted(terms)):
-        # the rules for a mark are several flags, which have no name together
-        several = rule.name is None or "|" in rule.name
-        found["mark-rules" if several else str(rule.name).lower().replace("_", "-")] = rule
-    return found
+    single = (*(BROKEN & ~MEASURE_FLAGS), *sorted(terms))
+    named = {str(rule.name).lower().replace("_", "-"): rule for rule in single}
+    return {**named, "mark-rules": MEASURE_FLAGS}
 
 
 def leave_out(name: str) -> Callable[[Reading], Reading]:

@@ -10,9 +10,9 @@ import pytest
 from pipeline.benchmark.readers.ablation import leave_out, rules
 from pipeline.benchmark.readers.modes import expand_groups, open_mode
 from pipeline.common.settings import SettingsError
-from recognition.decision.decide import CONTRACTS, Decision
+from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.flags import BROKEN, MEASURE_FLAGS, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.score import SOURCES, score_of, with_score
 from recognition.language.box import Box
@@ -28,7 +28,7 @@ SURE = Reading(
 
 def test_every_contract_and_term_has_a_name() -> None:
     terms = {term for source in SOURCES for term in score_of(source).terms} - {Measure.ODDS}
-    assert set(rules().values()) == {*CONTRACTS, *terms}
+    assert set(rules().values()) == {*(BROKEN & ~MEASURE_FLAGS), MEASURE_FLAGS, *terms}
     assert {"unread-marks", "format-not-met", "mark-rules"} <= set(rules())
 
 
@@ -60,5 +60,5 @@ def test_each_mode_is_also_read_without_each_rule() -> None:
         "tactile without strokes", "vision without strokes",
     )  # fmt: skip
     assert open_mode(named[3], Reader(format="A9")).uses == ("touch",)
-    with pytest.raises(SettingsError, match="no rule 'luck' to leave out; the rules are format-not-met"):
+    with pytest.raises(SettingsError, match="no rule 'luck' to leave out; the rules are mismatch"):
         open_mode("tactile without luck", Reader(format="A9"))
