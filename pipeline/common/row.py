@@ -28,7 +28,7 @@ COLUMNS = (
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
 _UNGRADED = "?"
-_ACTIONS = ("clean", "clean first", "re-strike", "scan again")
+_ACTIONS = ("clean", "clean first", "re-strike")
 """Actions in the order of a row; those of `recognition.decision.grade.Action`."""
 
 

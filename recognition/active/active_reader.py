@@ -223,7 +223,7 @@ class _Part:
                 self.problem = str(error)
                 return False
             spent += order.stage_s
-            self.passes.append(PassFelt(order, spent, why=step.way.describe()))
+            self.passes.append(PassFelt(order, spent, why=step.way.purpose))
         return True
 
     def _look(self) -> Look | None:

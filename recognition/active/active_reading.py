@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from glyphs.surface.display import one_line
 from recognition.decision.decide import Decision
@@ -17,25 +17,26 @@ if TYPE_CHECKING:  # the service's pages need the words alone
 
 
 class StopReason(StrEnum):
-    """Why no further pass was felt."""
+    """Why no further pass was felt.
 
-    SURE = "sure"
-    NO_GAIN = "no gain"
-    BUDGET = "budget"
-    ALL_FELT = "all felt"
-    NOTHING_FOUND = "nothing found"
-    STAGE_FAILED = "stage failed"
+    Attributes:
+        text: the reason in words.
+    """
 
-    def describe(self) -> str:
-        """One line for people."""
-        return {
-            StopReason.SURE: "the serial is sure",
-            StopReason.NO_GAIN: "more touch would not settle what is in doubt",
-            StopReason.BUDGET: "the stage time given is spent",
-            StopReason.ALL_FELT: "every pass of the plan was felt",
-            StopReason.NOTHING_FOUND: "no characters were felt",
-            StopReason.STAGE_FAILED: "the stage failed; what was felt before is kept",
-        }[self]
+    text: str
+
+    def __new__(cls, value: str, text: str) -> Self:
+        """Its name in records, and its words."""
+        made = str.__new__(cls, value)
+        made._value_, made.text = value, text
+        return made
+
+    SURE = "sure", "the serial is sure"
+    NO_GAIN = "no gain", "more touch would not settle what is in doubt"
+    BUDGET = "budget", "the stage time given is spent"
+    ALL_FELT = "all felt", "every pass of the plan was felt"
+    NOTHING_FOUND = "nothing found", "no characters were felt"
+    STAGE_FAILED = "stage failed", "the stage failed; what was felt before is kept"
 
 
 @dataclass(frozen=True)
@@ -99,5 +100,5 @@ class ActiveReading:
         problem = f" ({self.problem})" if self.problem else ""
         return (
             f"{self.reading.text or 'nothing'}, {'accepted' if sure else self.reading.decision.value}: "
-            f"{len(self.passes)} passes, {self.stage_s:.1f} s of stage time; {self.stop.describe()}{problem}"
+            f"{len(self.passes)} passes, {self.stage_s:.1f} s of stage time; {self.stop.text}{problem}"
         )

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
@@ -32,37 +33,28 @@ RIM_HEIGHTS = 0.5
 
 
 class Way(StrEnum):
-    """Directions of a step."""
+    """Directions of a step.
 
-    ALONG = "along"
-    BACK = "back"
-    CROSS = "cross"
-    CROSS_BACK = "cross back"
+    Attributes:
+        direction: the way the whiskers are dragged.
+        shift: of its lines, spacings of eight to half a height: those on the way back lie between the first eight.
+        purpose: of the step, in words.
+    """
 
-    def describe(self) -> str:
-        """The purpose of the step, in words."""
-        return _WAYS[self]
+    direction: TraceDirection
+    shift: float
+    purpose: str
 
-    @property
-    def direction(self) -> TraceDirection:
-        """The way the whiskers are dragged."""
-        return _DIRECTIONS[self]
+    def __new__(cls, value: str, direction: TraceDirection, shift: float, purpose: str) -> Self:
+        """Its name in records, and the attributes."""
+        made = str.__new__(cls, value)
+        made._value_, made.direction, made.shift, made.purpose = value, direction, shift, purpose
+        return made
 
-
-_WAYS = {
-    Way.ALONG: "lines along x between those felt",
-    Way.BACK: "the walls' other side",
-    Way.CROSS: "across the line",
-    Way.CROSS_BACK: "across the line, the other way",
-}
-_DIRECTIONS = {
-    Way.ALONG: TraceDirection.FORWARD_X,
-    Way.BACK: TraceDirection.BACK_X,
-    Way.CROSS: TraceDirection.FORWARD_Y,
-    Way.CROSS_BACK: TraceDirection.BACK_Y,
-}
-_SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0, Way.CROSS_BACK: 0.5 / 8.0}
-"""Spacing of a direction's lines, half heights: those on the way back lie between the first eight."""
+    ALONG = "along", TraceDirection.FORWARD_X, 0.0, "lines along x between those felt"
+    BACK = "back", TraceDirection.BACK_X, 0.5, "the walls' other side"
+    CROSS = "cross", TraceDirection.FORWARD_Y, 0.0, "across the line"
+    CROSS_BACK = "cross back", TraceDirection.BACK_Y, 0.5, "across the line, the other way"
 
 
 @dataclass(frozen=True)
@@ -106,7 +98,7 @@ def next_step(
     passes = [
         p
         for k in range(travels * lines, travels * upto)
-        for p in _lay_travels(fitting, region_mm, way, between(k) + _SHIFT[way] / travels)
+        for p in _lay_travels(fitting, region_mm, way, between(k) + way.shift / 8.0 / travels)
     ]
     return Step(way, upto, tuple(passes))
 

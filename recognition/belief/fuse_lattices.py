@@ -59,7 +59,7 @@ def contradictions(
             else altogether contradicts nothing.
     """
     bests = [np.exp(own.log_belief).max(axis=1, initial=0.0) for own in (touch, camera)]
-    texts = [[own.chars[k] for k in own.log_belief.argmax(axis=1)] for own in (touch, camera)]
+    texts = (touch.text, camera.text)
     same = np.array([a == b for a, b in zip(*texts, strict=True)])
     others = max(same.size - 1, 1)
     return tuple(

@@ -218,6 +218,6 @@ def is_agreed(belief: LineBelief, *, agreed: float = 0.99, agreed_evidence: floa
         agreed, agreed_evidence: belief in every place, and log probability of all that the format allows, from which
             one look is enough.
     """
-    texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
+    texts = {own.text for own in belief.by_expert.values()}
     least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())
     return len(texts) == 1 and least > agreed and belief.evidence > agreed_evidence

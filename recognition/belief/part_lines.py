@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from recognition.belief.line_belief import LineBelief, pool
-from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.lines.places import boxes_of
@@ -94,9 +93,16 @@ class ReadLine:
     line: TextLine
     belief: LineBelief
 
-    def boxes(self) -> tuple[Box, ...]:
-        """Where its characters stand, axis-parallel hulls in the frame of the view."""
-        return boxes_of(self.line, self.belief.columns)
+    @property
+    def lattice(self) -> Lattice:
+        """Its posteriors under the format, with the box of each place in the frame of the view."""
+        return replace(self.belief.lattice, boxes=boxes_of(self.line, self.belief.columns))
+
+    @property
+    def open_lattice(self) -> Lattice:
+        """The same of its posteriors without the format."""
+        lattice, columns = self.belief.openly
+        return replace(lattice, boxes=boxes_of(self.line, columns))
 
     def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:
         """The same line with the beliefs of further experts in its places."""
@@ -104,10 +110,6 @@ class ReadLine:
             return self
         by_expert = MappingProxyType({**more, **self.belief.by_expert})
         return replace(self, belief=replace(self.belief, lattice=pool(by_expert), by_expert=by_expert))
-
-    def open_boxes(self) -> tuple[Box, ...]:
-        """The same of the open lattice."""
-        return boxes_of(self.line, self.belief.openly[1])
 
 
 @dataclass(frozen=True, eq=False)

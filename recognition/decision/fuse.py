@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Protocol
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
 from recognition.decision.code_check import checked_by_codes
@@ -27,7 +26,7 @@ from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.lattice import Lattice
-from recognition.language.orientation import Orientation, other_text
+from recognition.language.orientation import other_text
 
 CHOICE_FLAGS = (
     ReadingFlag.LOW_CONFIDENCE
@@ -38,15 +37,7 @@ CHOICE_FLAGS = (
 """Flags that fusion determines anew."""
 
 
-class FusionSettings(LineSettings, Protocol):
-    """Settings that fusion needs."""
-
-    @property
-    def orientation(self) -> Orientation:
-        """Which way up parts lie."""
-
-
-def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
     """One reading of both senses; of the one that has read where the other has not.
 
     Args:
@@ -86,7 +77,7 @@ def _odds_of(reading: Reading, text: str) -> float | None:
     return odds if own is None or plain_text(reading) != plain else min(odds, own)
 
 
-def _fuse_lines(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+def _fuse_lines(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
     own = touch.trace.lattice
     if own is None or not touch.characters:
         return _by_vision_alone(touch, vision)
@@ -130,7 +121,7 @@ def _reading(
     lattice: Lattice,
     choice: Choice,
     contradicted: tuple[Finding, ...],
-    settings: FusionSettings,
+    settings: LineSettings,
     vision: Reading,
 ) -> Reading:
     """Touch's reading with the beliefs of both."""
@@ -164,7 +155,7 @@ def _reading(
 
 
 def _orientation_doubts(
-    tactile: Reading, vision: Reading, text: str, settings: FusionSettings
+    tactile: Reading, vision: Reading, text: str, settings: LineSettings
 ) -> tuple[Finding, ...]:
     """Other ways in which the marks may be meant: of a text that both senses have read, those that neither rules out.
 

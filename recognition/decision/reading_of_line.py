@@ -22,6 +22,7 @@ from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import Choice, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation
 from recognition.views.text_line import HEIGHT_ROWS
 
 LEAST_VALID_MASS = 0.02
@@ -53,7 +54,7 @@ class TextLimits:
     def is_text(self, lattice: Lattice, openly: Lattice) -> bool:
         """Whether a line is text: it has one sure character, or probable characters at most places."""
         mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
-        return mean >= self.least_mean or min(_surest(lattice), _surest(openly)) >= self.least_read
+        return mean >= self.least_mean or min(lattice.surest, openly.surest) >= self.least_read
 
 
 class LineSettings(Protocol):
@@ -70,6 +71,10 @@ class LineSettings(Protocol):
     @property
     def asked(self) -> Mapping[str, LineFormat]:
         """Further lines that the part should have, by name."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Which way up parts lie."""
 
 
 def reading_of_line(
@@ -97,41 +102,26 @@ def reading_of_line(
     nothing = Reading((), 0.0, flags | ReadingFlag.NO_CHARACTERS, source=source)
     if main is None:
         return nothing
-    boxes = main.boxes()
-    lattice = replace(main.belief.lattice, boxes=boxes)
+    lattice, openly = main.lattice, main.open_lattice
     choice = choose(lattice, grammar)
-    spaces = spaces_of(choice.text, grammar, main.belief.looks, main.belief.columns)
+    spaces = spaces_of(main, choice.text, grammar)
     lattice = replace(lattice, spaces_after=spaces)
-    if not choice.text or not text.is_text(lattice, main.belief.openly[0]):
-        return nothing.with_findings(*_outside_format(main, grammar, text.least_read)).with_trace(
-            lattice=lattice
-        )
-    if (
-        grammar is None
-        and len(choice.text) < text.least_places
-        and choice.probability < settings.accept_confidence
-    ):
+    if not choice.text or not text.is_text(lattice, openly):
+        found = _outside_format(openly, grammar, text.least_read)
+        return nothing.with_findings(*found).with_trace(lattice=lattice)
+    unsure = choice.probability < settings.accept_confidence
+    if grammar is None and len(choice.text) < text.least_places and unsure:
         # a scratch is read as a 1, two dents as OO
         return nothing.with_trace(lattice=lattice)
     changed = _check_format_evidence(main, choice.text, grammar, least=IN_FORMAT[source])
     small = small_letters(main.belief.looks, main.belief.columns, choice.text) if grammar is None else ()
     worth = score_of(source)
     others = [
-        _other(name, one, asked[name].grammar, worth)
+        _named_line(name, one, asked[name].grammar, worth)
         for name, one in part.named.items()
         if text.is_text(one.belief.lattice, one.belief.openly[0])
     ]
-    others += [
-        OtherLine(
-            "",
-            with_spaces(text_of(one), spaces_of(text_of(one), None, one.belief.looks, one.belief.openly[1])),
-            worth.of_belief(_open_probability(one)),
-            hull(one.open_boxes()),
-            may_be_serial=one.belief.evidence_of(grammar) >= least_serial_evidence,
-            line=one.line,
-        )
-        for one in part.others
-    ]
+    others += [_unassigned_line(one, grammar, worth, least_serial_evidence) for one in part.others]
     belief = choice.probability * main.belief.likely
     reading = Reading(
         tuple(characters_of(choice, lattice)),
@@ -140,14 +130,13 @@ def reading_of_line(
         others=tuple(others),
         height_mm=main.line.height_mm,
         rotation_deg=main.line.turned_deg,
-        box=hull(boxes),
+        box=hull(lattice.boxes),
         spaces_after=spaces,
         source=source,
         threshold=settings.accept_confidence,
     ).with_findings(*changed, *small, *doubts_of_lines(others, settings))
     reading = contracts_of_choice(reading, choice, grammar)
-    openly = replace(main.belief.openly[0], boxes=main.open_boxes())
-    by_expert = {name: replace(own, boxes=boxes) for name, own in main.belief.by_expert.items()}
+    by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.belief.by_expert.items()}
     return reading.with_trace(
         lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
         experts="+".join(by_expert), odds=log_odds(belief), evidence=main.belief.evidence,
@@ -193,16 +182,14 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
     return made.with_findings(*(Finding(ReadingFlag.CHECK_BLIND, text, (k,)) for k, text in blind.items()))
 
 
-def _outside_format(line: ReadLine, grammar: Grammar | None, least_read: float) -> tuple[Finding, ...]:
+def _outside_format(openly: Lattice, grammar: Grammar | None, least_read: float) -> tuple[Finding, ...]:
     """Report a text that can be read but breaks the format."""
-    text = text_of(line)
-    broken = () if grammar is None or not text else grammar.objections(text)
-    if not broken or _surest(line.belief.openly[0]) < least_read:
+    broken = () if grammar is None or not openly.text else grammar.objections(openly.text)
+    if not broken or openly.surest < least_read:
         return ()
     why = "; ".join(broken).replace("mask:", "the format ")
-    return (
-        Finding(ReadingFlag.NO_CHARACTERS, f"{_describe_found(text)}: {why} (check the part and the format)"),
-    )
+    what = f"{_describe_found(openly.text)}: {why} (check the part and the format)"
+    return (Finding(ReadingFlag.NO_CHARACTERS, what),)
 
 
 def _describe_found(text: str) -> str:
@@ -238,14 +225,11 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
             nothing.
     """
     lattice, _ = line.belief.openly
-    open_text = text_of(line)
+    open_text = lattice.text
     if len(open_text) != len(text):
-        return (
-            Finding(
-                ReadingFlag.FORMAT_OVERRULED,
-                f"{_describe_found(open_text)}, but the format has {len(text)} (check the part and the format)",
-            ),
-        )
+        found = _describe_found(open_text)
+        what = f"{found}, but the format has {len(text)} (check the part and the format)"
+        return (Finding(ReadingFlag.FORMAT_OVERRULED, what),)
     belief = np.exp(lattice.log_belief)
     same = np.array(
         [
@@ -263,13 +247,8 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
     if not changes:
         least = int(same.argmin())
         changes = {least + 1: f"{text[least]} at place {least + 1} is unsure without the format"}
-    return (
-        Finding(
-            ReadingFlag.FORMAT_OVERRULED,
-            f"the format changed what was read: {', '.join(changes.values())} (compare it with the part)",
-            tuple(changes),
-        ),
-    )
+    what = f"the format changed what was read: {', '.join(changes.values())} (compare it with the part)"
+    return (Finding(ReadingFlag.FORMAT_OVERRULED, what, tuple(changes)),)
 
 
 def _is_allowed(line: ReadLine, place: int, char: str) -> bool:
@@ -282,16 +261,23 @@ def _twins(char: str) -> str:
     return next((twins for twins in TWINS if char in twins), char)
 
 
-def _other(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
-    choice = choose(one.belief.lattice, grammar)
-    spaces = spaces_of(choice.text, grammar, one.belief.looks, one.belief.columns)
-    return OtherLine(
-        name,
-        with_spaces(choice.text, spaces),
-        worth.of_belief(choice.probability),
-        hull(one.boxes()),
-        line=one.line,
-    )
+def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> OtherLine:
+    """A line that was asked for."""
+    lattice = one.lattice
+    choice = choose(lattice, grammar)
+    text, sure = with_spaces(choice.text, spaces_of(one, choice.text, grammar)), choice.probability
+    return OtherLine(name, text, worth.of_belief(sure), hull(lattice.boxes), line=one.line)
+
+
+def _unassigned_line(
+    one: ReadLine, grammar: Grammar | None, worth: Score, least_serial_evidence: float
+) -> OtherLine:
+    """Text that is no line that was asked for."""
+    lattice = one.open_lattice
+    text = with_spaces(lattice.text, word_gaps(one.belief.openly[1], one.belief.looks))
+    sure = float(np.exp(lattice.log_belief.max(axis=1).sum()))
+    meant = one.belief.evidence_of(grammar) >= least_serial_evidence
+    return OtherLine("", text, worth.of_belief(sure), hull(lattice.boxes), may_be_serial=meant, line=one.line)
 
 
 def characters_of(choice: Choice, lattice: Lattice, *, most_candidates: int = 5) -> list[CharacterReading]:
@@ -307,19 +293,16 @@ def characters_of(choice: Choice, lattice: Lattice, *, most_candidates: int = 5)
     return made
 
 
-def spaces_of(
-    text: str, grammar: Grammar | None, looks: Sequence[Steps], columns: NDArray[np.float64]
-) -> frozenset[int]:
-    """Find the places of a text that a word gap follows: from the format if it fixes them, or else from the line.
+def spaces_of(line: ReadLine, text: str, grammar: Grammar | None) -> frozenset[int]:
+    """Find the places that a word gap follows: from the format if it fixes them, or else from the line.
 
     Args:
+        line: as read.
         text: text without blanks.
         grammar: format of the text.
-        looks: the recogniser's outputs along the line.
-        columns: (places,) column of each place.
     """
     known = None if grammar is None else grammar.spaces(text)
-    return word_gaps(columns, looks) if known is None else known
+    return word_gaps(line.belief.columns, line.belief.looks) if known is None else known
 
 
 def small_letters(
@@ -392,21 +375,6 @@ def word_gaps(
 def with_spaces(text: str, spaces: Collection[int]) -> str:
     """Insert a blank after each of these places of a text."""
     return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
-
-
-def _surest(lattice: Lattice) -> float:
-    """Return the probability of the surest character of all places."""
-    return float(np.exp(lattice.log_belief.max(initial=-np.inf)))
-
-
-def _open_probability(line: ReadLine) -> float:
-    return float(np.exp(line.belief.openly[0].log_belief.max(axis=1).sum()))
-
-
-def text_of(line: ReadLine) -> str:
-    """Return the text of a line without a format."""
-    lattice, _ = line.belief.openly
-    return "".join(lattice.chars[k] for k in lattice.log_belief.argmax(axis=1))
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:

@@ -21,7 +21,6 @@ _REMEDIES = {
     Action.CLEAN: "clean it and scan it again",
     Action.CLEAN_FIRST: "clean it and scan it again",
     Action.RE_STRIKE: "strike it again",
-    Action.SCAN_AGAIN: "scan it again",
 }
 
 
@@ -159,7 +158,7 @@ def _missing(reading: Reading, limits: MissingLimits) -> Iterator[Finding]:
     lacking, foreign = {}, []
     for k, c in enumerate(reading.characters):
         place = strokes[k] if k < len(strokes) else None
-        edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
+        edges = None if c.grade is None else c.grade.value("completeness")
         shallow = place is not None and place.felt is not None and place.felt < limits.least_felt
         if shallow and strokes[k].score < limits.suited and (edges is None or edges < limits.all_there):
             lacking[k] = Action.CLEAN if c.grade is None else c.grade.action

@@ -13,15 +13,16 @@ unchanged.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 
 import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from recognition.language.confusions import CharacterState, PlaceState, state_of
-from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 
@@ -43,20 +44,17 @@ class CharacterCheck:
     """One expected character, or one place that is left over.
 
     Attributes:
-        expected: the expected character; empty for a place that is left over.
         place: place in the lattice, from 0; None for a character without a place.
-        state: state of the place; its `char` is the best one.
-        probability: posterior of the expected character (of no character, for a place left over).
-        rival: best other character; empty if none is possible.
-        rival_probability: posterior of the rival.
+        state: state of the place, with the character expected there; none is for a place that is left over.
     """
 
-    expected: str
     place: int | None
     state: PlaceState
-    probability: float
-    rival: str
-    rival_probability: float
+
+    @property
+    def expected(self) -> str:
+        """The expected character; empty for a place that is left over."""
+        return self.state.expected
 
     @property
     def message(self) -> str:
@@ -77,9 +75,6 @@ class Verification:
         verdict: the verdict on it.
         probability: probability of the expected text; 0 if the number of characters differs.
         refutation: probability that at least one character is clearly another.
-        rival: best other text with as many characters as were found (within the grammar, if one is given);
-            empty if none is possible.
-        log10_odds: odds of the expected text against that rival, with the prior; +inf without a rival.
         characters: checks in the order of the text; places left over come where they were found.
         places: number of characters found.
     """
@@ -88,8 +83,6 @@ class Verification:
     verdict: Verdict
     probability: float
     refutation: float
-    rival: str
-    log10_odds: float
     characters: tuple[CharacterCheck, ...]
     places: int
 
@@ -127,7 +120,7 @@ def verify(
         lattice: posteriors of the places.
         expected: the text; blanks are ignored.
         prior: probability of the text before the part was felt, between 0 and 1.
-        grammar: format of the rival; the expected text must fit it, too.
+        grammar: format that the expected text must fit.
         confirm: least probability of "same" for CONFIRMED; also, no character may contradict the expected one.
         refute: least probability of "differs" for REFUTED.
 
@@ -140,29 +133,23 @@ def verify(
     pairs = _align(lattice, text)
     belief = np.exp(lattice.log_belief)
     nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
-    column = {c: k for k, c in enumerate(lattice.chars)}
     whole = lattice.n_places == len(text)
     same, not_other = float(whole), 1.0
     checks = []
     for place, char in pairs:
         if place is None:
-            state = PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)
-            checks.append(CharacterCheck(char, None, state, 0.0, "", 0.0))
+            checks.append(CharacterCheck(None, PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)))
             continue
         beliefs = dict(zip(lattice.chars, belief[place].tolist(), strict=True))
-        state = state_of(beliefs, expected=char)
-        known = float(belief[place, column[char]]) if char else float(nothing[place])
-        rival = max((c for c in lattice.chars if c != char), key=lambda c: beliefs[c], default="")
-        against = beliefs.get(rival, 0.0)
-        checks.append(CharacterCheck(char, place, state, known, rival if against else "", against))
+        checks.append(CharacterCheck(place, state_of(beliefs, expected=char)))
         if char:
+            known = beliefs[char]
             same *= known
             not_other *= min(1.0, known + float(nothing[place]))
     differs = 1.0 - not_other
     weights = np.array([2.0 * prior * same, 2.0 * (1.0 - prior) * differs, max(0.0, not_other - same)])
     total = float(weights.sum())
     probability, refutation = (float(w) / total if total > 0.0 else 0.0 for w in weights[:2])
-    rival_text, odds = _best_rival(lattice, text, prior, grammar, whole)
     contradicted = any(c.state.state is CharacterState.MISMATCH for c in checks)
     verdict = Verdict.UNDECIDED
     if refutation >= refute:
@@ -174,8 +161,6 @@ def verify(
         verdict=verdict,
         probability=probability,
         refutation=refutation,
-        rival=rival_text,
-        log10_odds=odds,
         characters=tuple(checks),
         places=lattice.n_places,
     )
@@ -204,27 +189,7 @@ def _check(
         )
 
 
-def _best_rival(
-    lattice: Lattice, text: str, prior: float, grammar: Grammar | None, whole: bool
-) -> tuple[str, float]:
-    """The best other text and the odds (log10) of the expected one against it."""
-    choice = choose(lattice, grammar, k=2)
-    named = [(choice.text, choice.probability), *((r.text, r.probability) for r in choice.rivals)]
-    rival = next((t for t, p in named if t and t != text and p > 0.0), "")
-    column = {c: k for k, c in enumerate(lattice.chars)}
-
-    def log_weight(s: str) -> float:
-        return math.fsum(float(lattice.log_belief[k, column[c]]) for k, c in enumerate(s))
-
-    if not whole:
-        return rival, -math.inf if rival else 0.0
-    if not rival:
-        return "", math.inf if lattice.n_places else 0.0
-    odds = log_weight(text) - log_weight(rival) + math.log(prior / (1.0 - prior))
-    return rival, odds / math.log(10.0)
-
-
-def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> list[tuple[int | None, str]]:
+def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tuple[int | None, str]]:
     """Align places with expected characters; None or "" stands for a missing partner.
 
     If there are equally many, they are paired one to one; else by the alignment with the largest product of
@@ -238,30 +203,22 @@ def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> list[tuple[
     n, m = lattice.n_places, len(text)
     if n == m:
         return list(enumerate(text))
-    column = {c: k for k, c in enumerate(lattice.chars)}
     cost = math.log(missing)
-    # a pair never costs more than leaving both over, so no more than necessary are left over
-    worst = 2.0 * cost
-    best = np.full((n + 1, m + 1), -np.inf)
-    best[:, 0] = cost * np.arange(n + 1)
-    best[0, :] = cost * np.arange(m + 1)
 
-    def paired(i: int, j: int) -> float:
-        return max(worst, float(lattice.log_belief[i, column[text[j]]]))
+    @cache
+    def best(i: int, j: int) -> tuple[float, tuple[tuple[int | None, str], ...]]:
+        """Log likelihood and pairs of the first i places and the first j characters."""
+        ways: list[tuple[int, int, float, tuple[int | None, str]]] = []
+        if i and j:
+            own = float(lattice.log_belief[i - 1, lattice.chars.index(text[j - 1])])
+            # a pair never costs more than leaving both over, so no more than necessary are left over
+            ways.append((i - 1, j - 1, max(2.0 * cost, own), (i - 1, text[j - 1])))
+        if i:
+            ways.append((i - 1, j, cost, (i - 1, "")))
+        if j:
+            ways.append((i, j - 1, cost, (None, text[j - 1])))
+        found = ((best(*before), worth, pair) for *before, worth, pair in ways)
+        tried = [(log + worth, (*pairs, pair)) for (log, pairs), worth, pair in found]
+        return max(tried, key=lambda one: one[0], default=(0.0, ()))
 
-    for i in range(n):
-        for j in range(m):
-            best[i + 1, j + 1] = max(best[i, j] + paired(i, j), best[i, j + 1] + cost, best[i + 1, j] + cost)
-    out: list[tuple[int | None, str]] = []
-    i, j = n, m
-    while i or j:
-        if i and j and best[i, j] == best[i - 1, j - 1] + paired(i - 1, j - 1):
-            i, j = i - 1, j - 1
-            out.append((i, text[j]))
-        elif i and (not j or best[i, j] == best[i - 1, j] + cost):
-            i -= 1
-            out.append((i, ""))
-        else:
-            j -= 1
-            out.append((None, text[j]))
-    return out[::-1]
+    return best(n, m)[1]

@@ -50,3 +50,13 @@ class Lattice:
     def n_places(self) -> int:
         """Places of the line."""
         return int(self.log_belief.shape[0])
+
+    @property
+    def text(self) -> str:
+        """The likeliest character of each place."""
+        return "".join(self.chars[k] for k in self.log_belief.argmax(axis=1))
+
+    @property
+    def surest(self) -> float:
+        """Probability of the surest character of all places; 0 without any."""
+        return float(np.exp(self.log_belief.max(initial=-np.inf)))

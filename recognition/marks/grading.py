@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recognition.glyph_match.correlation import Image
 from recognition.glyph_match.predicted import PIXELS
-from recognition.marks.grade import GradeError, MarkGrade, grade_character
+from recognition.marks.grade import MarkGrade, grade_character
 from recognition.marks.laid_text import LaidText
 
 ALIKE_LETTERS = "AB"
@@ -33,7 +33,8 @@ def grades_of(laid: LaidText, *, tall_heights: float = 0.58) -> tuple[MarkGrade 
         tall = min(middle, round(tall_heights * PIXELS))
         want = _steps(template[middle - tall : middle + tall + 1], felt)
         r, c = int(row) + PIXELS - tall, int(column) + PIXELS - side
-        grades.append(_grade(image[:, r : r + want.shape[1], c : c + want.shape[2]], want))
+        cell = image[:, r : r + want.shape[1], c : c + want.shape[2]]
+        grades.append(grade_character(cell, want) if cell.shape == want.shape else None)
     return tuple(grades)
 
 
@@ -48,10 +49,3 @@ def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(2, rows, columns) half differences of opposite directions, which answer steps of the surface; of those felt."""
     known = np.moveaxis(layers * felt, 2, 0)
     return np.asarray(0.5 * (known[:2] - known[2:]))
-
-
-def _grade(felt: NDArray[np.float32], want: NDArray[np.float32]) -> MarkGrade | None:
-    try:
-        return grade_character(felt, want) if felt.shape == want.shape else None
-    except GradeError:
-        return None

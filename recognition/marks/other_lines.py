@@ -36,6 +36,5 @@ def felt_others(
 def _is_felt(one: ReadLine, main: FeltLine, least_mm: float, least_felt: float) -> bool:
     lattice, columns = one.belief.openly
     line = replace(main, line=one.line, columns=columns)
-    text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
-    felt = [place.felt for place in line.strokes(text, lattice) if place.felt is not None]
+    felt = [place.felt for place in line.strokes(lattice.text, lattice) if place.felt is not None]
     return line.places.depth_mm() >= least_mm and (not felt or float(np.mean(felt)) >= least_felt)

@@ -286,8 +286,7 @@ def _with_strokes(reading: Reading, main: ReadLine, line: FeltLine | None) -> Re
 
 def _felt_line(main: ReadLine, relief: Relief, fonts: Sequence[Font]) -> FeltLine:
     """A line with its strokes, at the height and on the side of the land that they tell."""
-    lattice = main.belief.lattice
-    text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
+    text = main.belief.lattice.text
     felt = FeltLine(relief, main.line, main.belief.columns, raised=False, fonts=tuple(fonts))
     return replace(felt, raised=bool(felt.stands_out(text))).fit_size(text)
 
