@@ -23,63 +23,39 @@ BOX_COLOUR = "#e4572e"
 Extent = tuple[float, float, float, float]
 
 
-def _thin_out(values: NDArray[Any], *, most_a_side: int = 1600) -> NDArray[Any]:
-    """Every n-th pixel, so that a picture has at most so many a side."""
-    steps = [max(1, -(-n // most_a_side)) for n in values.shape[:2]]
-    return values[:: steps[0], :: steps[1]]
-
-
-def _picture(
+def _map(
     axes: Axes,
-    values: NDArray[np.float32],
+    title: str,
+    values: NDArray[Any],
     extent: Extent,
     *,
     cmap: str,
     limits: tuple[float, float],
-    bar: str,
+    bar: str = "",
+    unit: str = "mm",
+    reading: Reading | None = None,
+    labelled: bool = False,
+    most_a_side: int = 1600,
 ) -> None:
+    """One map under its title, with a bar of its colours where that has a name, and a reading's boxes."""
+    axes.set_title(title, fontsize=9, loc="left")
+    every = [max(1, -(-n // most_a_side)) for n in values.shape[:2]]
+    thinned = values[:: every[0], :: every[1]]
     image = axes.imshow(
-        _thin_out(values), cmap=cmap, extent=extent, vmin=limits[0], vmax=limits[1], interpolation="nearest"
+        thinned, cmap=cmap, extent=extent, vmin=limits[0], vmax=limits[1], interpolation="nearest"
     )
-    axes.set_xlabel("x, mm", fontsize=7)
-    axes.set_ylabel("y, mm", fontsize=7)
+    axes.set_xlabel(f"x, {unit}", fontsize=7)
+    axes.set_ylabel(f"y, {unit}", fontsize=7)
     axes.tick_params(labelsize=7)
     if bar:
         colours = axes.figure.colorbar(image, ax=axes, fraction=0.025, pad=0.01)
         colours.ax.tick_params(labelsize=7)
         colours.set_label(bar, fontsize=7)
+    if reading is not None:
+        _boxes(axes, reading, labelled=labelled)
 
 
-def _extent(shape: tuple[int, ...], pitch_mm: float, origin_mm: tuple[float, float] = (0.0, 0.0)) -> Extent:
-    """Edges of the pixels for imshow: left, right, bottom, top."""
-    x0, y0 = origin_mm[0] - 0.5 * pitch_mm, origin_mm[1] - 0.5 * pitch_mm
-    return (x0, x0 + shape[1] * pitch_mm, y0 + shape[0] * pitch_mm, y0)
-
-
-def _spread(values: NDArray[np.float32], low: float, high: float) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return (-1.0, 1.0)
-    a, b = (float(v) for v in np.percentile(finite, [low, high]))
-    return (a, b) if b > a else (a - 1e-6, a + 1e-6)
-
-
-def _say(axes: Axes, text: str) -> None:
-    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
-    axes.set_axis_off()
-
-
-def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_bar: bool = True) -> None:
-    """The part's own heights with the characters read."""
-    axes.set_title("height map, levelled", fontsize=9, loc="left")
-    z = height_map.z_mm
-    bar = "mm" if colour_bar else ""
-    extent = _extent(z.shape, height_map.pitch_mm)
-    _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar=bar)
-    _boxes(axes, reading)
-
-
-def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
+def _boxes(axes: Axes, reading: Reading, *, labelled: bool) -> None:
     top = min(axes.get_ylim())
     for character in reading.characters:
         box = character.box
@@ -103,14 +79,38 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
             )
 
 
+def _extent(shape: tuple[int, ...], pitch_mm: float, origin_mm: tuple[float, float] = (0.0, 0.0)) -> Extent:
+    """Edges of the pixels for imshow: left, right, bottom, top."""
+    x0, y0 = origin_mm[0] - 0.5 * pitch_mm, origin_mm[1] - 0.5 * pitch_mm
+    return (x0, x0 + shape[1] * pitch_mm, y0 + shape[0] * pitch_mm, y0)
+
+
+def _spread(values: NDArray[np.float32]) -> tuple[float, float]:
+    """The range of all but the outermost half per cent either way."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return (-1.0, 1.0)
+    low, high = (float(v) for v in np.percentile(finite, [0.5, 99.5]))
+    return (low, high) if high > low else (low - 1e-6, low + 1e-6)
+
+
+def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_bar: bool = True) -> None:
+    """The part's own heights with the characters read."""
+    z = height_map.z_mm
+    _map(
+        axes, "height map, levelled", z, _extent(z.shape, height_map.pitch_mm), cmap="cividis",
+        limits=_spread(z), bar="mm" if colour_bar else "", reading=reading, labelled=True,
+    )  # fmt: skip
+
+
 def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool) -> None:
     """Heights by touch, the depth of every character, and the characters if they are to be named."""
     depths = "\nleast and mean depth of each character" if reading.depth_min_mm is not None else ""
-    axes.set_title(f"height by touch{depths}", fontsize=9, loc="left")
     z = relief.height_mm
-    extent = _extent(z.shape, relief.pitch_mm, relief.origin_mm)
-    _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar="mm")
-    _boxes(axes, reading, labelled=labelled)
+    _map(
+        axes, f"height by touch{depths}", z, _extent(z.shape, relief.pitch_mm, relief.origin_mm),
+        cmap="cividis", limits=_spread(z), bar="mm", reading=reading, labelled=labelled,
+    )  # fmt: skip
     size = min(7.5, 90.0 / max(1, len(reading.characters)))
     for character in reading.characters:
         depth, box = character.depth, character.box
@@ -130,24 +130,19 @@ def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool
 def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
     """Steepness of the surface by touch; the relief has slopes."""
     known = "assumed" if relief.friction_sd is None else "measured"
-    axes.set_title(
-        f"steepness by touch, |slope|\nfriction {relief.friction:.3f} {known}", fontsize=9, loc="left"
-    )
+    title = f"steepness by touch, |slope|\nfriction {relief.friction:.3f} {known}"
     steep = relief.steepness
-    extent = _extent(steep.shape, relief.pitch_mm, relief.origin_mm)
-    _picture(axes, steep, extent, cmap="magma", limits=(0.0, _spread(steep, 0.5, 99.5)[1]), bar="mm / mm")
-    _boxes(axes, reading, labelled=False)
+    _map(
+        axes, title, steep, _extent(steep.shape, relief.pitch_mm, relief.origin_mm), cmap="magma",
+        limits=(0.0, _spread(steep)[1]), bar="mm / mm", reading=reading,
+    )  # fmt: skip
 
 
 def moment_panel(axes: Axes, *, sweep: Sweep) -> None:
     """The raw moments of one direction; characters are not shown, the tip lags."""
-    axes.set_title(
-        f"raw moment, traced {int(sweep.plan.direction)}°\n{sweep.plan.line_mm.size} lines",
-        fontsize=9,
-        loc="left",
-    )
+    title = f"raw moment, traced {int(sweep.plan.direction)}°\n{sweep.plan.line_mm.size} lines"
     values, extent = moment_image(sweep)
-    _picture(axes, values, extent, cmap="magma", limits=_spread(values, 0.5, 99.5), bar="N mm")
+    _map(axes, title, values, extent, cmap="magma", limits=_spread(values), bar="N mm")
 
 
 def moment_image(sweep: Sweep) -> tuple[NDArray[np.float32], Extent]:
@@ -174,27 +169,22 @@ def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colo
     values = np.where(edges.valid, edges.enhancement[layer], np.nan).astype(np.float32)
     finite = np.abs(values[np.isfinite(values)])
     most = max(float(np.percentile(finite, 99.0)) if finite.size else 0.0, 1e-3)
-    axes.set_title(f"edge map, traced {int(edges.directions[layer])}°", fontsize=9, loc="left")
-    extent = _extent(values.shape, edges.pitch_mm, edges.origin_mm)
-    bar = "m / m_land - 1" if colour_bar else ""
-    _picture(axes, values, extent, cmap="RdBu_r", limits=(-most, most), bar=bar)
-    _boxes(axes, reading, labelled=False)
+    _map(
+        axes, f"edge map, traced {int(edges.directions[layer])}°", values,
+        _extent(values.shape, edges.pitch_mm, edges.origin_mm), cmap="RdBu_r", limits=(-most, most),
+        bar="m / m_land - 1" if colour_bar else "", reading=reading,
+    )  # fmt: skip
 
 
 def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
     """The photograph, with what the camera read; boxes in its own frame."""
-    pitch = photo_pitch_mm(photo)
-    axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
-    pixels = _thin_out(photo.eight_bit)
-    extent = _extent(photo.shape, pitch, photo_origin_mm(photo))
-    # without limits grey pictures would be stretched from black to white
-    axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
     unit = "mm" if photo.pitch_mm else "pixels"
-    axes.set_xlabel(f"x, {unit}", fontsize=7)
-    axes.set_ylabel(f"y, {unit}", fontsize=7)
-    axes.tick_params(labelsize=7)
-    if reading is not None:
-        _boxes(axes, reading)
+    # without limits grey pictures would be stretched from black to white
+    _map(
+        axes, "photograph" if photo.pitch_mm else "photograph, pixels", photo.eight_bit,
+        _extent(photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo)), cmap="gray",
+        limits=(0, 255), unit=unit, reading=reading, labelled=True,
+    )  # fmt: skip
 
 
 def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> None:
@@ -203,7 +193,9 @@ def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> Non
     more = ", its state and its mark's grade" if graded else ""
     axes.set_title(f"candidates of each place and the belief in them{more}", fontsize=9, loc="left")
     if not reading.characters:
-        _say(axes, "; ".join(reading.messages()) or "no characters found")
+        why = "; ".join(reading.messages()) or "no characters found"
+        axes.text(0.5, 0.5, why, ha="center", va="center", transform=axes.transAxes)
+        axes.set_axis_off()
         return
     for place, character in enumerate(reading.characters):
         for rank, candidate in enumerate(character.candidates[:most_shown]):

@@ -9,12 +9,12 @@ for every `PARTS_OF_A_FILE` parts or lines. What is there already is not drawn a
 
 from __future__ import annotations
 
-import argparse
 import logging
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from cyclopts import run
 
 from glyphs.errors import MarksError
 from recognition.learning.sketches import sketch_many
@@ -81,31 +81,40 @@ def draw_file(
         draw_parts(few, out, kind, name, rng)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Draw what the command line asks for."""
+def draw_data(
+    fonts: list[Path],
+    /,
+    *,
+    out: Path,
+    parts: int = 9000,
+    sketches: int = 30000,
+    held_out: int = 200,
+    seed: int = 70,
+    jobs: int = 1,
+) -> None:
+    """Draw samples to learn from, and samples to measure on.
+
+    Args:
+        fonts: folders of TrueType or OpenType files.
+        out: folder of the data.
+        parts: of fonts to learn from.
+        sketches: lines without physics.
+        held_out: parts of fonts that are never learned from.
+        seed: of the whole set.
+        jobs: processes.
+    """
     from joblib import Parallel, delayed
 
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("fonts", type=Path, nargs="+", help="folders of TrueType or OpenType files")
-    asked.add_argument("--out", type=Path, required=True, help="folder of the data")
-    asked.add_argument("--parts", type=int, default=9000, help="of fonts to learn from")
-    asked.add_argument("--sketches", type=int, default=30000, help="lines without physics")
-    asked.add_argument("--held-out", type=int, default=200, help="parts of fonts that are never learned from")
-    asked.add_argument("--seed", type=int, default=70)
-    asked.add_argument("--jobs", type=int, default=1, help="processes")
-    given = asked.parse_args(arguments)
-    fonts = find_fonts(given.fonts)
+    found = find_fonts(fonts)
     kinds = (
-        ("held", fonts.held_out, given.held_out),
-        ("seen", fonts.seen, given.parts),
-        ("sketched", fonts.seen, given.sketches),
-    )
-    Parallel(n_jobs=given.jobs, verbose=5)(
-        delayed(draw_file)(files, given.out, kind, given.seed, number)
-        for kind, files, parts in kinds
-        for number in range(-(-parts // PARTS_OF_A_FILE))
+        ("held", found.held_out, held_out), ("seen", found.seen, parts), ("sketched", found.seen, sketches)
+    )  # fmt: skip
+    Parallel(n_jobs=jobs, verbose=5)(
+        delayed(draw_file)(files, out, kind, seed, number)
+        for kind, files, many in kinds
+        for number in range(-(-many // PARTS_OF_A_FILE))
     )
 
 
 if __name__ == "__main__":
-    main()
+    run(draw_data)

@@ -12,6 +12,7 @@ pytest.importorskip("torch", reason="the extra `train` is not installed")
 pytest.importorskip("onnx2torch", reason="the extra `train` is not installed")
 
 import torch
+from cyclopts import App
 
 from glyphs.part import stamp
 from glyphs.stamping.layouts import Layout
@@ -20,7 +21,7 @@ from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.sketches import sketch_many
-from recognition.learning.train import main, train
+from recognition.learning.train import train
 from recognition.learning.train_batches import batches, gather, rounds, targets
 from recognition.learning.train_measure import decode, measure, plain
 from recognition.learning.training_loop import Training
@@ -51,6 +52,14 @@ def line_of(text: str) -> tuple[View, TextLine, str]:
     return heights_view(part.height_map), line, said
 
 
+def run_train(*words: object) -> None:
+    """As the command line does."""
+    app = App()
+    app.default(train)
+    command, bound, _ = app.parse_args([str(word) for word in words])[:3]
+    command(*bound.args, **bound.kwargs)
+
+
 def kept_in(folder: Path) -> list[TrainingStrip]:
     return read_samples(TrainingStrip, sorted(folder.glob("*.npz")))
 
@@ -73,7 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out") / "toy.onnx"
     torch.set_num_threads(1)
-    train("recogniser", [folder], folder, TOY, out=out, log=out.with_suffix(".log"))
+    train("recogniser", learn_from=[folder], held_out=folder, how=TOY, out=out, log=out.with_suffix(".log"))
     return out
 
 
@@ -134,18 +143,25 @@ def test_the_command_trains(folder: Path, tmp_path: Path) -> None:
         "--threads",
         1,
     ]
-    main([str(one) for one in (*given, "--out", out, "--log", log)])
+    run_train(*given, "--out", out, "--log", log)
     assert out.is_file()
     assert out.with_suffix(".pt").is_file()
     # and goes on from what was made
-    main([str(one) for one in (*given, "--out", out, "--log", log, "--start", out.with_suffix(".pt"))])
+    run_train(*given, "--out", out, "--log", log, "--start", out.with_suffix(".pt"))
     assert len(lines(log)) >= 4
 
 
 def test_fewer_strips_than_a_batch_are_refused(folder: Path, tmp_path: Path) -> None:
     how = Training(minutes=0.1, batch=99)
     with pytest.raises(ValueError, match="8 strips are fewer than a batch of 99"):
-        train("recogniser", [folder], folder, how, out=tmp_path / "net.onnx", log=tmp_path / "log")
+        train(
+            "recogniser",
+            learn_from=[folder],
+            held_out=folder,
+            how=how,
+            out=tmp_path / "net.onnx",
+            log=tmp_path / "log",
+        )
 
 
 # --------------------------------------------------------------------------------------------------------- parts
@@ -258,7 +274,7 @@ def test_the_finder_is_trained_by_the_same_command(tmp_path: Path) -> None:
     out, log = tmp_path / "finder.onnx", tmp_path / "finder.log"
     given = ["finder", "--learn-from", tmp_path / "views", "--held-out", tmp_path / "views"]
     given += ["--minutes", 0.05, "--batch", 2, "--threads", 1, "--out", out, "--log", log]
-    main([str(one) for one in given])
+    run_train(*given)
     assert [next(iter(line)) for line in lines(log)[-2:]] == ["last", "average"]
     network = Finder()
     network.load_state_dict(torch.load(out.with_suffix(".pt"), weights_only=True))
