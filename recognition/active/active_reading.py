@@ -25,7 +25,7 @@ class StopReason(StrEnum):
 
     text: str
 
-    def __new__(cls, value: str, text: str) -> Self:
+    def __new__(cls, value: str, text: str = "") -> Self:
         """Its name in records, and its words."""
         made = str.__new__(cls, value)
         made._value_, made.text = value, text

@@ -45,7 +45,13 @@ class Way(StrEnum):
     shift: float
     purpose: str
 
-    def __new__(cls, value: str, direction: TraceDirection, shift: float, purpose: str) -> Self:
+    def __new__(
+        cls,
+        value: str,
+        direction: TraceDirection = TraceDirection.FORWARD_X,
+        shift: float = 0.0,
+        purpose: str = "",
+    ) -> Self:
         """Its name in records, and the attributes."""
         made = str.__new__(cls, value)
         made._value_, made.direction, made.shift, made.purpose = value, direction, shift, purpose

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from re import _parser  # type: ignore[attr-defined]  # from 3.11 on; hypothesis uses it as well
+from re import _compiler, _parser  # type: ignore[attr-defined]  # from 3.11 on; hypothesis uses the parser as well
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,36 +36,6 @@ MOST_STEPS = 2_000_000
 
 _BODY = re.compile(r"\^?((?:[^\\]|\\.)*?)\$?", re.DOTALL)
 """An expression without the anchors of a whole text."""
-
-
-_CLASSES = {
-    "CATEGORY_DIGIT": r"\d",
-    "CATEGORY_NOT_DIGIT": r"\D",
-    "CATEGORY_WORD": r"\w",
-    "CATEGORY_NOT_WORD": r"\W",
-    "CATEGORY_SPACE": r"\s",
-    "CATEGORY_NOT_SPACE": r"\S",
-}
-
-
-def _members(item: str, value: Any, chars: Chars) -> Chars | None:
-    """Those of some characters that an item of Python's parser takes; None where it takes no single one."""
-    match item:
-        case "ANY":
-            return chars - {"\n"}
-        case "LITERAL":
-            return chars & {chr(value)}
-        case "NOT_LITERAL":
-            return chars - {chr(value)}
-        case "RANGE":
-            return frozenset(c for c in chars if value[0] <= ord(c) <= value[1])
-        case "CATEGORY":
-            one = re.compile(_CLASSES[str(value)], re.ASCII)
-            return frozenset(filter(one.fullmatch, chars))
-        case "IN":
-            found = frozenset[str]().union(*(_members(str(one), more, chars) or () for one, more in value))
-            return chars - found if str(value[0][0]) == "NEGATE" else found
-    return None
 
 
 def _written(items: Iterable[tuple[Any, Any]]) -> Iterator[str]:
@@ -202,6 +172,7 @@ class _Net:
         self.steps = 0
         self.free: list[list[int]] = []
         self.eats: dict[int, tuple[Chars, int]] = {}
+        self.known: dict[str, Chars] = {}
         self.end = self.node()
         if items.state.flags & ~re.UNICODE:
             raise self._more_than_characters()
@@ -215,23 +186,30 @@ class _Net:
 
     def _row(self, items: Any, end: int) -> int:
         """The node from which a text of all items, one after the other, leads to `end`."""
-        for item, value in reversed(items):
-            end = self._item(str(item), value, end)
+        for k in range(len(items) - 1, -1, -1):
+            end = self._item(items[k : k + 1], end)
         return end
 
-    def _item(self, item: str, value: Any, end: int) -> int:
-        if (members := _members(item, value, self.chars)) is not None:
-            node = self.node()
-            self.eats[node] = (members, end)
-            return node
-        match item:
+    def _members(self, part: Any) -> Chars:
+        """Characters that a part of Python's parser takes, one of them at a time."""
+        if (name := repr(part.data)) not in self.known:
+            taken = _compiler.compile(part, re.ASCII).fullmatch
+            self.known[name] = frozenset(filter(taken, self.chars))
+        return self.known[name]
+
+    def _item(self, part: Any, end: int) -> int:
+        ((item, value),) = part
+        match str(item):
+            case "ANY" | "LITERAL" | "NOT_LITERAL" | "IN":
+                node = self.node()
+                self.eats[node] = (self._members(part), end)
+                return node
             case "SUBPATTERN" if not (value[1] or value[2]):  # options that a group sets and clears
                 return self._row(value[3], end)
             case "BRANCH":
                 return self.node(*[self._row(row, end) for row in value[1]])
             case "MAX_REPEAT" | "MIN_REPEAT" | "POSSESSIVE_REPEAT":
-                least, most, part = value
-                return self._repeat(least, most, part, end)
+                return self._repeat(*value, end)
         raise self._more_than_characters()
 
     def _more_than_characters(self) -> FormatError:
