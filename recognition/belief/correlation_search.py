@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
@@ -35,6 +36,7 @@ from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
+from recognition.ranges import Chance, Ratio
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
 from whisker_array.whisker.touch import Touch, default_touch
@@ -52,7 +54,7 @@ STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
 """Appearances that are searched, most frequent first."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@checked(frozen=True, kw_only=True)
 class CorrelationLimits:
     """Resolution and range of a search by templates.
 
@@ -72,14 +74,14 @@ class CorrelationLimits:
         off_heights: a line is read again if a character lies further from its row than this, character heights.
 
     Raises:
-        ValueError: heights or their ratio out of range: the search would not end.
+        ValueError: a number out of its range.
     """
 
     coarse_pixels: int = 16
     fine_pixels: int = 32
-    smallest: float = 0.13
-    largest: float = 0.95
-    size_step: float = 1.1
+    smallest: Chance = 0.13
+    largest: Chance = 0.95
+    size_step: Ratio = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
     slopes: tuple[float, ...] = (-0.09, -0.045, 0.0, 0.045, 0.09)
@@ -88,13 +90,6 @@ class CorrelationLimits:
     beyond_heights: float = 1.0
     most_rereads: int = 3
     off_heights: float = 0.06
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.smallest <= self.largest and self.size_step > 1.0):
-            raise ValueError(
-                f"sizes from {self.smallest} to {self.largest} by {self.size_step}; they must ascend, "
-                "and their ratio is above 1"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +104,7 @@ class CorrelationSearch(LineSearch):
 
     fonts: Sequence[Font]
     cache: TemplateCache
-    matching: CorrelationLimits = CorrelationLimits()
+    matching: CorrelationLimits = field(default_factory=CorrelationLimits)
 
     @property
     def _tries(self) -> Sequence[tuple[MarkStyle, slice]]:
@@ -175,10 +170,7 @@ class CorrelationSearch(LineSearch):
     @property
     def _places(self) -> tuple[str, ...] | None:
         """Characters that the format allows at each place; None if their number is not fixed."""
-        lengths = None if self.grammar is None else self.grammar.lengths()
-        if self.grammar is None or lengths is None or len(lengths) != 1:
-            return None
-        return self.grammar.places(next(iter(lengths)))
+        return None if self.grammar is None else self.grammar.fixed_places
 
     @property
     def _gaps(self) -> frozenset[int]:

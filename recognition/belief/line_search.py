@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import line_belief
@@ -30,7 +33,7 @@ MOST_SCANS = 2
 """Most scales at which a height map is scanned until a reading is accepted."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@checked(frozen=True, kw_only=True)
 class SearchLimits:
     """Limits of a line search: how many lines it reads, how it moves them, and from which promise it stops.
 
@@ -52,9 +55,9 @@ class SearchLimits:
         ValueError: a number of lines to read or to move that is not positive, or shares out of order.
     """
 
-    most_lines: int = 6
+    most_lines: PositiveInt = 6
     most_turned: int = 3
-    most_moved: int = 2
+    most_moved: PositiveInt = 2
     slants_deg: tuple[float, ...] = (30.0, -30.0, 60.0, -60.0)
     plain: float = 0.9
     sure: float = 0.7
@@ -66,10 +69,6 @@ class SearchLimits:
     most_growths: int = 3
 
     def __post_init__(self) -> None:
-        if min(self.most_lines, self.most_moved) < 1:
-            raise ValueError(
-                f"{self.most_lines} lines to read and {self.most_moved} to move; give at least 1"
-            )
         if not self.some <= self.sure <= self.plain:
             raise ValueError(f"some, sure and plain must ascend, not {self.some}, {self.sure}, {self.plain}")
 
@@ -92,7 +91,7 @@ class LineSearch:
     height_mm: float | None = None
     region: Region | None = None
     orientation: Orientation = Orientation.ANY
-    limits: SearchLimits = SearchLimits()
+    limits: SearchLimits = field(default_factory=SearchLimits)
 
     @property
     def rare(self) -> str:

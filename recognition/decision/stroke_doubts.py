@@ -9,12 +9,15 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from pydantic.dataclasses import dataclass as checked
+
 from recognition.decision.decide import Decision
 from recognition.decision.flags import BROKEN, EXPLANATIONS, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
 from recognition.marks.grade import Action
 from recognition.marks.strokes_felt import LIVE, RivalStrokes
+from recognition.ranges import Chance
 
 _REMEDIES = {
     Action.NONE: "look at the part",
@@ -48,7 +51,7 @@ class MissingLimits:
     other_font: float = 0.06
 
 
-@dataclass(frozen=True, kw_only=True)
+@checked(frozen=True, kw_only=True)
 class RivalLimits:
     """Limits from which strokes do not exclude a rival of a character.
 
@@ -62,18 +65,17 @@ class RivalLimits:
             gives more.
 
     Raises:
-        ValueError: a `left` that is not positive: its logarithm is compared.
+        ValueError: a number out of its range.
     """
 
-    left: float = 0.002
+    left: Chance = 0.002
     distinct_heights: float = 0.25
     least_belief: float = 0.03
     hidden_share: float = 0.5
     hidden_margin: float = 2.5
 
-    def __post_init__(self) -> None:
-        if not self.left > 0.0:
-            raise ValueError(f"left is {self.left}; it must be positive")
+
+RIVAL_LIMITS = RivalLimits()
 
 
 def add_stroke_findings(
@@ -81,7 +83,7 @@ def add_stroke_findings(
     *,
     text_felt: float = 0.35,
     missing: MissingLimits = MissingLimits(),
-    rivals: RivalLimits = RivalLimits(),
+    rivals: RivalLimits = RIVAL_LIMITS,
 ) -> Reading:
     """Add findings about the strokes: most of a character is missing, or they fit a rival as well.
 

@@ -143,6 +143,12 @@ class Grammar:
         strings = self.strings(n_places)
         return None if strings.empty else strings.places()
 
+    @property
+    def fixed_places(self) -> tuple[str, ...] | None:
+        """The characters at each place; None where the number of places is not fixed, or no serial has so many."""
+        lengths = self.lengths()
+        return self.places(next(iter(lengths))) if lengths is not None and len(lengths) == 1 else None
+
     def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
         """Return the serials of a length, of these characters only (default: all of the grammar).
 

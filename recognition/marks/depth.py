@@ -37,6 +37,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass as checked
 
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.depth_sampling import (
@@ -50,12 +52,13 @@ from recognition.marks.depth_sampling import (
     turn_matrix,
 )
 from recognition.marks.laid_text import LaidText
+from recognition.ranges import Angles, Factors, Percent, ThreeOrMore
 from whisker_array.estimation.relief import Relief
 
 Points = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class SettleSearch:
     """Poses to try for a character's centre line, about the pose that was read.
 
@@ -67,20 +70,14 @@ class SettleSearch:
         every: use every so many-th point of the centre line.
 
     Raises:
-        ValueError: nothing to try, a size that is not positive, or fewer than one step or point.
+        ValueError: a number out of its range.
     """
 
     shift_heights: float = 0.05
-    shift_steps: int = 2
-    turns_deg: tuple[float, ...] = (-3.0, -1.5, 0.0, 1.5, 3.0)
-    sizes: tuple[float, ...] = (0.96, 0.98, 1.0, 1.02, 1.04)
-    every: int = 3
-
-    def __post_init__(self) -> None:
-        if not (self.turns_deg and self.sizes) or min(self.sizes) <= 0.0:
-            raise ValueError(f"{self} needs a turn and a size above 0; give 0 and 1 to leave them")
-        if min(self.shift_steps, self.every) < 1:
-            raise ValueError(f"shift_steps {self.shift_steps} and every {self.every} must be 1 or more")
+    shift_steps: PositiveInt = 2
+    turns_deg: Angles = (-3.0, -1.5, 0.0, 1.5, 3.0)
+    sizes: Factors = (0.96, 0.98, 1.0, 1.02, 1.04)
+    every: PositiveInt = 3
 
     @cached_property
     def turns(self) -> tuple[Points, ...]:
@@ -88,7 +85,7 @@ class SettleSearch:
         return tuple(turn_matrix(angle) for angle in self.turns_deg)
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class DepthRules:
     """Measures of depth along a centre line, and of the land beside it.
 
@@ -111,32 +108,20 @@ class DepthRules:
         least_known: share of the centre line that must have been felt for a depth to be given.
 
     Raises:
-        ValueError: quantiles that are not in order within 0 to 100, or a number that is below 1 (of land 3, for a
-            plane).
+        ValueError: a number out of its range.
     """
 
-    shallow_percentile: float = 10.0
-    deep_percentile: float = 90.0
+    shallow_percentile: Percent = 10.0
+    deep_percentile: Percent = 90.0
     sideways_heights: float = 0.03
-    sideways_steps: int = 13
-    burr_steps: int = 9
-    smoothing_points: int = 5
+    sideways_steps: PositiveInt = 13
+    burr_steps: PositiveInt = 9
+    smoothing_points: PositiveInt = 5
     land_reach_heights: float = 0.35
     burr_reach_heights: float = 0.1
-    plane_samples: int = 400
-    least_land: int = 30
+    plane_samples: ThreeOrMore = 400
+    least_land: ThreeOrMore = 30
     least_known: float = 0.5
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.shallow_percentile <= self.deep_percentile <= 100.0:
-            raise ValueError(
-                f"shallow_percentile {self.shallow_percentile} and deep_percentile {self.deep_percentile} must be in "
-                "order within 0 to 100"
-            )
-        if min(self.sideways_steps, self.burr_steps, self.smoothing_points) < 1:
-            raise ValueError(f"{self} has a number of steps or points below 1")
-        if min(self.plane_samples, self.least_land) < 3:
-            raise ValueError(f"{self} has fewer than 3 samples of land, and a plane needs 3")
 
 
 SETTLE_SEARCH = SettleSearch()

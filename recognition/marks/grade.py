@@ -16,14 +16,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
+from recognition.ranges import GradeValue, Percent, Share
 
-@dataclass(frozen=True)
+FourShares: TypeAlias = tuple[Share, Share, Share, Share]
+"""Limits of the grades 4, 3, 2 and 1."""
+
+
+@checked(frozen=True)
 class GradeRules:
     """Measures of a mark and the limits of its grades.
 
@@ -41,35 +47,26 @@ class GradeRules:
         contamination: greatest values for the same grades.
 
     Raises:
-        ValueError: limits that are not four in order, a share beyond 0 to 1, a quantile beyond 0 to 100, or a grade
-            beyond 0 to 4.
+        ValueError: limits that are not four in order, or a number out of range.
     """
 
-    stroke_share: float = 0.3
-    contrast_percentile: float = 75.0
-    felt_share: float = 0.4
-    least_felt: float = 0.1
-    foreign_share: float = 0.5
-    least_contrast: float = 0.3
-    passing: int = 2
-    contrast: tuple[float, float, float, float] = (0.7, 0.55, 0.4, 0.25)
-    completeness: tuple[float, float, float, float] = (0.92, 0.84, 0.75, 0.6)
-    contamination: tuple[float, float, float, float] = (0.02, 0.05, 0.08, 0.15)
+    stroke_share: Share = 0.3
+    contrast_percentile: Percent = 75.0
+    felt_share: Share = 0.4
+    least_felt: Share = 0.1
+    foreign_share: Share = 0.5
+    least_contrast: Share = 0.3
+    passing: GradeValue = 2
+    contrast: FourShares = (0.7, 0.55, 0.4, 0.25)
+    completeness: FourShares = (0.92, 0.84, 0.75, 0.6)
+    contamination: FourShares = (0.02, 0.05, 0.08, 0.15)
 
     def __post_init__(self) -> None:
-        falling = (self.contrast, self.completeness, self.contamination[::-1])
-        if any(len(limits) != 4 or list(limits) != sorted(limits, reverse=True) for limits in falling):
-            raise ValueError(
-                "limits are four: of contrast and completeness from the greatest to the least, of contamination the "
-                "other way round"
-            )
-        shares = (self.stroke_share, self.felt_share, self.least_felt, self.foreign_share)
-        if not all(0.0 <= share <= 1.0 for share in (*shares, self.least_contrast)):
-            raise ValueError(f"{self} has a share beyond 0 to 1")
-        if not 0.0 <= self.contrast_percentile <= 100.0:
-            raise ValueError(f"contrast_percentile is {self.contrast_percentile}; give 0 to 100")
-        if self.passing not in range(5):
-            raise ValueError(f"passing is {self.passing}; give a grade from 0 to 4")
+        for limits in (self.contrast, self.completeness, self.contamination[::-1]):
+            if list(limits) != sorted(limits, reverse=True):
+                raise ValueError(
+                    "limits of contrast and completeness fall, those of contamination rise from grade 4 to 1"
+                )
 
 
 GRADE_RULES = GradeRules()

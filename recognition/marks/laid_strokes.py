@@ -11,19 +11,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveFloat, PositiveInt
+from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from recognition.marks.centre_lines import centre_line
 from recognition.marks.depth_sampling import DepthField, mean_depths, percentile, turn_matrix
+from recognition.ranges import Angles, Factors, Percent
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class PoseSearch:
     """Poses of a character to try, and the gain in depth that each must bring.
 
@@ -43,27 +47,19 @@ class PoseSearch:
         shift_cost: cost of a shift by a character height along either axis.
 
     Raises:
-        ValueError: nothing to try, a factor that is not positive, or fewer than one step or point.
+        ValueError: a number out of its range.
     """
 
-    turns_deg: tuple[float, ...] = (-14.0, -7.0, 0.0, 7.0, 14.0)
-    widths: tuple[float, ...] = (0.78, 0.9, 1.0, 1.12, 1.28)
-    heights: tuple[float, ...] = (0.95, 1.05)
+    turns_deg: Angles = (-14.0, -7.0, 0.0, 7.0, 14.0)
+    widths: Factors = (0.78, 0.9, 1.0, 1.12, 1.28)
+    heights: Factors = (0.95, 1.05)
     shift_heights: float = 0.16
-    shift_steps: int = 5
-    every: int = 3
+    shift_steps: PositiveInt = 5
+    every: PositiveInt = 3
     turn_cost: float = 0.006
     width_cost: float = 0.2
     height_cost: float = 0.4
     shift_cost: float = 0.2
-
-    def __post_init__(self) -> None:
-        if not (self.turns_deg and self.widths and self.heights):
-            raise ValueError("a search needs a turn, a width and a height; give 0, 1 and 1 to leave them")
-        if min(*self.widths, *self.heights) <= 0.0:
-            raise ValueError(f"factors of the size must be positive: {self.widths}, {self.heights}")
-        if min(self.shift_steps, self.every) < 1:
-            raise ValueError(f"shift_steps {self.shift_steps} and every {self.every} must be 1 or more")
 
     @cached_property
     def matrices(self) -> Floats:
@@ -85,7 +81,7 @@ class PoseSearch:
         )
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class StrokeLimits:
     """Limits from which a stroke counts as felt, and the windows in which it is looked for.
 
@@ -107,29 +103,22 @@ class StrokeLimits:
         calm_spreads: same quantile of the magnitudes of normal noise, standard deviations.
 
     Raises:
-        ValueError: a length or a spread that is not positive, or a quantile beyond 0 to 100.
+        ValueError: a number out of its range.
     """
 
-    step_heights: float = 0.05
+    step_heights: PositiveFloat = 0.05
     alike_heights: float = 0.13
     felt_share: float = 0.4
     felt_noise: float = 3.0
     heap_share: float = 0.5
     beside_heights: float = 0.07
-    land_heights: float = 1.2
-    land_steps: int = 6
-    window_heights: float = 0.9
-    cell_heights: float = 0.6
-    deep_percent: float = 95.0
-    calm_percent: float = 30.0
-    calm_spreads: float = 0.385
-
-    def __post_init__(self) -> None:
-        lengths = (self.step_heights, self.land_heights, self.window_heights, self.cell_heights)
-        if min(*lengths, self.land_steps, self.calm_spreads) <= 0.0:
-            raise ValueError(f"{self} has a length, a number of samples or a spread that is not positive")
-        if not all(0.0 <= percent <= 100.0 for percent in (self.deep_percent, self.calm_percent)):
-            raise ValueError(f"{self} has a quantile beyond 0 to 100 percent")
+    land_heights: PositiveFloat = 1.2
+    land_steps: PositiveInt = 6
+    window_heights: PositiveFloat = 0.9
+    cell_heights: PositiveFloat = 0.6
+    deep_percent: Percent = 95.0
+    calm_percent: Percent = 30.0
+    calm_spreads: PositiveFloat = 0.385
 
 
 POSE_SEARCH = PoseSearch()
@@ -204,15 +193,16 @@ class PlacesFelt:
         blurred = ndimage.uniform_filter(depth, 3)
         self.noise = _spread(blurred[known], limits) if known.any() else 0.0
         wide = max(3, round(2 * limits.beside_heights * self.height_px) | 1)
-        maps = (depth, ndimage.maximum_filter(blurred, wide), ndimage.uniform_filter(depth, wide), known)
+        nearest, mean = ndimage.maximum_filter(blurred, wide), ndimage.uniform_filter(depth, wide)
+        # beyond the map lies land, of which nothing is known
+        maps = [np.pad(one, 1) for one in (depth, nearest, mean, known)]
         self._windows = [self._window(maps, middles, k, float(turn)) for k, turn in enumerate(turns_deg)]
 
-    def _window(
-        self, maps: Sequence[NDArray[np.generic]], middles: Floats, place: int, turn: float
-    ) -> _Window:
-        low = np.rint(middles[place]).astype(np.intp) - self._reach
-        cut = [_square_about(one, low, 2 * self._reach + 1) for one in maps]
+    def _window(self, maps: Sequence[NDArray[Any]], middles: Floats, place: int, turn: float) -> _Window:
         at = np.arange(-self._reach, self._reach + 1)
+        around = np.rint(middles[place]).astype(np.intp)[:, None] + 1 + at
+        rows, columns = np.clip(around, 0, np.array(maps[0].shape)[:, None] - 1)
+        cut = [one[np.ix_(rows, columns)] for one in maps]
         matrix = turn_matrix(turn)
         along = at * matrix[0, 0] + at[:, None] * matrix[0, 1]
         before, after = (
@@ -223,7 +213,7 @@ class PlacesFelt:
         own = (along > -min(before, most)) & (along < min(after, most))
         depth = np.where(own, cut[0], 0.0)
         deep = max(percentile(depth[own], self.limits.deep_percent), 1e-9)
-        open_ = cut[3].astype(np.bool_) & (cut[2] > -self.limits.heap_share * deep)
+        open_ = cut[3] & (cut[2] > -self.limits.heap_share * deep)
         return _Window(deep, matrix, np.minimum(depth, deep), cut[1], open_, own)
 
     def depth_mm(self) -> float:
@@ -274,18 +264,6 @@ def _pieces(font: Font, char: str, step: float) -> Floats:
     points = centre_line(font, char).points
     _, first = np.unique(np.floor(points / step), axis=0, return_index=True)
     return points[np.sort(first)]
-
-
-def _square_about(values: NDArray[np.generic], low: NDArray[np.intp], size: int) -> NDArray[np.float64]:
-    """A square of a map; 0, which is land, and not known, beyond it."""
-    out = np.zeros((size, size))
-    first, last = np.maximum(low, 0), np.minimum(low + size, values.shape)
-    if (last > first).all():
-        r, c = first - low
-        out[r : r + last[0] - first[0], c : c + last[1] - first[1]] = values[
-            first[0] : last[0], first[1] : last[1]
-        ]
-    return out
 
 
 def _spread(depth: Floats, limits: StrokeLimits) -> float:

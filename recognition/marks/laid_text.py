@@ -13,6 +13,8 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveInt
+from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
@@ -29,6 +31,7 @@ from recognition.glyph_match.predicted import PIXELS, template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.glyph_match.template_cache import TemplateCache
 from recognition.marks.strokes_felt import PlaceStrokes
+from recognition.ranges import Ratio
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch
@@ -41,7 +44,7 @@ MOST_SAG_HEIGHTS = 0.3
 """A line that bends more has each character turned otherwise than templates, which are straight."""
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class FitSearch:
     """Limits of the search for the font, die, height and places of a text.
 
@@ -53,20 +56,14 @@ class FitSearch:
         most_steps: most such steps either way: turned lines are found too high, by 16 % at 8 degrees.
 
     Raises:
-        ValueError: a factor that is not above 1, or no pixels.
+        ValueError: a number out of its range.
     """
 
     moved_heights: float = 0.15
     struck_fit: float = 0.7
-    coarse_pixels: int = 20
-    size_step: float = 1.04
+    coarse_pixels: PositiveInt = 20
+    size_step: Ratio = 1.04
     most_steps: int = 5
-
-    def __post_init__(self) -> None:
-        if not self.size_step > 1.0:
-            raise ValueError(f"size_step is {self.size_step}; give a factor above 1")
-        if self.coarse_pixels < 1:
-            raise ValueError(f"coarse_pixels is {self.coarse_pixels}; give 1 or more")
 
 
 FIT_SEARCH = FitSearch()

@@ -20,6 +20,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveFloat
+from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from recognition.language.confusions import SWAP_SETS
@@ -34,6 +36,7 @@ from recognition.marks.laid_strokes import (
     PoseSearch,
     StrokeLimits,
 )
+from recognition.ranges import Chance
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief
 
@@ -42,7 +45,7 @@ LIVE = 0.004
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@checked(frozen=True)
 class StrokeEvidence:
     """Evidence from felt and missing pieces of strokes.
 
@@ -56,23 +59,15 @@ class StrokeEvidence:
         most_absent: most evidence of all missing pieces against a character, nats: absence never excludes it fully.
 
     Raises:
-        ValueError: a probability that is not above 0 and at most 1, or a piece without length.
+        ValueError: a number out of its range.
     """
 
-    piece_heights: float = 0.25
-    falsely_felt: float = 0.05
-    filled: float = 0.03
+    piece_heights: PositiveFloat = 0.25
+    falsely_felt: Chance = 0.05
+    filled: Chance = 0.03
     filled_of_missing: float = 0.8
-    most_filled: float = 0.7
+    most_filled: Chance = 0.7
     most_absent: float = 6.0
-
-    def __post_init__(self) -> None:
-        if not all(0.0 < share <= 1.0 for share in (self.falsely_felt, self.filled, self.most_filled)):
-            raise ValueError(f"{self} has a probability that is not above 0 and at most 1")
-        if not self.piece_heights > 0.0:
-            raise ValueError(
-                f"pieces of strokes are {self.piece_heights} heights long; give a length above 0"
-            )
 
 
 STROKE_EVIDENCE = StrokeEvidence()

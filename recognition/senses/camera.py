@@ -58,9 +58,7 @@ class VisionReader:
                 hint="add the expert network, or read by touch: --mode tactile",
             )
         repertoire = Repertoire(self.settings)
-        self.chars, self.grammar = repertoire.chars, repertoire.grammar
-        self.places, self.gaps = repertoire.places, repertoire.gaps
-        self.fonts = repertoire.fonts
+        self.chars, self.grammar, self.fonts = repertoire.chars, repertoire.grammar, repertoire.fonts
         self._readers = {
             scaled: LineReader(
                 LineSearch(

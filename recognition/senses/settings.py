@@ -144,7 +144,6 @@ class Repertoire:
         strokes_of: fonts whose strokes may be a part's: those, and the ones that stand for others.
         grammar: what serials may be.
         places: characters at each place; None where their number is open.
-        gaps: places followed by a word gap.
         chars: all that is looked for.
     """
 
@@ -160,26 +159,13 @@ class Repertoire:
         known = {font.name for font in self.fonts}
         self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
         self.grammar = settings.grammar
-        self.places: tuple[str, ...] | None = None
-        self.gaps: frozenset[int] = frozenset()
         others = {char for line in settings.asked.values() for char in line.grammar.characters}
-        self.chars = "".join(sorted({*ALPHANUMERIC, *others}))
-        if self.grammar is None:
-            self.chars = "".join(sorted({*self.chars, *SIGNS}))
-            return
         # characters that the format forbids are looked for as well: where one stands, it is not passed over
-        self.chars = "".join(sorted({*self.chars, *self.grammar.characters}))
-        lengths = self.grammar.lengths()
-        if lengths is None or len(lengths) != 1:
-            return
-        self.places = self.grammar.places(next(iter(lengths)))
-        self.gaps = self.grammar.gaps
-        if self.places is None:
-            return
-        lacks = {f: next((p for p in self.places if not set(p) & set(f.glyphs)), "") for f in self.fonts}
-        for font in self.fonts:
-            if lacks[font] and settings.fonts:
-                raise FontError(
-                    f"font {font.name!r} has no {lacks[font]!r}, which the format "
-                    f"{settings.format if isinstance(settings.format, str) else 'given'!r} needs"
-                )
+        own = SIGNS if self.grammar is None else self.grammar.characters
+        self.chars = "".join(sorted({*ALPHANUMERIC, *others, *own}))
+        self.places = None if self.grammar is None else self.grammar.fixed_places
+        for font in self.fonts if settings.fonts else ():
+            lacks = next((chars for chars in self.places or () if not set(chars) & set(font.glyphs)), "")
+            if lacks:
+                asked = settings.format if isinstance(settings.format, str) else "given"
+                raise FontError(f"font {font.name!r} has no {lacks!r}, which the format {asked!r} needs")

@@ -66,8 +66,7 @@ class TactileReader:
         self.settings = (settings if settings is not None else ReaderSettings()).of("tactile")
         repertoire = Repertoire(self.settings)
         self.chars, self.grammar = repertoire.chars, repertoire.grammar
-        self.places, self.gaps = repertoire.places, repertoire.gaps
-        self.fonts, self.named = repertoire.fonts, bool(self.settings.fonts)
+        self.places, self.fonts, self.named = repertoire.places, repertoire.fonts, bool(self.settings.fonts)
         self.templates_judge = self.named and "templates" in (self.settings.experts or EXPERTS)
         self.strokes_of = repertoire.strokes_of
         # all fonts that are named compete for every part

@@ -343,11 +343,10 @@ def test_maps_too_small_for_characters_are_rejected(
     assert reader(height_mm=height_mm).read(rough).decision is Decision.REJECT
 
 
-def test_a_format_sets_the_places_and_the_gaps() -> None:
+def test_a_format_sets_the_places() -> None:
     made = Repertoire(ReaderSettings(fonts=("gothic",), format="A 9-9"))
     assert made.places is not None
     assert [len(p) for p in made.places] == [26, 10, 1, 10]
-    assert made.gaps == {0}
     assert set(made.chars) == set("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
 

@@ -12,12 +12,12 @@ from recognition.decision.stroke_doubts import RivalLimits
 @pytest.mark.parametrize(
     ("limits", "wrong", "why"),
     [
-        (SearchLimits, {"most_lines": 0}, "at least 1"),
-        (SearchLimits, {"most_moved": 0}, "at least 1"),
+        (SearchLimits, {"most_lines": 0}, "greater than 0"),
+        (SearchLimits, {"most_moved": 0}, "greater than 0"),
         (SearchLimits, {"sure": 0.95}, "ascend"),
-        (CorrelationLimits, {"size_step": 1.0}, "above 1"),
-        (CorrelationLimits, {"smallest": 0.0}, "ascend"),
-        (RivalLimits, {"left": 0.0}, "positive"),
+        (CorrelationLimits, {"size_step": 1.0}, "greater than 1"),
+        (CorrelationLimits, {"smallest": 0.0}, "greater than 0"),
+        (RivalLimits, {"left": 0.0}, "greater than 0"),
     ],
 )
 def test_limits_that_do_harm_are_refused(limits: type, wrong: dict, why: str) -> None:
