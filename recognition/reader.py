@@ -162,7 +162,7 @@ class Reader:
         lattice = next((own for own in lattices if own is not None), None)
         contradicted = False
         if touch is not None and vision is not None:
-            both = fused_lattice(touch, vision, openly=True)
+            both = fused_lattice(touch, vision, before_format=True)
             if both is not None:
                 lattice, contradicted = both[0], bool(both[1])
         return with_verification(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)

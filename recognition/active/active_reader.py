@@ -142,62 +142,62 @@ class _Part:
         self.missing: tuple[LackingLines, ...] = ()
 
     def read(self) -> ActiveReading:
+        stop = self._feel_on()
+        sure_at_look = stop is StopReason.SURE
+        if self.reading is None or self.looks_since:
+            self._look()
+            self.reading = self._full_reading()
+        reading = self.reading.with_findings(*bench_findings(self.faults))
+        if not sure_at_look:
+            sure = (
+                self.active.settings.until_sure
+                and stop is not StopReason.STAGE_FAILED
+                and self.trust.takes(reading)
+            )
+            if sure and not self._places_lacking_lines(reading):
+                stop = StopReason.SURE
+            reading = self.trust.apply_trust(reading)
+            if self.scan is not None and reading.decision is Decision.ACCEPT:
+                reading = review_lacking_lines(reading, self.scan)
+        if not reading.characters and stop is StopReason.NO_GAIN:
+            stop = StopReason.NOTHING_FOUND
+        if stop is StopReason.STAGE_FAILED:
+            note = f"the stage failed between passes: {self.problem}"
+            reading = reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
+        return ActiveReading(
+            reading, tuple(self.passes), stop, steps=self.progress.history, sure_at_look=sure_at_look,
+            problem=self.problem, scan=self.scan,
+        )  # fmt: skip
+
+    def _feel_on(self) -> StopReason:
+        """Feel one step after the other; return why there are no more."""
         settings = self.active.settings
         while True:
             chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)
             if isinstance(chosen, StopReason):
                 # read what was felt before giving up
                 if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
-                    break
+                    return chosen
                 ended = self._stop_reason()
-                if ended is None:
-                    continue
-                chosen = ended
-                break
-            before = len(self.passes)
-            if not self._feel(chosen):
-                chosen = StopReason.STAGE_FAILED
-                break
-            start = time.process_time()
-            # without early stopping, looks only serve to find the region of the line
-            look = self._look() if settings.until_sure or self.region == self.fitting.field_mm else None
-            self.progress = self.progress.after(chosen, look)
-            self.looks_since += 1
-            ended = self._stop_reason() if settings.until_sure and self._reading_is_due(look) else None
-            self._record(before, look, time.process_time() - start)
+            elif self._feel(chosen):
+                ended = self._think(chosen)
+            else:
+                return StopReason.STAGE_FAILED
             if ended is not None:
-                chosen = ended
-                break
-        sure_at_look = chosen is StopReason.SURE
-        if self.reading is None or self.looks_since:
-            self._look()
-            self.reading = self._full_reading()
-        self.reading = self.reading.with_findings(*bench_findings(self.faults))
-        if not sure_at_look:
-            if (
-                settings.until_sure
-                and chosen is not StopReason.STAGE_FAILED
-                and self.trust.takes(self.reading)
-                and not self._places_lacking_lines(self.reading)
-            ):
-                chosen = StopReason.SURE
-            self.reading = self.trust.apply_trust(self.reading)
-            if self.scan is not None and self.reading.decision is Decision.ACCEPT:
-                self.reading = review_lacking_lines(self.reading, self.scan)
-        if not self.reading.characters and chosen is StopReason.NO_GAIN:
-            chosen = StopReason.NOTHING_FOUND
-        if chosen is StopReason.STAGE_FAILED:
-            note = f"the stage failed between passes: {self.problem}"
-            self.reading = self.reading.with_findings(Finding(ReadingFlag.STAGE_FAILED, note))
-        return ActiveReading(
-            self.reading,
-            tuple(self.passes),
-            chosen,
-            steps=self.progress.history,
-            sure_at_look=sure_at_look,
-            problem=self.problem,
-            scan=self.scan,
-        )
+                return ended
+
+    def _think(self, step: Step) -> StopReason | None:
+        """Look at what a step has felt, and read it where that is due; return why to stop, or None to feel more."""
+        start, until_sure = time.process_time(), self.active.settings.until_sure
+        # without early stopping, looks only serve to find the region of the line
+        look = self._look() if until_sure or self.region == self.fitting.field_mm else None
+        self.progress = self.progress.after(step, look)
+        self.looks_since += 1
+        ended = self._stop_reason() if until_sure and self._reading_is_due(look) else None
+        text, confidence = ("", 0.0) if look is None else (look.text, look.confidence)
+        thought_s = time.process_time() - start
+        self.passes[-1] = replace(self.passes[-1], thought_s=thought_s, text=text, confidence=confidence)
+        return ended
 
     def _next(self, *, left_s: float) -> Step | StopReason:
         """Choose the next step: lines still missing to exclude rivals of a sure text, or else the policy's choice."""
@@ -273,14 +273,9 @@ class _Part:
             return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
         relief = relief_of(self.scan, self.edges)
         reading = self.active.reader.read_edge_map(
-            self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
+            self.edges, self.scan.touch, relief=relief, about=self.line
         )
         return reading.with_trace(scan=self.scan)
-
-    def _record(self, before: int, look: Look | None, thought_s: float) -> None:
-        """Record the text and confidence after a step with its last pass."""
-        text, confidence = ("", 0.0) if look is None else (look.text, look.confidence)
-        self.passes[-1] = replace(self.passes[-1], thought_s=thought_s, text=text, confidence=confidence)
 
 
 def region_around(line: TextLine, field_mm: Region) -> Region:

@@ -12,7 +12,7 @@ from itertools import cycle
 
 from glyphs.surface.display import one_line
 from recognition.belief.line_reader import LineReader, apart
-from recognition.belief.line_search import says_much
+from recognition.belief.line_search import is_convincing
 from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.lines.moves import LONGER, MOVES, lengthen, move_line
@@ -90,12 +90,12 @@ class LineWatch:
             near = [*known, next(self._beside)(known[0])]  # one place beside the line, in turns
         else:
             near = [*known, *self.lines.search.candidates(view)[:most_found]]
-        seen = self.lines.search.looks(view, near)
+        seen = self.lines.search.read_once(view, near)
         if not seen:
             return None
         if not self._sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
-        self.line, self._sure = seen[0].line, says_much(seen, self.lines.search.limits.sure)
+        self.line, self._sure = seen[0].line, is_convincing(seen, self.lines.search.limits.sure)
         choice = choose(seen[0].belief.lattice, self.lines.grammar)
         return Look(seen[0], choice, self._others) if choice.text else None
 

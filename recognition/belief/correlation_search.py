@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass as checked
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
 from recognition.belief.line_belief import line_belief
-from recognition.belief.line_search import LineSearch, of_other_scales, promise_of, says_much
+from recognition.belief.line_search import LineSearch, is_convincing, of_other_scales, promise_of
 from recognition.belief.part_lines import ReadLine, about_region
 from recognition.experts.steps import Steps
 from recognition.glyph_match.chain import Placed
@@ -128,20 +128,20 @@ class CorrelationSearch(LineSearch):
         for style, sizes in self._tries:
             lines = self._candidates(view, style, sizes)
             seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
-            if says_much(self.meant(view, seen), self.limits.sure):
+            if is_convincing(self.in_region(view, seen), self.limits.sure):
                 break
         return seen
 
-    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+    def read_once(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; the most promising comes first."""
         seen: list[ReadLine] = []
         for style in STYLES:
             seen = sorted([*seen, *self._looks(view, lines, style)], key=promise_of, reverse=True)
-            if says_much(seen, self.limits.sure):
+            if is_convincing(seen, self.limits.sure):
                 break
         return seen
 
-    def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+    def refine(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Return the best line; `looks` has already moved it to its place."""
         return seen[0]
 

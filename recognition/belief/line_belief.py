@@ -51,7 +51,7 @@ class LineBelief:
     __repr__ = one_line
 
     @cached_property
-    def openly(self) -> tuple[Lattice, Floats]:
+    def open_places(self) -> tuple[Lattice, Floats]:
         """The beliefs in as many places as stand there, of any characters, and their columns."""
         first = self.looks[:1]
         places = (first[0].chars,) * max(count_places(first)[0], 1)

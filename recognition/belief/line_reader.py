@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, line_belief
-from recognition.belief.line_search import UPSIDE_DOWN_DEG, LineSearch, promise_of, says_much
+from recognition.belief.line_search import UPSIDE_DOWN_DEG, LineSearch, is_convincing, promise_of
 from recognition.belief.part_lines import (
     NO_LINES,
     LineFormat,
@@ -78,19 +78,19 @@ class LineReader:
         for one in (view, *others):
             # that one of several lights is sure of a text, where the first one was not, is chance: all are heard then
             looked.append(
-                (one, self.search.looks(one, [about]) if about is not None else self.search.lines(one))
+                (one, self.search.read_once(one, [about]) if about is not None else self.search.lines(one))
             )
-            if says_much(self.search.meant(*looked[-1]), self.search.limits.sure):
+            if is_convincing(self.search.in_region(*looked[-1]), self.search.limits.sure):
                 break
         views = (view, *others)
         view, seen = max(
-            looked, key=lambda each: max(map(promise_of, self.search.meant(*each)), default=-np.inf)
+            looked, key=lambda each: max(map(promise_of, self.search.in_region(*each)), default=-np.inf)
         )
         dimmer = [one for one in views if one is not view]
-        meant = self.search.meant(view, seen)
+        meant = self.search.in_region(view, seen)
         if not meant:
             return PartLines(None)
-        best = self._right_way_up(view, self.search.settle(view, meant))
+        best = self._right_way_up(view, self.search.refine(view, meant))
         closely = len(looked) > 1
         main = self._belief_of(view, best, self.grammar, others=dimmer, closely=closely, twice=twice)
         main = main or best
@@ -135,10 +135,10 @@ class LineReader:
             plain_evidence: log probability of all that the format allows, from which a line is not read upside down
                 as well.
         """
-        plain = says_much([best], self.search.limits.plain) and best.belief.evidence > plain_evidence
+        plain = is_convincing([best], self.search.limits.plain) and best.belief.evidence > plain_evidence
         if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
             return best
-        return max((best, *self.search.looks(view, [best.line.reversed])), key=promise_of)
+        return max((best, *self.search.read_once(view, [best.line.reversed])), key=promise_of)
 
     def _belief_of(
         self,
@@ -206,7 +206,7 @@ def _is_text(one: ReadLine, *, other_belief: float = 0.8, other_places: int = 3)
         other_belief, other_places: mean probability, and places, from which another line on the part is unassigned
             text.
     """
-    lattice, _ = one.belief.openly
+    lattice, _ = one.belief.open_places
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
     return lattice.n_places >= other_places and float(best.mean()) > other_belief
 

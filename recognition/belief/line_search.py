@@ -119,15 +119,15 @@ class LineSearch:
         None of these parts runs down, and few lie upside down.
         """
         found = self._usual(view)
-        seen = self.looks(view, _straight_and_bent(found[:1]))
-        if self.grammar is not None and says_much(self.meant(view, seen), self.limits.plain):
+        seen = self.read_once(view, _straight_and_bent(found[:1]))
+        if self.grammar is not None and is_convincing(self.in_region(view, seen), self.limits.plain):
             # reading the same ink in another way adds nothing, but the part may have other lines. Without a format
             # the length of the line is unknown
             rest = _other_text(found, seen[0].line)
-            return _rank([*seen, *self.looks(view, rest)])
+            return _rank([*seen, *self.read_once(view, rest)])
         # the two best lines are also read as arcs
         others = [*_straight_and_bent(found[1:2]), *(one.line for one in found[2:])]
-        seen = _rank([*seen, *self.looks(view, others)])
+        seen = _rank([*seen, *self.read_once(view, others)])
         tries = [
             (self._whole, self.limits.plain),
             (self._upside_down, self.limits.plain),
@@ -139,9 +139,9 @@ class LineSearch:
         tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, self.limits.some))
         guesses: list[ReadLine] = []
         for candidates, enough in tries:
-            if says_much(self.meant(view, seen), enough):
+            if is_convincing(self.in_region(view, seen), enough):
                 break
-            looked = self.looks(view, candidates(view, seen))
+            looked = self.read_once(view, candidates(view, seen))
             if candidates == self._small:
                 # the best of many noisy tiles looks better than the whole: without promise it is only a guess
                 guesses = [one for one in looked if promise_of(one) <= 0.0]
@@ -154,7 +154,7 @@ class LineSearch:
         """Propose lines, most promising first, without reading them."""
         return [one.line for one in find_lines(view)]
 
-    def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
+    def in_region(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
         """Keep the lines whose middle lies in the serial's region."""
         return [one for one in seen if stands_in(self.region, one.line, view)]
 
@@ -199,7 +199,7 @@ class LineSearch:
         lines = [*_straight_and_bent(best[:1]), *(one.line for one in best[1:])]
         return [*lines, *(line.reversed for line in lines)]
 
-    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+    def read_once(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; the most promising comes first."""
         lines = [line for line in lines if _shows_shapes(view, line) and self.may_run(line)]
         if not lines:
@@ -210,7 +210,7 @@ class LineSearch:
 
     def _read_inside(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """Read each line once; drop those that a move has taken out of the region."""
-        return self.meant(view, self.looks(view, lines))
+        return self.in_region(view, self.read_once(view, lines))
 
     def steps_of(self, view: View, lines: Sequence[TextLine], *, skip_columns: int = 0) -> list[Steps]:
         """Run the recogniser along each line."""
@@ -231,18 +231,18 @@ class LineSearch:
         """Whether the parts' orientation allows a line's direction; one that runs up or down is always allowed."""
         return self.orientation is Orientation.ANY or abs(line.turned_deg) < UPSIDE_DOWN_DEG
 
-    def settle(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+    def refine(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """Refine the best line: move and lengthen it where that makes it more promising."""
         best = seen[0]
         for one in seen[: self.limits.most_moved]:
             best = _rank([best, self._refit_to_ink(view, one)])[0]
-            if says_much([best], self.limits.settled):
+            if is_convincing([best], self.limits.settled):
                 break
-        if not says_much([best], self.limits.sure):
+        if not is_convincing([best], self.limits.sure):
             for one in seen[: self.limits.most_moved]:
                 tried = [*(move_line(one.line, *move) for move in MOVES), *longer(one.line)]
                 best = _rank([best, *self._read_inside(view, tried)])[0]
-                if says_much([best], self.limits.sure):
+                if is_convincing([best], self.limits.sure):
                     break
         elif self.grammar is None:
             # the length is unknown, so another word may follow after a gap
@@ -262,7 +262,7 @@ class LineSearch:
         """Refit a doubtful line to its ink, if that removes much of the doubt."""
         for _ in range(self.limits.most_refits):
             doubt = one.belief.lattice.n_places - promise_of(one)
-            if says_much([one], self.limits.settled):
+            if is_convincing([one], self.limits.settled):
                 break
             known = self.height_mm is not None
             looked = self._read_inside(view, on_ink(view, one.line, one.belief.columns, height_known=known))
@@ -315,7 +315,7 @@ def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
     return [line for one in found for line in (one.line, one.bent) if line is not None]
 
 
-def says_much(seen: Sequence[ReadLine], enough: float) -> bool:
+def is_convincing(seen: Sequence[ReadLine], enough: float) -> bool:
     """Whether the first line is convincing: it reaches this share of the greatest promise that its places allow."""
     if not seen:
         return False

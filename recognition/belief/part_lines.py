@@ -101,7 +101,7 @@ class ReadLine:
     @property
     def open_lattice(self) -> Lattice:
         """The same of its posteriors without the format."""
-        lattice, columns = self.belief.openly
+        lattice, columns = self.belief.open_places
         return replace(lattice, boxes=boxes_of(self.line, columns))
 
     def with_experts(self, more: Mapping[str, Lattice]) -> ReadLine:

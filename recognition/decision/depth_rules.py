@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import CharacterReading, Reading
+from recognition.decision.reading import Reading
 
 INCH_MM = 25.4
 
@@ -204,56 +204,51 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
     return reading.with_findings(*(finding for rule in rules for finding in _violations(reading, rule)))
 
 
-def _violations(reading: Reading, rule: DepthRule) -> Iterable[Finding]:
+def _violations(reading: Reading, rule: DepthRule) -> Iterator[Finding]:
     """Return the limits that a mark breaks; a limit that could not be measured is broken."""
-    places = tuple(enumerate(reading.characters, start=1))
-    height = reading.height_mm
-    window = rule.window(height)
+    marks = {k: (c.char, c.depth) for k, c in enumerate(reading.characters, start=1)}
+    depths = {k: depth for k, (_, depth) in marks.items() if depth is not None}
+    height, window = reading.height_mm, rule.window(reading.height_mm)
+
+    def broken(
+        flag: ReadingFlag, what: str, at_mm: Mapping[int, float | None], hint: str
+    ) -> Iterator[Finding]:
+        """One finding about all places, with what was measured there."""
+        where = [
+            f"{marks[k][0]} at place {k}{'' if mm is None else f' {mm:.3f} mm'}" for k, mm in at_mm.items()
+        ]
+        if where:
+            yield Finding(flag, f"{what} for {rule.name}: {', '.join(where)} ({hint})", tuple(at_mm))
+
     if window is not None:
         least, most = window.least_mm, window.most_mm
-        shallow = {k: _at(k, c, c.depth.min_mm) for k, c in places if c.depth and c.depth.min_mm < least}
-        if shallow:
-            what = f"too shallow for {rule.name}: {', '.join(shallow.values())} (at least {least:g})"
-            yield Finding(ReadingFlag.TOO_SHALLOW, what, tuple(shallow))
-        deep = {k: _at(k, c, c.depth.max_mm) for k, c in places if c.depth and c.depth.max_mm > most}
-        if deep:
-            what = f"too deep for {rule.name}: {', '.join(deep.values())} (at most {most:g})"
-            yield Finding(ReadingFlag.TOO_DEEP, what, tuple(deep))
+        shallow = {k: depth.min_mm for k, depth in depths.items() if depth.min_mm < least}
+        yield from broken(ReadingFlag.TOO_SHALLOW, "too shallow", shallow, f"at least {least:g}")
+        deep = {k: depth.max_mm for k, depth in depths.items() if depth.max_mm > most}
+        yield from broken(ReadingFlag.TOO_DEEP, "too deep", deep, f"at most {most:g}")
     elif rule.windows:
         known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
         yield Finding(
             ReadingFlag.NO_DEPTH_RULE,
             f"{rule.name} has no depth for characters {height:.2f} mm high (only for {known} mm)",
         )
-    burrs = [(k, c, c.depth.burr_mm) for k, c in places if c.depth and c.depth.burr_mm is not None]
-    high = {k: _at(k, c, burr) for k, c, burr in burrs if burr > rule.most_burr_mm}
-    if high:
-        what = f"burr too high for {rule.name}: {', '.join(high.values())} (at most {rule.most_burr_mm:g})"
-        yield Finding(ReadingFlag.BURR_TOO_HIGH, what, tuple(high))
-    wants_burr = math.isfinite(rule.most_burr_mm)
-    unknown = {
-        k: f"{c.char} at place {k}" for k, c in places if _is_unmeasured(c, window, wants_burr=wants_burr)
-    }
-    if unknown:
-        todo = "scan it again" if reading.font else "name the font"
-        what = f"depth not measured for {rule.name}: {', '.join(unknown.values())} ({todo})"
-        yield Finding(ReadingFlag.DEPTH_UNKNOWN, what, tuple(unknown))
+    burrs = {k: depth.burr_mm for k, depth in depths.items()}
+    high = {k: mm for k, mm in burrs.items() if mm is not None and mm > rule.most_burr_mm}
+    yield from broken(ReadingFlag.BURR_TOO_HIGH, "burr too high", high, f"at most {rule.most_burr_mm:g}")
+    needed: Mapping[int, object] = marks
+    if math.isfinite(rule.most_burr_mm):
+        needed = burrs
+    elif window is not None:
+        needed = depths
+    unknown = dict.fromkeys(k for k in marks if needed.get(k) is None)
+    todo = "scan it again" if reading.font else "name the font"
+    yield from broken(ReadingFlag.DEPTH_UNKNOWN, "depth not measured", unknown, todo)
     size = print_size_mm(reading)
     if size < rule.least_height_mm:
         yield Finding(
             ReadingFlag.TOO_SMALL,
             f"too small for {rule.name}: about {size:.2f} mm high at the bottoms (at least {rule.least_height_mm:g})",
         )
-
-
-def _at(place: int, character: CharacterReading, measured_mm: float) -> str:
-    return f"{character.char} at place {place} {measured_mm:.3f} mm"
-
-
-def _is_unmeasured(character: CharacterReading, window: DepthWindow | None, *, wants_burr: bool) -> bool:
-    if character.depth is None:
-        return window is not None or wants_burr
-    return wants_burr and character.depth.burr_mm is None
 
 
 def print_size_mm(reading: Reading, *, wall_bevel_deg: float = 45.0) -> float:

@@ -24,7 +24,7 @@ from recognition.decision.reading_of_line import (
 from recognition.decision.score import log_odds, score_of, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings
 from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
-from recognition.language.constrained_decoding import Choice, choose
+from recognition.language.constrained_decoding import choose
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import other_text
 
@@ -50,10 +50,9 @@ def fuse(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
         and never where both senses are sure of different characters.
     """
     made = _fuse_lines(touch, vision, settings)
-    trace = replace(
-        ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo),
-        strokes=made.trace.strokes, evidence=made.trace.evidence,
-        odds=_odds_of(touch, made.text), camera_odds=_odds_of(vision, made.text),
+    trace = ReadingTrace(
+        touch=touch, vision=vision, photo=vision.trace.photo, strokes=made.trace.strokes,
+        evidence=made.trace.evidence, odds=_odds_of(touch, made.text), camera_odds=_odds_of(vision, made.text),
     )  # fmt: skip
     made = replace(
         made, source="fused", photos=vision.photos, trace=trace, threshold=settings.accept_confidence
@@ -77,62 +76,23 @@ def _odds_of(reading: Reading, text: str) -> float | None:
     return odds if own is None or plain_text(reading) != plain else min(odds, own)
 
 
-def _fuse_lines(touch: Reading, vision: Reading, settings: LineSettings) -> Reading:
-    own = touch.trace.lattice
-    if own is None or not touch.characters:
-        return _by_vision_alone(touch, vision)
-    found = fused_lattice(touch, vision)
+def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Reading:
+    """Touch's reading with the beliefs of both; that of the sense which has read where the other has not."""
+    if tactile.trace.lattice is None or not tactile.characters:
+        return _by_vision_alone(tactile, vision)
+    found = fused_lattice(tactile, vision)
     if found is None:
-        return replace(touch, notes=(*touch.notes, "the camera has read nothing; read by touch alone"))
+        return replace(tactile, notes=(*tactile.notes, "the camera has read nothing; read by touch alone"))
     lattice, contradicted = found
     choice = choose(lattice, settings.grammar)
     if not choice.text:
-        return touch
-    return _reading(touch, own, lattice, choice, contradicted, settings, vision)
-
-
-def fused_lattice(
-    touch: Reading, vision: Reading, *, openly: bool = False
-) -> tuple[Lattice, tuple[Finding, ...]] | None:
-    """The beliefs of both, and where they contradict each other; None where vision has nothing to say.
-
-    Both have read the line that the format means, or the only one: as many places are taken for the same ones.
-
-    Args:
-        touch: what touch has read.
-        vision: what the camera has read.
-        openly: the beliefs before the format has its say.
-    """
-    felt, seen = (r.trace.open_lattice if openly else r.trace.lattice for r in (touch, vision))
-    if felt is None or seen is None or felt.n_places != seen.n_places:
-        return None
-    found = tuple(
-        Finding(
-            ReadingFlag.SENSES_DISAGREE, f"place {k + 1}: touch has {ours}, the camera {theirs}", (k + 1,)
-        )
-        for k, ours, theirs in contradictions(felt, seen)
-    )
-    return fuse_lattices(felt, seen), found
-
-
-def _reading(
-    tactile: Reading,
-    felt: Lattice,
-    lattice: Lattice,
-    choice: Choice,
-    contradicted: tuple[Finding, ...],
-    settings: LineSettings,
-    vision: Reading,
-) -> Reading:
-    """Touch's reading with the beliefs of both."""
-    others, contradicted_lines = _joined_lines(tactile, vision)
-    contradicted += contradicted_lines
+        return tactile
+    others, other_contradictions = _joined_lines(tactile, vision)
     # what touch has found about characters, format and lines is found anew of both
     own = doubts_of_lines(tactile.others, settings)
     kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     characters = []
-    boxed = replace(lattice, boxes=felt.boxes)
-    for new, old in zip(characters_of(choice, boxed), tactile.characters, strict=True):
+    for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True):
         # what was measured at a place stays with its character
         same = old.char == new.char
         characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
@@ -142,6 +102,7 @@ def _reading(
         *_beyond_format(tactile, vision),
         *doubts_of_lines(others, settings),
         *contradicted,
+        *other_contradictions,
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
@@ -152,6 +113,30 @@ def _reading(
         slope = score_of("fused").slope
         made = made.with_trace(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
     return add_stroke_findings(made)
+
+
+def fused_lattice(
+    touch: Reading, vision: Reading, *, before_format: bool = False
+) -> tuple[Lattice, tuple[Finding, ...]] | None:
+    """The beliefs of both, and where they contradict each other; None where vision has nothing to say.
+
+    Both have read the line that the format means, or the only one: as many places are taken for the same ones.
+
+    Args:
+        touch: what touch has read.
+        vision: what the camera has read.
+        before_format: the beliefs before the format has its say.
+    """
+    felt, seen = (r.trace.open_lattice if before_format else r.trace.lattice for r in (touch, vision))
+    if felt is None or seen is None or felt.n_places != seen.n_places:
+        return None
+    found = tuple(
+        Finding(
+            ReadingFlag.SENSES_DISAGREE, f"place {k + 1}: touch has {ours}, the camera {theirs}", (k + 1,)
+        )
+        for k, ours, theirs in contradictions(felt, seen)
+    )
+    return fuse_lattices(felt, seen), found
 
 
 def _orientation_doubts(

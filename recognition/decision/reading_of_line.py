@@ -119,7 +119,7 @@ def reading_of_line(
     others = [
         _named_line(name, one, asked[name].grammar, worth)
         for name, one in part.named.items()
-        if text.is_text(one.belief.lattice, one.belief.openly[0])
+        if text.is_text(one.belief.lattice, one.belief.open_places[0])
     ]
     others += [_unassigned_line(one, grammar, worth, least_serial_evidence) for one in part.others]
     belief = choice.probability * main.belief.likely
@@ -224,7 +224,7 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
         unchanged: probability of the chosen text without the format, twins included, from which the format has changed
             nothing.
     """
-    lattice, _ = line.belief.openly
+    lattice, _ = line.belief.open_places
     open_text = lattice.text
     if len(open_text) != len(text):
         found = _describe_found(open_text)
@@ -274,7 +274,7 @@ def _unassigned_line(
 ) -> OtherLine:
     """Text that is no line that was asked for."""
     lattice = one.open_lattice
-    text = with_spaces(lattice.text, word_gaps(one.belief.openly[1], one.belief.looks))
+    text = with_spaces(lattice.text, word_gaps(one.belief.open_places[1], one.belief.looks))
     sure = float(np.exp(lattice.log_belief.max(axis=1).sum()))
     meant = one.belief.evidence_of(grammar) >= least_serial_evidence
     return OtherLine("", text, worth.of_belief(sure), hull(lattice.boxes), may_be_serial=meant, line=one.line)

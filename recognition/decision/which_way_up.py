@@ -158,7 +158,7 @@ def _seen_other_way(
 
 
 def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
-    seen = lines.search.looks(view, [line])
+    seen = lines.search.read_once(view, [line])
     return seen[0] if seen else None
 
 

@@ -209,7 +209,8 @@ class _Net:
             case "BRANCH":
                 return self.node(*[self._row(row, end) for row in value[1]])
             case "MAX_REPEAT" | "MIN_REPEAT" | "POSSESSIVE_REPEAT":
-                return self._repeat(*value, end)
+                least, most, repeated = value
+                return self._repeat(least, most, repeated, end)
         raise self._more_than_characters()
 
     def _more_than_characters(self) -> FormatError:

@@ -9,13 +9,11 @@ from glyphs.surface.maps import HeightMap
 from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.learning.exemplars import Cut, ExemplarError, cut_line
-from recognition.views.first_pass import felt_heights_mm
+from recognition.views.first_pass import felt_heights_mm, virtual_feel
 from recognition.views.levelling import level
 from recognition.views.view import relief_of
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
+from whisker_array.scan.scan import Scan
 
 
 def cut_scan(
@@ -59,13 +57,12 @@ def cut_height_map(
     levelled = level(height_map)
     search = LineSearch(None, ALPHANUMERIC, height_mm=height_mm)
     heights = felt_heights_mm(search, levelled, soil=soil)[:MOST_SCANS]
+    feel = virtual_feel(soil=soil)
     best: tuple[float, tuple[Cut, ...]] | None = None
     problem: ExemplarError | None = None
     for height in heights:
-        plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
-        scan = trace_scan(levelled, touch=default_touch(height), plan=plan, soil=soil)
         try:
-            cuts = cut_scan(scan, text, height_mm=height_mm)
+            cuts = cut_scan(feel(levelled, height), text, height_mm=height_mm)
         except ExemplarError as error:
             problem = problem or error
             continue

@@ -34,7 +34,7 @@ def felt_others(
 
 
 def _is_felt(one: ReadLine, main: FeltLine, least_mm: float, least_felt: float) -> bool:
-    lattice, columns = one.belief.openly
+    lattice, columns = one.belief.open_places
     line = replace(main, line=one.line, columns=columns)
     felt = [place.felt for place in line.strokes(lattice.text, lattice) if place.felt is not None]
     return line.places.depth_mm() >= least_mm and (not felt or float(np.mean(felt)) >= least_felt)

@@ -41,17 +41,16 @@ from recognition.marks.other_lines import felt_others
 from recognition.marks.strokes_felt import FeltLine
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
-from recognition.views.first_pass import Feel, felt_heights_mm
+from recognition.views.first_pass import Feel, felt_heights_mm, virtual_feel
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import View, felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, find_faults, flag_faults
 from whisker_array.estimation.relief import Relief
-from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import Touch, default_touch
+from whisker_array.whisker.touch import Touch
 
 
 class TactileReader:
@@ -109,20 +108,11 @@ class TactileReader:
             heights = felt_heights_mm(
                 self.lines.search, levelled, fidelity=self.settings.fidelity, soil=soil, feel=feel
             )
+        feel = feel or virtual_feel(fidelity=self.settings.fidelity, soil=soil, part_id=part_id)
         best: Reading | None = None
         for height in heights[:MOST_SCANS]:
             with timer.step("scan"):
-                if feel is not None:
-                    scan = feel(levelled, height)
-                else:
-                    scan = trace_scan(
-                        levelled,
-                        touch=default_touch(height),
-                        plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
-                        fidelity=self.settings.fidelity,
-                        part_id=part_id,
-                        soil=soil,
-                    )
+                scan = feel(levelled, height)
             tried = self._read(scan, timer).with_trace(height_map=levelled)
             if best is None or tried.nats_read > best.nats_read:
                 best = tried

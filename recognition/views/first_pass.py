@@ -29,6 +29,25 @@ FIRST_HEIGHT_MM = 4.0
 """Character height for which the whiskers are made; they find characters of 0.8 to 25 mm."""
 
 
+def virtual_feel(
+    *, fidelity: Fidelity = Fidelity.CONTACT, soil: Soil | None = None, part_id: str = ""
+) -> Feel:
+    """The virtual array with ideal sensors, made for the height of the characters, by the default plan.
+
+    Args:
+        fidelity: of the contact.
+        soil: dirt into which the tip sinks, and the part's friction, if known.
+        part_id: what the part is called.
+    """
+
+    def feel(surface: HeightMap, height_mm: float) -> Scan:
+        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
+        touch = default_touch(height_mm)
+        return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, part_id=part_id, soil=soil)
+
+    return feel
+
+
 class HeightSearch(Protocol):
     """A search for lines in a view."""
 

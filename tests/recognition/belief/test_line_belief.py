@@ -113,7 +113,7 @@ def test_a_line_is_read_with_and_without_a_format() -> None:
     # what the format leaves of all that is believed: the rival's tenth at one place
     assert forced.evidence == pytest.approx(np.log(0.1), abs=0.05)
     assert free.promise > forced.promise
-    assert text_of(forced.openly[0]) == "A8B"
+    assert text_of(forced.open_places[0]) == "A8B"
 
 
 def text_of(belief: Lattice) -> str:

@@ -39,7 +39,7 @@ def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant:
     part = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC)).read(heights_view(PART))
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
-    assert [text_of(one.belief.openly[0]) for one in part.others] == [other]
+    assert [text_of(one.belief.open_places[0]) for one in part.others] == [other]
 
 
 UPPER, LOWER = (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0)
@@ -61,7 +61,7 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
     lines = {"lot": LineFormat(Grammar(format=asked), region)}
     part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(heights_view(PART))
     assert [text_of(one.belief.lattice) for one in part.named.values()] == ([named] if named else [])
-    assert [text_of(one.belief.openly[0]) for one in part.others] == ([] if named else ["2938174"])
+    assert [text_of(one.belief.open_places[0]) for one in part.others] == ([] if named else ["2938174"])
 
 
 @pytest.mark.parametrize(("region", "meant"), [(UPPER, "KXB4071"), (LOWER, "2938174")])
