@@ -88,23 +88,14 @@ def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
     Raises:
         ValueError: a risk or confidence that is no share between 0 and 1; fewer than none wrong.
     """
-    from scipy.special import bdtr
+    from scipy.special import bdtrin
 
     _check_share("risk", risk)
     _check_share("confidence", confidence)
     if wrong < 0:
         raise ValueError(f"{wrong} wrong ones cannot be")
-    least = math.ceil(math.log1p(-confidence) / math.log1p(-risk) - 1e-9)
-    if wrong == 0:
-        return least
-    high = 2 * least
-    while bdtr(wrong, high, risk) > 1.0 - confidence:
-        high *= 2
-    low = wrong
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if bdtr(wrong, middle, risk) <= 1.0 - confidence else (middle, high)
-    return high
+    # the inverse is good to some 1e-8
+    return math.ceil(float(bdtrin(wrong, 1.0 - confidence, risk)) - 1e-7)
 
 
 def threshold_tests(
@@ -180,7 +171,7 @@ def parts_missing(
 
 
 def _times_needed(
-    test: ThresholdTest, risk: float, confidence: float, *, most_times: float = 1e4, step: float = 1.02
+    test: ThresholdTest, risk: float, confidence: float, *, most_wrong: int = 10_000
 ) -> float | None:
     """Return the multiple of these parts that would show the risk at a threshold; None where none would.
 
@@ -188,19 +179,14 @@ def _times_needed(
         test: of the threshold.
         risk: that is to be shown.
         confidence: with which.
-        most_times: multiple from which no number of parts is taken to show it.
-        step: ratio between two multiples that are tried.
+        most_wrong: wrong ones from which no number of parts is taken to show it.
     """
-    if test.wrong == 0:
-        return parts_needed(risk, confidence=confidence) / test.accepted
     if test.wrong / test.accepted >= risk:
         return None
-    times = 1.0
-    while times < most_times:
-        accepted, wrong = round(test.accepted * times), math.ceil(test.wrong * times - 1e-9)
-        if share_bounds(wrong, accepted, confidence=confidence)[1] <= risk:
+    for wrong in range(test.wrong, most_wrong):
+        times = parts_needed(risk, confidence=confidence, wrong=wrong) / test.accepted
+        if test.wrong * times <= wrong:
             return times
-        times *= step
     return None
 
 

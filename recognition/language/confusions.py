@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 
 SWAP_SETS = {
     "0OQD": "closed round outlines; the tail of Q and the corners of D are short",
@@ -123,19 +124,17 @@ def state_of(
         raise ValueError(f"beliefs {dict(probabilities)} must not be negative, nor more than 1 together")
     ranked = sorted(probabilities.items(), key=lambda item: -item[1])
     (char, first), (second_char, second) = (*ranked, ("", 0.0), ("", 0.0))[:2]
+    state_is = partial(PlaceState, expected=expected or "")
     if first == 0.0:
-        return PlaceState(CharacterState.NOT_READ, "", 0.0, expected=expected or "")
-    known = probabilities.get(expected, 0.0) if expected else 0.0
-    if 1.0 - total >= nothing_belief:
-        return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
+        return state_is(CharacterState.NOT_READ, "", 0.0)
     clear = first >= read_belief and first - second >= read_margin
     shared = first + second >= read_belief and second >= share_of_first * first
-    if not (clear or shared):
-        return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
-    if expected is not None and char != expected and known < mismatch_share * first:
-        return PlaceState(CharacterState.MISMATCH, char, first, char, expected=expected)
-    if expected and char != expected:
-        return PlaceState(CharacterState.CONFUSED, char, first, expected, expected=expected)
+    if 1.0 - total >= nothing_belief or not (clear or shared):
+        return state_is(CharacterState.NOT_READ, char, first)
+    if expected is not None and char != expected:
+        if probabilities.get(expected, 0.0) < mismatch_share * first:
+            return state_is(CharacterState.MISMATCH, char, first, char)
+        return state_is(CharacterState.CONFUSED, char, first, expected)
     if clear:
-        return PlaceState(CharacterState.READ, char, first, expected=expected or "")
-    return PlaceState(CharacterState.CONFUSED, char, first, second_char, expected=expected or "")
+        return state_is(CharacterState.READ, char, first)
+    return state_is(CharacterState.CONFUSED, char, first, second_char)

@@ -43,6 +43,8 @@ def test_how_many_parts_a_risk_takes() -> None:
     for wrong in (0, 1, 2, 9):
         n = parts_needed(0.01, confidence=0.95, wrong=wrong)
         assert binom.cdf(wrong, n, 0.01) <= 0.05 < binom.cdf(wrong, n - 1, 0.01)
+    # more wrong ones than parts that would do without any
+    assert binom.cdf(50, parts_needed(0.5, confidence=0.9, wrong=50), 0.5) <= 0.1
 
 
 @pytest.mark.parametrize(("risk", "confidence"), [(0.0, 0.95), (1.0, 0.95), (0.01, 1.0), (float("nan"), 0.9)])
