@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass as checked
 
-from recognition.marks.centre_lines import centre_line
+from recognition.marks.centre_lines import CentreLine, centre_line
 from recognition.marks.depth_sampling import (
     DepthField,
     across,
@@ -174,14 +174,14 @@ def mark_depths(
         search: poses to try for each character's centre line.
         rules: quantiles, search radii and least numbers of samples.
     """
-    field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
+    line = _LineDepths(DepthField(relief, raised=laid.raised), laid.line.height_mm, search, rules)
     places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)
     marks = [
-        _settle(field, _place(field, laid, char, place, float(turn)), search, height_mm=height_mm)
+        line.settle(line.mark(centre_line(laid.font, char, face=laid.face), place, float(turn)))
         for char, place, turn in places
     ]
-    land = _land(field, marks, clear_mm=rules.burr_reach_heights * height_mm)
-    return tuple(_depth(field, mark, land, rules, height_mm=height_mm) for mark in marks)
+    land = line.land(marks)
+    return tuple(line.depth(mark, land) for mark in marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,40 +193,109 @@ class _Mark:
     half_width_mm: float
 
 
-def _place(field: DepthField, laid: LaidText, char: str, place_mm: Points, turn_deg: float) -> _Mark:
-    """The centre line of a character where it was read."""
-    height_mm = laid.line.height_mm
-    shape = centre_line(laid.font, char, face=laid.face)
-    matrix = turn_matrix(turn_deg)
-    middle = (place_mm - field.origin_mm)[::-1] / field.pitch_mm
-    points = middle + (shape.points * height_mm @ matrix)[:, ::-1] / field.pitch_mm
-    return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * height_mm)
+@dataclass(frozen=True, eq=False)
+class _LineDepths:
+    """The field about a line's characters, and how their depths are measured."""
 
+    field: DepthField
+    height_mm: float
+    search: SettleSearch
+    rules: DepthRules
 
-def _settle(field: DepthField, mark: _Mark, search: SettleSearch, *, height_mm: float) -> _Mark:
-    """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
-    if not len(mark.points):
-        return mark
-    middle = mark.points.mean(axis=0)
-    thinned = mark.points[:: search.every] - middle
-    step = search.shift_heights / search.shift_steps * height_mm / field.pitch_mm
-    moves = np.arange(-search.shift_steps, search.shift_steps + 1) * step
+    def _samples(self, heights: float) -> float:
+        """A length in samples of the field."""
+        return heights * self.height_mm / self.field.pitch_mm
 
-    def along(poses: Sequence[Points]) -> NDArray[np.float64]:
-        """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
-        tried = np.stack([thinned @ pose for pose in poses])
-        return np.asarray(mean_depths(field.depth_mm, tried, middle, moves))
+    def mark(self, shape: CentreLine, place_mm: Points, turn_deg: float) -> _Mark:
+        """The centre line of a character where it was read."""
+        pitch_mm, matrix = self.field.pitch_mm, turn_matrix(turn_deg)
+        middle = (place_mm - self.field.origin_mm)[::-1] / pitch_mm
+        points = middle + (shape.points * self.height_mm @ matrix)[:, ::-1] / pitch_mm
+        return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * self.height_mm)
 
-    turn = search.turns[int(np.argmax(along(search.turns).max(axis=(1, 2))))]
-    poses = [turn * size for size in search.sizes]
-    table = along(poses)
-    best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
-    shift = (
-        moves[i] + step * _vertex(table[best, :, j], int(i)),
-        moves[j] + step * _vertex(table[best, i], int(j)),
-    )
-    points = (mark.points - middle) @ poses[int(best)] + middle + shift
-    return _Mark(points, mark.normals @ turn, mark.half_width_mm)
+    def settle(self, mark: _Mark) -> _Mark:
+        """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
+        if not len(mark.points):
+            return mark
+        search = self.search
+        middle = mark.points.mean(axis=0)
+        thinned = mark.points[:: search.every] - middle
+        step = self._samples(search.shift_heights / search.shift_steps)
+        moves = np.arange(-search.shift_steps, search.shift_steps + 1) * step
+
+        def along(poses: Sequence[Points]) -> NDArray[np.float64]:
+            """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
+            tried = np.stack([thinned @ pose for pose in poses])
+            return np.asarray(mean_depths(self.field.depth_mm, tried, middle, moves))
+
+        turn = search.turns[int(np.argmax(along(search.turns).max(axis=(1, 2))))]
+        poses = [turn * size for size in search.sizes]
+        table = along(poses)
+        best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
+        shift = (
+            moves[i] + step * _vertex(table[best, :, j], int(i)),
+            moves[j] + step * _vertex(table[best, i], int(j)),
+        )
+        points = (mark.points - middle) @ poses[int(best)] + middle + shift
+        return _Mark(points, mark.normals @ turn, mark.half_width_mm)
+
+    def land(self, marks: Sequence[_Mark]) -> NDArray[np.bool_]:
+        """Samples that were felt and lie clear of every character's ink and burr."""
+        from scipy import ndimage
+
+        bare = np.ones(self.field.depth_mm.shape, dtype=np.bool_)
+        half = max((mark.half_width_mm for mark in marks), default=0.0)
+        for mark in marks:
+            at = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1)
+            bare[at[:, 0], at[:, 1]] = False
+        clear = (half + self.rules.burr_reach_heights * self.height_mm) / self.field.pitch_mm
+        return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(self.field.depth_mm))
+
+    def depth(self, mark: _Mark, land: NDArray[np.bool_]) -> MarkDepth | None:
+        """Depth of one character; None where too little of it or of the land beside it was felt."""
+        rules, plane = self.rules, self._plane(mark, land) if len(mark.points) else None
+        if plane is None:
+            return None
+        reach = self._samples(rules.sideways_heights)
+        aside = np.linspace(-reach, reach, rules.sideways_steps)
+        depth = across(self.field.depth_mm, mark.points, mark.normals, aside, plane)
+        known = np.isfinite(depth).all(axis=0)
+        if known.mean() < rules.least_known:
+            return None
+        below = np.maximum(deepest(np.ascontiguousarray(depth[:, known]), rules.smoothing_points), 0.0)
+        low, high = (percentile(below, part) for part in (rules.shallow_percentile, rules.deep_percentile))
+        return MarkDepth(float(below.mean()), low, high, self._burr_mm(mark, plane))
+
+    def _burr_mm(self, mark: _Mark, plane: NDArray[np.float64]) -> float | None:
+        """Height of the rim beside the strokes above the land; None where too little of it was felt."""
+        rules, half = self.rules, mark.half_width_mm / self.field.pitch_mm
+        beside = half + np.linspace(0.0, self._samples(rules.burr_reach_heights), rules.burr_steps)
+        crests = []
+        for side in (-beside, beside):
+            rise = -across(self.field.depth_mm, mark.points, mark.normals, side, plane)
+            rise = np.ascontiguousarray(rise[:, np.isfinite(rise).all(axis=0)])
+            crests.append(crest(rise, rules.smoothing_points) if rise.size else np.empty(0))
+        rim = np.concatenate(crests)
+        if rim.size < rules.least_known * 2 * len(mark.points):
+            return None
+        return max(percentile(rim, rules.deep_percentile), 0.0)
+
+    def _plane(self, mark: _Mark, land: NDArray[np.bool_]) -> NDArray[np.float64] | None:
+        """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
+        reach = self._samples(self.rules.land_reach_heights)
+        low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
+        high = np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1
+        window = (slice(low[0], max(high[0], 0)), slice(low[1], max(high[1], 0)))
+        row, col = np.nonzero(land[window])
+        if row.size < self.rules.least_land:
+            return None
+        thinned = slice(None, None, -(-row.size // self.rules.plane_samples))
+        row, col = row[thinned], col[thinned]
+        level = self.field.depth_mm[window][row, col]
+        middle = mark.points.mean(axis=0)
+        down, right = row + low[0] - middle[0], col + low[1] - middle[1]
+        terms = robust_plane(level, down, right)
+        return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
 
 
 def _vertex(values: NDArray[np.float64], at: int) -> float:
@@ -236,74 +305,3 @@ def _vertex(values: NDArray[np.float64], at: int) -> float:
     before, here, after = values[at - 1 : at + 2]
     bend = 2.0 * here - before - after
     return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
-
-
-def _land(field: DepthField, marks: Sequence[_Mark], *, clear_mm: float) -> NDArray[np.bool_]:
-    """Samples that were felt and lie clear of every character's ink and burr."""
-    from scipy import ndimage
-
-    bare = np.ones(field.depth_mm.shape, dtype=np.bool_)
-    half = max((mark.half_width_mm for mark in marks), default=0.0)
-    for mark in marks:
-        at = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1)
-        bare[at[:, 0], at[:, 1]] = False
-    clear = (half + clear_mm) / field.pitch_mm
-    return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(field.depth_mm))
-
-
-def _depth(
-    field: DepthField, mark: _Mark, land: NDArray[np.bool_], rules: DepthRules, *, height_mm: float
-) -> MarkDepth | None:
-    n = len(mark.points)
-    if n == 0:
-        return None
-    plane = _plane(field, mark, land, rules, height_mm=height_mm)
-    reach = rules.sideways_heights * height_mm / field.pitch_mm
-    aside = np.linspace(-reach, reach, rules.sideways_steps)
-    if plane is None:
-        return None
-    depth = across(field.depth_mm, mark.points, mark.normals, aside, plane)
-    known = np.isfinite(depth).all(axis=0)
-    if known.mean() < rules.least_known:
-        return None
-    below = np.maximum(deepest(np.ascontiguousarray(depth[:, known]), rules.smoothing_points), 0.0)
-    low, high = (percentile(below, percent) for percent in (rules.shallow_percentile, rules.deep_percentile))
-    burr = _burr_mm(field, mark, plane, rules, height_mm=height_mm)
-    return MarkDepth(mean_mm=float(below.mean()), min_mm=low, max_mm=high, burr_mm=burr)
-
-
-def _burr_mm(
-    field: DepthField, mark: _Mark, plane: NDArray[np.float64], rules: DepthRules, *, height_mm: float
-) -> float | None:
-    """Height of the rim beside the strokes above the land; None where too little of it was felt."""
-    half = mark.half_width_mm / field.pitch_mm
-    beside = half + np.linspace(0.0, rules.burr_reach_heights * height_mm / field.pitch_mm, rules.burr_steps)
-    crests = []
-    for side in (-beside, beside):
-        rise = -across(field.depth_mm, mark.points, mark.normals, side, plane)
-        rise = np.ascontiguousarray(rise[:, np.isfinite(rise).all(axis=0)])
-        crests.append(crest(rise, rules.smoothing_points) if rise.size else np.empty(0))
-    rim = np.concatenate(crests)
-    if rim.size < rules.least_known * 2 * len(mark.points):
-        return None
-    return max(percentile(rim, rules.deep_percentile), 0.0)
-
-
-def _plane(
-    field: DepthField, mark: _Mark, land: NDArray[np.bool_], rules: DepthRules, *, height_mm: float
-) -> NDArray[np.float64] | None:
-    """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
-    reach = rules.land_reach_heights * height_mm / field.pitch_mm
-    low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
-    high = np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1
-    window = (slice(low[0], max(high[0], 0)), slice(low[1], max(high[1], 0)))
-    row, col = np.nonzero(land[window])
-    if row.size < rules.least_land:
-        return None
-    thinned = slice(None, None, -(-row.size // rules.plane_samples))
-    row, col = row[thinned], col[thinned]
-    level = field.depth_mm[window][row, col]
-    middle = mark.points.mean(axis=0)
-    down, right = row + low[0] - middle[0], col + low[1] - middle[1]
-    terms = robust_plane(level, down, right)
-    return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])

@@ -162,6 +162,8 @@ def laid_text(
         search: limits of the search for font, die, height and places.
     """
 
+    place = _Placing(view, line, columns, tuple(text), search)
+
     def best(face: Face) -> LaidText | None:
         tried = []
         for font, out in product(fonts, (False, True) if raised is None else (raised,)):
@@ -171,13 +173,13 @@ def laid_text(
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
             templates = cache.get(font, own, key)
             rough = glyph_images(templates, pixels=search.coarse_pixels, slopes=False)
-            tried.append((*_fit_size(view, line, columns, text, rough, search), templates, font, out))
+            tried.append((*place.fit_size(rough), templates, font, out))
         if not tried:
             return None
         _, size, templates, font, out = max(tried, key=lambda one: one[0])
         glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
-        sized, image, rows, at, fits = _lay(view, line, columns, text, glyphs, size, search.moved_heights)
-        return LaidText(tuple(text), font, face, out, glyphs, sized, image, at, rows, fits)
+        sized, image, rows, at, fits = place.lay(glyphs, size)
+        return LaidText(place.text, font, face, out, glyphs, sized, image, at, rows, fits)
 
     flat = best(Face.FLAT)
     if flat is not None and flat.fit >= search.struck_fit:
@@ -186,51 +188,63 @@ def laid_text(
     return max(either, key=lambda one: one.fit, default=None)
 
 
-def _fit_size(
-    view: View,
-    line: TextLine,
-    columns: NDArray[np.float64],
-    text: Sequence[str],
-    glyphs: GlyphImages,
-    search: FitSearch,
-) -> tuple[float, float]:
-    """Return the best fit of a text over heights, and that height in units of the line's."""
+@dataclass(frozen=True, eq=False)
+class _Placing:
+    """A text along a line of a view, in which the templates of fonts are tried."""
 
-    def fit(size: float) -> float:
-        return float(_lay(view, line, columns, text, glyphs, size, search.moved_heights)[-1].mean())
+    view: View
+    line: TextLine
+    columns: NDArray[np.float64]
+    text: tuple[str, ...]
+    search: FitSearch
 
-    best = (fit(1.0), 1.0)
-    for step in (1.0 / search.size_step, search.size_step):
-        for k in range(1, search.most_steps + 1):
-            other = (fit(step**k), step**k)
-            if other <= best:
+    def fit_size(self, glyphs: GlyphImages) -> tuple[float, float]:
+        """Return the best fit of the text over heights, and that height in units of the line's."""
+
+        def fit(size: float) -> float:
+            return float(self.lay(glyphs, size)[-1].mean())
+
+        best = (fit(1.0), 1.0)
+        for step in (1.0 / self.search.size_step, self.search.size_step):
+            for k in range(1, self.search.most_steps + 1):
+                other = (fit(step**k), step**k)
+                if other <= best:
+                    break
+                best = other
+            if best[1] != 1.0:
                 break
-            best = other
-        if best[1] != 1.0:
-            break
-    return best
+        return best
 
+    def lay(
+        self, glyphs: GlyphImages, size: float
+    ) -> tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """The line of another size, its image, and rows, columns and correlations of the text's characters on it."""
+        sized = TextLine(self.line.centre_mm, size * self.line.height_mm)
+        high = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
+        image = image_of(self.view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
+        along = ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
+        believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
+        placed = np.array(
+            [self._best_place(image, glyphs, *one) for one in zip(self.text, believed, strict=True)]
+        )
+        rows, at = placed[:, :2].astype(np.int64).T
+        return sized, image, rows, at, placed[:, 2]
 
-def _lay(
-    view: View,
-    line: TextLine,
-    columns: NDArray[np.float64],
-    text: Sequence[str],
-    glyphs: GlyphImages,
-    size: float,
-    moved_heights: float,
-) -> tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """A line of another size, its image, and rows, columns and correlations of the text's characters on it."""
-    sized = TextLine(line.centre_mm, size * line.height_mm)
-    high = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
-    image = image_of(view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
-    along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
-    believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
-    placed = np.array(
-        [_best_place(image, glyphs, c, at, moved_heights) for c, at in zip(text, believed, strict=True)]
-    )
-    rows, at = placed[:, :2].astype(np.int64).T
-    return sized, image, rows, at, placed[:, 2]
+    def _best_place(
+        self, image: Image, glyphs: GlyphImages, char: str, column: int
+    ) -> tuple[int, int, float]:
+        """Row and column of an image where a character fits best about a column of the line, and how well."""
+        row = image.shape[0] // 2
+        if char not in glyphs.chars:
+            return row, column, 0.0
+        template = glyphs.images[glyphs.chars.index(char)]
+        move = round(self.search.moved_heights * glyphs.pixels)
+        high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
+        padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
+        at = min(max(column, 0), image.shape[1] - 1)
+        answer = correlate(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
+        down, aside = np.unravel_index(int(answer.argmax()), answer.shape)
+        return row + int(down) - move, at + int(aside) - move, float(answer[down, aside])
 
 
 def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple[Font, ...]:
@@ -238,20 +252,3 @@ def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple
     votes = Counter(place.font for place in places)
     best = max(fonts, key=lambda font: votes[font.name])
     return (best,) if votes[best.name] else tuple(fonts)
-
-
-def _best_place(
-    image: Image, glyphs: GlyphImages, char: str, column: int, moved_heights: float
-) -> tuple[int, int, float]:
-    """Row and column of an image where a character fits best about a column of the line, and how well."""
-    row = image.shape[0] // 2
-    if char not in glyphs.chars:
-        return row, column, 0.0
-    template = glyphs.images[glyphs.chars.index(char)]
-    move = round(moved_heights * glyphs.pixels)
-    high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
-    padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
-    at = min(max(column, 0), image.shape[1] - 1)
-    answer = correlate(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
-    down, aside = np.unravel_index(int(answer.argmax()), answer.shape)
-    return row + int(down) - move, at + int(aside) - move, float(answer[down, aside])
