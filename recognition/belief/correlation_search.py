@@ -38,7 +38,7 @@ from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
 from recognition.ranges import Chance, Ratio
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View, ViewKind
+from recognition.views.view import View
 from whisker_array.whisker.touch import Touch, default_touch
 
 
@@ -152,20 +152,13 @@ class CorrelationSearch(LineSearch):
         return []
 
     def _glyphs(
-        self,
-        view: View,
-        font: Font,
-        style: MarkStyle,
-        height_mm: float,
-        *,
-        pixels: int,
-        touch: Touch | None = None,
+        self, font: Font, style: MarkStyle, height_mm: float, *, pixels: int, touch: Touch | None = None
     ) -> GlyphImages:
         """Make a font's templates at a height, as felt with `touch` (default: the default touch for that height)."""
         felt = touch if touch is not None else default_touch(height_mm)
         key = template_key(font, felt, height_mm=height_mm, face=style.face, raised=style.raised)
         templates = self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)
-        return glyph_images(templates, pixels=pixels, slopes=view.kind is ViewKind.HEIGHTS)
+        return glyph_images(templates, pixels=pixels)
 
     @property
     def _places(self) -> tuple[str, ...] | None:
@@ -209,7 +202,7 @@ class CorrelationSearch(LineSearch):
         sizes = [largest * min(view.size_mm) / step**k for k in range(count)]
 
         def response(height_mm: float) -> float:
-            glyphs = self._glyphs(view, font, style, height_mm, pixels=sketch_pixels).every(sketch_step)
+            glyphs = self._glyphs(font, style, height_mm, pixels=sketch_pixels).every(sketch_step)
             # scaled by the height: more small characters fit along a line, so they would respond more often
             return height_mm * max(
                 one[0] for one in _Rows(view, glyphs, height_mm).row_sums(self.matching.slopes)
@@ -221,7 +214,7 @@ class CorrelationSearch(LineSearch):
         self, view: View, font: Font, style: MarkStyle, height_mm: float
     ) -> list[tuple[float, TextLine]]:
         """Find lines of characters of one height, each with the amount that it explains."""
-        glyphs = self._glyphs(view, font, style, height_mm, pixels=self.matching.coarse_pixels)
+        glyphs = self._glyphs(font, style, height_mm, pixels=self.matching.coarse_pixels)
         seen, found = _Rows(view, glyphs, height_mm), []
         ranked = sorted(seen.row_sums(self.matching.slopes), key=lambda one: -one[0])
         for _, rows in ranked[: self.matching.rows_a_size]:
@@ -246,9 +239,7 @@ class CorrelationSearch(LineSearch):
 
     def _look(self, view: View, line: TextLine, font: Font, style: MarkStyle) -> ReadLine | None:
         """Read a line, after moving it to the line through its characters if they lie off it."""
-        glyphs = self._glyphs(
-            view, font, style, line.height_mm, pixels=self.matching.fine_pixels, touch=view.touch
-        )
+        glyphs = self._glyphs(font, style, line.height_mm, pixels=self.matching.fine_pixels, touch=view.touch)
         found = self._place(view, line, font, glyphs)
         for _ in range(self.matching.most_rereads):
             if len(found.placed) < 2 or np.abs(found.off_heights).max() <= self.matching.off_heights:

@@ -27,7 +27,7 @@ from recognition.glyph_match.chain import Placed, best_chain
 from recognition.glyph_match.predicted import PIXELS, TemplateSet
 from recognition.glyph_match.spacing import usual_spacing
 from recognition.views.text_line import HEIGHT_ROWS, TextLine
-from recognition.views.view import EDGES, HEIGHTS, KNOWN, View, ViewKind
+from recognition.views.view import EDGES, KNOWN, View
 
 Image: TypeAlias = NDArray[np.float32]
 SMOOTH = 0.4
@@ -58,7 +58,7 @@ class GlyphImages:
 
 
 def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: int) -> Image:
-    """(rows, columns, layers) of a line straightened: edges as felt, or slopes of heights that were measured.
+    """(rows, columns, layers) of the edges felt along a line, straightened.
 
     Args:
         view: to be read.
@@ -70,43 +70,32 @@ def image_of(view: View, line: TextLine, *, rows: float, margin: float, pixels: 
     from glyphs.opencv import cv2
 
     strip = view.strip(line, rows=rows, margin=margin, zoom=pixels / HEIGHT_ROWS)
-    layers = strip[EDGES:KNOWN]
-    if view.kind is ViewKind.HEIGHTS:
-        down, along = np.gradient(strip[HEIGHTS])
-        layers = np.stack([along, down])
-    image = np.ascontiguousarray(layers.transpose(1, 2, 0))
+    image = np.ascontiguousarray(strip[EDGES:KNOWN].transpose(1, 2, 0))
     return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTH), dtype=np.float32)
 
 
-def glyph_images(
-    templates: TemplateSet, *, pixels: int, slopes: bool, margin_heights: float = 0.12
-) -> GlyphImages:
+def glyph_images(templates: TemplateSet, *, pixels: int, margin_heights: float = 0.12) -> GlyphImages:
     """The templates on a grid of so many pixels; kept in the set's work space.
 
     Args:
         templates: of a font, of all four directions.
         pixels: to a character height.
-        slopes: half differences of opposite directions, for what an instrument has measured.
         margin_heights: land beside a template's ink that belongs to its window, character heights.
     """
     made: GlyphImages = templates.derive(
-        ("correlation", pixels, slopes, margin_heights),
-        lambda: _glyph_images(templates, pixels, slopes=slopes, margin_heights=margin_heights),
+        ("correlation", pixels, margin_heights), lambda: _glyph_images(templates, pixels, margin_heights)
     )
     return made
 
 
-def _glyph_images(templates: TemplateSet, pixels: int, *, slopes: bool, margin_heights: float) -> GlyphImages:
+def _glyph_images(templates: TemplateSet, pixels: int, margin_heights: float) -> GlyphImages:
     from glyphs.opencv import cv2
 
-    patches = templates.patches
-    if slopes:
-        patches = 0.5 * (patches[:, :2] - patches[:, 2:])
     ratio = PIXELS / pixels
-    middle_row, middle_col = (n // 2 for n in patches.shape[2:])
+    middle_row, middle_col = (n // 2 for n in templates.patches.shape[2:])
     high = int(middle_row / ratio)
     images: list[Image] = []
-    for patch, half in zip(patches, templates.half_width, strict=True):
+    for patch, half in zip(templates.patches, templates.half_width, strict=True):
         wide = min(int(middle_col / ratio), math.ceil((half + margin_heights) * pixels))
         x, y = np.meshgrid(
             np.arange(-wide, wide + 1) * ratio + middle_col, np.arange(-high, high + 1) * ratio + middle_row

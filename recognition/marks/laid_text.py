@@ -172,12 +172,12 @@ def laid_text(
                 continue
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
             templates = cache.get(font, own, key)
-            rough = glyph_images(templates, pixels=search.coarse_pixels, slopes=False)
+            rough = glyph_images(templates, pixels=search.coarse_pixels)
             tried.append((*place.fit_size(rough), templates, font, out))
         if not tried:
             return None
         _, size, templates, font, out = max(tried, key=lambda one: one[0])
-        glyphs = glyph_images(templates, pixels=PIXELS, slopes=False)
+        glyphs = glyph_images(templates, pixels=PIXELS)
         sized, image, rows, at, fits = place.lay(glyphs, size)
         return LaidText(place.text, font, face, out, glyphs, sized, image, at, rows, fits)
 
