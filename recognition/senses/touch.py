@@ -31,7 +31,7 @@ from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_p
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.prototypes import belief_of, felt_prototypes
-from recognition.glyph_match.template_cache import MOST_BYTES, SET_BYTES, TemplateCache
+from recognition.glyph_match.template_cache import MOST_SETS, TemplateCache
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.depth import MarkDepth, mark_depths
@@ -69,7 +69,7 @@ class TactileReader:
         self.templates_judge = self.named and "templates" in (self.settings.experts or EXPERTS)
         self.strokes_of = repertoire.strokes_of
         # all fonts that are named compete for every part
-        self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
+        self.cache = TemplateCache(most_sets=max(MOST_SETS, len(self.fonts)))
         network = "network" in (self.settings.experts or EXPERTS)
         search = LineSearch(
             self.grammar,

@@ -168,7 +168,7 @@ def test_near_equal_parts_share_a_set_and_other_touches_do_not(gothic: Font, tou
 
 
 def test_the_cache_forgets_what_was_used_longest_ago(gothic: Font, touch: Touch) -> None:
-    cache = TemplateCache(keep=2)
+    cache = TemplateCache(most_sets=2)
     one, two = (cache.get(gothic, c, key_of(gothic, touch)) for c in "1I")
     assert cache.get(gothic, "1", key_of(gothic, touch)) is one
     cache.get(gothic, "L", key_of(gothic, touch))
@@ -183,17 +183,3 @@ def test_rounding_is_to_a_geometric_ladder(step: float) -> None:
         near = round_to_ladder(value, step)
         assert abs(np.log(near / value)) <= 0.5 * np.log1p(step) + 1e-12
         assert round_to_ladder(near, step) == pytest.approx(near, rel=1e-12)
-
-
-def test_the_cache_forgets_the_longest_unused_where_their_arrays_grow_too_large() -> None:
-    font, touch = load_font("gothic"), default_touch(5.0)
-    keys = [key_of(font, replace(touch, friction=0.1 * k)) for k in (1, 2, 3)]
-    cache = TemplateCache(most_bytes=10_000_000)
-    first = cache.get(font, "AB", keys[0])
-    second = cache.get(font, "AB", keys[1])
-    assert cache.get(font, "AB", keys[0]) is first
-    # what matching derives counts as well
-    second.work["derived"] = ("of it", [np.zeros(20_000_000, dtype=np.uint8)])
-    cache.get(font, "AB", keys[2])
-    assert cache.get(font, "AB", keys[0]) is first
-    assert cache.get(font, "AB", keys[1]) is not second
