@@ -24,9 +24,10 @@ _DILATIONS = (1, 2, 4, 1, 2)
 class Conv(nn.Sequential):
     """A convolution that keeps the size, normalised and cut at 0."""
 
-    def __init__(self, into: int, out: int, size: int = 3, *, stride: int = 1) -> None:
+    def __init__(self, into: int, out: int, size: int = 3, *, stride: int = 1, dilation: int = 1) -> None:
+        padding = dilation * (size // 2)
         super().__init__(
-            nn.Conv2d(into, out, size, stride=stride, padding=size // 2, bias=False),
+            nn.Conv2d(into, out, size, stride=stride, padding=padding, dilation=dilation, bias=False),
             nn.BatchNorm2d(out),
             nn.ReLU(inplace=True),
         )
@@ -35,11 +36,7 @@ class Conv(nn.Sequential):
 class _Far(nn.Module):
     def __init__(self, channels: int, dilation: int) -> None:
         super().__init__()
-        self.conv = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=dilation, dilation=dilation, bias=False),
-            nn.BatchNorm2d(channels),
-            nn.ReLU(inplace=True),
-        )
+        self.conv = Conv(channels, channels, dilation=dilation)
 
     def forward(self, x: Tensor) -> Tensor:
         return x + self.conv(x)
