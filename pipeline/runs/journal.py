@@ -12,7 +12,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
@@ -35,11 +35,12 @@ _TABLES = """
 create table if not exists run (kind text, version integer, description text);
 create table if not exists parts (number integer primary key, name blob unique, kept text, again text);
 """
-_KEEP = "insert into parts (name, kept) values (?1, ?2) on conflict (name) do update set kept = ?2"
-_KEEP_AGAIN = "update parts set again = ?2 where name = ?1"
+# of any number of parts, all of them or none
+_KEEP = "insert into parts (name, {0}) values {1} on conflict (name) do update set {0} = excluded.{0}"
 _IN_ORDER = """
 select kept, again from parts left join temp.asked using (name) order by asked.rowid is null, asked.rowid, number
 """
+_MOST_TOGETHER = 64
 _SYNC_S = 1.0  # a loss of power takes the parts of the last second, at most
 _DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
@@ -148,12 +149,25 @@ class Journal(Generic[Kept]):
         Raises:
             FileError: it cannot be written.
         """
+        return self.keep_all({name: kept}, again=again)[name]
+
+    def keep_all(self, kept: Mapping[str, Kept], *, again: bool = False) -> Mapping[str, Kept]:
+        """Keep what came of several parts, by name, and return it: all of it, or none where the process is killed.
+
+        Args:
+            kept: what came of each part.
+            again: as of `keep`.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        statement = _KEEP.format("again" if again else "kept", ", ".join(["(?, ?)"] * len(kept)))
         with self._faults():
-            late = time.monotonic() >= self._synced_s + _SYNC_S
-            self._write(_KEEP_AGAIN if again else _KEEP, (_blob(name), self._text(kept)), synced=late)
-        (self.again if again else self.names).add(name)
+            values = [value for name, one in kept.items() for value in (_blob(name), self._text(one))]
+            self._write(statement, values, synced=time.monotonic() >= self._synced_s + _SYNC_S)
+        (self.again if again else self.names).update(kept)
         if not again and "done" in vars(self):
-            self.done[name] = kept
+            self.done.update(kept)
         return kept
 
     def keep_only(self, names: Iterable[str]) -> None:
@@ -246,7 +260,7 @@ class Journal(Generic[Kept]):
         self._write("insert into run values (?, ?, ?)", run, synced=True)
         sync_names(self.path.parent)
 
-    def _write(self, statement: str, values: tuple[Any, ...], *, synced: bool) -> None:
+    def _write(self, statement: str, values: Sequence[Any], *, synced: bool) -> None:
         if synced:
             self._db.execute("pragma synchronous = full")
         self._db.execute(statement, values)
@@ -299,6 +313,8 @@ def resumable(
 ) -> Iterator[tuple[T, Kept]]:
     """Do the parts that the journal lacks, store the result of each, and yield it as it is done.
 
+    Results that come at once are stored together.
+
     Args:
         journal: journal of the parts that are done.
         parts: all parts.
@@ -311,11 +327,17 @@ def resumable(
         again: whether the parts are done a second time.
     """
     named, done = attrgetter(name), journal.again if again else journal.names
+    tasks: dict[str, T] = {}
+    results: dict[str, Kept] = {}
     for outcome in executor.calls(work, order, (p for p in parts if named(p) not in done)):
         task, result = outcome.task, outcome.result
         if outcome.error is not None:
             result = lost(task, outcome.error)
-        yield task, journal.keep(named(task), kept(task, result), again=again)  # type: ignore[arg-type]
+        tasks[named(task)], results[named(task)] = task, kept(task, result)  # type: ignore[arg-type]
+        if not outcome.more or len(tasks) == _MOST_TOGETHER:
+            stored = journal.keep_all(results, again=again)
+            yield from [(task, stored[name]) for name, task in tasks.items()]
+            tasks, results = {}, {}
 
 
 def cannot_be_written(path: Path, error: Exception) -> FileError:

@@ -59,18 +59,23 @@ class RunJournal(Journal[ReadingRecord]):
                 self.close()
                 raise
 
-    def keep(self, name: str, kept: ReadingRecord, *, again: bool = False) -> ReadingRecord:
-        """Store a record and append its line; a value that no table can hold makes it a record with an error."""
-        try:
-            line = self._form.encode(kept)
-        except ValueError as error:
-            kept = ReadingRecord.failed(name, f"{name}: {describe_fault(error)}; please report it")
-            line = self._form.encode(kept)
-        super().keep(name, kept, again=again)
+    def keep_all(
+        self, kept: Mapping[str, ReadingRecord], *, again: bool = False
+    ) -> Mapping[str, ReadingRecord]:
+        """Store records and append their lines; a value that no table can hold makes it a record with an error."""
+        stored, lines = dict(kept), b""
+        for name, record in kept.items():
+            try:
+                lines += self._form.encode(record)
+            except ValueError as error:
+                problem = f"{name}: {describe_fault(error)}; please report it"
+                stored[name] = ReadingRecord.failed(name, problem)
+                lines += self._form.encode(stored[name])
+        super().keep_all(stored, again=again)
         with self._faults():
-            while line and self._stream is not None and not again:
-                line = line[self._stream.write(line) :]
-        return kept
+            while lines and self._stream is not None and not again:
+                lines = lines[self._stream.write(lines) :]
+        return stored
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
         """The better record of every part, streamed: those named first, the others as they came."""

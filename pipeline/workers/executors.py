@@ -13,7 +13,7 @@ import os
 import queue
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Generic, TypeVar
 
@@ -56,11 +56,13 @@ class Outcome(Generic[T, R]):
         task: as it was given.
         result: what the function returned; None with an error.
         error: what the function raised, or WorkerLostError.
+        more: whether another outcome is there already; the next one is not waited for.
     """
 
     task: T
     result: R | None = None
     error: Exception | None = None
+    more: bool = False
 
 
 class Executor:
@@ -113,7 +115,7 @@ class Executor:
             alone = alone and bool(held or lost)
             if not (alone or lost):
                 hand_over(islice(waiting, max(0, self._ahead() - len(held))))
-            yield outcome
+            yield replace(outcome, more=not done.empty())
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
         """Begin a call of the function, and return its future."""

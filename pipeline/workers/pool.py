@@ -8,6 +8,7 @@
 * Every job ends: with its result, its exception, or WorkerLostError; also where no worker can start.
 * A worker that dies, or takes longer than a job may, costs its own job alone and is replaced, also while it is idle.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
+* A worker gets short jobs several at a time and answers one by one, so that it does not wait for this process.
 * A job beyond those at work and those that may wait is refused at once.
 * A worker uses one core and keeps to its memory; none is forked, for a forked child dies in its first parallel kernel.
 * Workers end when this process does, however that ends.
@@ -29,12 +30,14 @@ from typing import Any
 from glyphs.errors import MarksError, describe_fault
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, WorkerLostError
-from pipeline.workers.process import LOOK_S, Answer, Shared, Worker
+from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
 _AHEAD = 2
-"""Tasks that are handed over for each worker: one at work, one waiting."""
+"""Times what a worker gets at a time that is handed over for each: at work, and waiting."""
+_TOGETHER_S, _MOST_TOGETHER = 0.05, 32
+"""Work that a worker gets at a time, and most jobs of it: all that may wait behind one that is long."""
 _STOPPING = "the workers are stopping"
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
@@ -61,21 +64,20 @@ class BusyError(MarksError):
 class _Job:
     """A call that someone waits for."""
 
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
+    call: bytes
     timeout_s: float
-    future: Future[Any] = field(default_factory=Future)
+    future: Future[Any]
     queued_s: float = field(default_factory=time.monotonic)
 
 
 @dataclass(eq=False)
 class _Slot:
-    """A worker, whichever process it is at the time, and the thread that feeds it."""
+    """A worker, whichever process it is at the time, the jobs that it has, and the thread that feeds it."""
 
     number: int
     worker: Worker | None = None
     warm: bool = False
-    busy: bool = False
+    jobs: deque[_Job] = field(default_factory=deque)
     thread: threading.Thread = field(default_factory=threading.Thread)
 
 
@@ -108,7 +110,7 @@ class WorkPool(Executor):
         Raises:
             SettingsError: numbers that cannot be.
         """
-        queue = _AHEAD * workers if queue is None else queue
+        queue = _AHEAD * _MOST_TOGETHER * workers if queue is None else queue
         if workers < 1 or queue < 0 or not timeout_s > 0.0:
             raise SettingsError(
                 f"{workers} jobs, {queue} waiting, {timeout_s} s a part: give at least 1, 0 and above 0"
@@ -147,8 +149,13 @@ class WorkPool(Executor):
             BusyError: the queue is full.
             WorkerLostError: the pool is closed.
         """
-        job = _Job(function, args, timeout_s or self.timeout_s)
-        job.future.set_running_or_notify_cancel()
+        future: Future[Any] = Future()
+        future.set_running_or_notify_cancel()
+        try:
+            job = _Job(called(function, *args), timeout_s or self.timeout_s, future)
+        except Exception as error:  # arguments that cannot be pickled
+            future.set_exception(error)
+            return future
         with self._changed:
             if self._closing.is_set():
                 raise WorkerLostError(_STOPPING)
@@ -159,7 +166,7 @@ class WorkPool(Executor):
                 self._add_slot()
             self._changed.notify()
         self._give_up_waiting()
-        return job.future
+        return future
 
     def retry_after_s(self) -> float | None:
         """Estimate when a place may be free; None while there is one."""
@@ -172,12 +179,12 @@ class WorkPool(Executor):
     @property
     def waiting(self) -> int:
         """Jobs that no worker has begun."""
-        return len(self._waiting)
+        return len(self._waiting) + sum(max(0, len(slot.jobs) - 1) for slot in self._slots)
 
     @property
     def running(self) -> int:
         """Jobs that workers are at."""
-        return sum(slot.busy for slot in self._slots)
+        return sum(bool(slot.jobs) for slot in self._slots)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -227,7 +234,12 @@ class WorkPool(Executor):
         return self._failed >= _STARTS_TRIED * len(self._slots)
 
     def _ahead(self) -> int:
-        return _AHEAD * self.workers
+        return _AHEAD * self._together * self.workers
+
+    @property
+    def _together(self) -> int:
+        """Jobs that a worker gets at a time."""
+        return max(1, min(_MOST_TOGETHER, int(_TOGETHER_S / self._mean_s)))
 
     def _shared(self, order: Any) -> Any:
         return Shared(order)
@@ -250,47 +262,51 @@ class WorkPool(Executor):
                     continue
                 pause_s = _PAUSE_S
             assert slot.worker is not None
-            job = self._next_job(slot)
-            if job is None:
-                if not slot.worker.is_alive:
-                    self._lose(slot)
-                continue
+            if self._take_jobs(slot):
+                self._work(slot, slot.worker)
+            elif not slot.worker.is_alive:
+                self._lose(slot)
+        if slot.worker is not None:
+            slot.worker.end(0.2)
+
+    def _take_jobs(self, slot: _Slot) -> bool:
+        """Give a slot the jobs that have waited longest; whether there came any within a while."""
+        with self._changed:
+            if not self._waiting:
+                self._changed.wait(LOOK_S)
+            share = max(1, len(self._waiting) // self.workers)  # leave some to the other workers
+            for _ in range(min(self._together, share, len(self._waiting))):
+                slot.jobs.append(self._waiting.popleft())
+        return bool(slot.jobs)
+
+    def _work(self, slot: _Slot, worker: Worker) -> None:
+        """Settle the jobs of a slot; if its worker is lost, the first one, and the others wait again."""
+        late = "the part took longer than {} s and was stopped"
+        answers = worker.ask([job.call for job in slot.jobs], [job.timeout_s for job in slot.jobs], late)
+        while slot.jobs:
             began_s = time.monotonic()
-            late = f"the part took longer than {job.timeout_s:g} s and was stopped"
             outcome: Answer | Exception
             try:
-                outcome = slot.worker.ask(job.function, job.args, job.timeout_s, late)
+                outcome = next(answers)
             except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
                 outcome = WorkerLostError(f"the worker was lost ({describe_fault(error)})")
+            job = slot.jobs.popleft()
             if isinstance(outcome, WorkerLostError):
                 _log.warning("%s", outcome)
                 self._lose(slot)
-            slot.busy = False
             if isinstance(outcome, Answer):
                 self._mean_s += _SMOOTHING * (time.monotonic() - began_s - self._mean_s)
                 job.future.set_result(outcome.value)
             else:
                 job.future.set_exception(outcome)
-        if slot.worker is not None:
-            slot.worker.end(0.2)
-
-    def _next_job(self, slot: _Slot) -> _Job | None:
-        """The job that has waited longest; None where none comes for a while."""
-        with self._changed:
-            if not self._waiting:
-                self._changed.wait(LOOK_S)
-            if not self._waiting:
-                return None
-            slot.busy = True
-            return self._waiting.popleft()
 
     def _start(self, slot: _Slot) -> bool:
         """Start a worker and wait until it is warm; whether it is."""
         answer: Answer | Exception
         try:
             slot.worker = Worker(slot.number, self.memory_mb)
-            late = f"it was not ready after {_WARM_UP_S:.0f} s"
-            answer = slot.worker.ask(self._warm_up, (), _WARM_UP_S, late, self._not_wanted)
+            late = "it was not ready after {} s"
+            (answer,) = slot.worker.ask([called(self._warm_up)], [_WARM_UP_S], late, self._not_wanted)
         except Exception as error:
             answer = error
         slot.warm = isinstance(answer, Answer)
@@ -308,6 +324,9 @@ class WorkPool(Executor):
         return slot.warm
 
     def _lose(self, slot: _Slot) -> None:
+        with self._changed:
+            self._waiting.extendleft(reversed(slot.jobs))
+            slot.jobs.clear()
         slot.warm, worker, slot.worker = False, slot.worker, None
         if worker is not None:
             worker.end()

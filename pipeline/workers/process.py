@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing.connection import Connection, wait
@@ -92,27 +92,30 @@ class Worker:
 
     def ask(
         self,
-        function: Callable[..., Any],
-        args: tuple[Any, ...],
-        timeout_s: float,
-        too_late: str,
+        calls: Sequence[bytes],
+        timeouts_s: Iterable[float],
+        late: str,
         stopped: Callable[[], bool] = lambda: False,
-    ) -> Answer | Exception:
-        """Have the process call a function: its answer, its exception, or WorkerLostError.
+    ) -> Iterator[Answer | Exception]:
+        """Have the process make calls one after the other, and yield what comes of each as soon as it is done.
+
+        The last one is a WorkerLostError if the worker was lost over it; what was to come after it was not begun.
 
         Args:
-            function: of a module that the process can import.
-            args: its arguments.
-            timeout_s: longest time.
-            too_late: cause that is given after that time.
+            calls: as `called` makes them.
+            timeouts_s: longest time of each.
+            late: cause that is given after that time, with {} for its seconds.
             stopped: asked now and then; what it answers with True is waited for no longer.
         """
-        try:
-            self._pipe.send((function, args))
-        except OSError:
-            pass  # the process has died; the wait below finds it
-        except Exception as error:  # arguments that cannot be pickled
-            return error
+        with contextlib.suppress(OSError):  # the process has died; the wait below finds it
+            self._pipe.send(calls)
+        for timeout_s in timeouts_s:
+            answer = self._answer(timeout_s, late, stopped)
+            yield answer
+            if isinstance(answer, WorkerLostError):
+                return
+
+    def _answer(self, timeout_s: float, late: str, stopped: Callable[[], bool]) -> Answer | Exception:
         until = time.monotonic() + timeout_s
         while not stopped():
             left_s = until - time.monotonic()
@@ -128,7 +131,7 @@ class Worker:
                     f"the worker has ended (exit code {code})", crashed=code not in _FROM_OUTSIDE
                 )
             if left_s <= 0.0:
-                return WorkerLostError(too_late, timed_out=True)
+                return WorkerLostError(late.format(f"{timeout_s:g}"), timed_out=True)
         return WorkerLostError("the workers are stopping")
 
     def kill(self) -> None:
@@ -171,8 +174,9 @@ def _serve(pipe: Connection, memory_mb: int, shows: bool) -> None:
             resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         while True:
-            pipe.send_bytes(_answer(pipe.recv_bytes()))
-            end_part()
+            for call in pipe.recv():
+                pipe.send_bytes(_answered(call))
+                end_part()
 
 
 def _say(line: str) -> None:
@@ -187,10 +191,23 @@ def _end_with_parent() -> None:
     os._exit(0)
 
 
-def _answer(message: bytes) -> bytes:
-    """Call the function of a message, and pickle its `Answer` or its exception."""
+def called(function: Callable[..., Any], *args: Any) -> bytes:
+    """A call as it is sent to a worker.
+
+    Args:
+        function: of a module that the process can import.
+        args: its arguments.
+
+    Raises:
+        Exception: what cannot be pickled.
+    """
+    return pickle.dumps((function, args))
+
+
+def _answered(call: bytes) -> bytes:
+    """Make a call, and pickle its `Answer` or its exception."""
     try:
-        function, args = pickle.loads(message)
+        function, args = pickle.loads(call)
         return pickle.dumps(Answer(function(*args)))
     except Exception as error:
         if not isinstance(error, MarksError):  # of a fault of the program the lines are wanted
