@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import posixpath
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -100,7 +102,7 @@ def spelling_on_disk(name: str) -> Path:
         if os.path.lexists(found / part):
             found /= part
             continue
-        alike = _names(found).get(_folded(part), ())
+        alike = _names(found).get(folded(part), ())
         # another composition of the same letters goes before other letters
         same = [one for one in alike if _composed(one) == _composed(part)] or alike
         if not same:
@@ -116,21 +118,26 @@ def spelling_on_disk(name: str) -> Path:
 @lru_cache(maxsize=_KEPT_FOLDERS)
 def _names(folder: Path) -> dict[str, list[str]]:
     """The names in a folder by their folded spelling; empty for a folder that cannot be listed."""
-    names: dict[str, list[str]] = {}
-    try:
-        for one in sorted(os.listdir(folder)):
-            names.setdefault(_folded(one), []).append(one)
-    except OSError:
-        return {}
-    return names
+    with contextlib.suppress(OSError):
+        return by_spelling(sorted(os.listdir(folder)))
+    return {}
 
 
 def _composed(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
-def _folded(name: str) -> str:
+def folded(name: str) -> str:
+    """A name's spelling, however it is composed (NFC, NFD) and in whatever case."""
     return _composed(name).casefold()
+
+
+def by_spelling(names: Iterable[str]) -> dict[str, list[str]]:
+    """The names by their folded spelling."""
+    alike: dict[str, list[str]] = {}
+    for one in names:
+        alike.setdefault(folded(one), []).append(one)
+    return alike
 
 
 _SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
@@ -229,20 +236,17 @@ def with_unique_names(parts: Sequence[PartFiles]) -> Sequence[PartFiles]:
     names = [p.name for p in parts]
     if len(set(names)) == len(names):
         return parts
-    depth, deeper = 0, True
-    while deeper:
-        depth, deeper, counts = depth + 1, False, Counter(names)
+    above = [split_name(p.files[0])[0].replace("://", "/").split("/") if p.files else [] for p in parts]
+    for depth in range(1, max(map(len, above)) + 1):
+        counts = Counter(names)
         for i, part in enumerate(parts):
             if counts[names[i]] > 1:
-                above = split_name(part.files[0])[0].replace("://", "/").split("/") if part.files else []
-                deeper |= len(above) >= depth
-                names[i] = "/".join(f for f in (*above[-depth:], part.name) if f)
-    taken = set(names)
-    seen: set[str] = set()
+                names[i] = "/".join(f for f in (*above[i][-depth:], part.name) if f)
+    taken, used = set(names), Counter[str]()
     for i, name in enumerate(names):
-        number = 1
-        while names[i] in seen or (number > 1 and names[i] in taken):
-            number += 1
-            names[i] = f"{name} ({number})"
-        seen.add(names[i])
+        used[name] += 1
+        if used[name] > 1:
+            free = (f"{name} ({number})" for number in count(used[name]))
+            names[i] = next(one for one in free if one not in taken)
+            taken.add(names[i])
     return [replace(p, name=name) for p, name in zip(parts, names, strict=True)]

@@ -8,7 +8,6 @@ is right. Spaces count for neither: they are not stamped. A part with an error c
 from __future__ import annotations
 
 import re
-import unicodedata
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -21,6 +20,7 @@ from pipeline.common.serial_rules import NumberedSerial, ProductionOrder, split_
 from pipeline.common.texts import without_blanks
 from pipeline.errors import DataError, reading
 from pipeline.formats.kinds import file_kind
+from pipeline.formats.part_files import by_spelling, folded
 from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
@@ -105,27 +105,19 @@ class PartTexts(dict[str, str]):
     """Texts by the names of parts, found however a name is composed (NFC, NFD) and in whatever case."""
 
     @cached_property
-    def _names(self) -> dict[str, str | None]:
-        """The only name of each spelling; None where several have it."""
-        names: dict[str, str | None] = {}
-        for name in self:
-            names[_folded(name)] = None if _folded(name) in names else name
-        return names
+    def _names(self) -> dict[str, list[str]]:
+        return by_spelling(self)
 
     def name_of(self, part: str) -> str | None:
-        """The name of a part in the table: its own, or that without its folder; None where it has none."""
+        """The name of a part in the table: its own, or that without its folder; None where it has none, or several."""
         names = (part, part.rpartition("/")[2])
-        found = (name if name in self else self._names.get(_folded(name)) for name in names)
-        return next((name for name in found if name is not None), None)
+        found = ([name] if name in self else self._names.get(folded(name), []) for name in names)
+        return next((alike[0] for alike in found if len(alike) == 1), None)
 
     def text_of(self, part: str) -> str | None:
         """The text of a part; None where the table has none."""
         name = self.name_of(part)
         return None if name is None else self[name]
-
-
-def _folded(name: str) -> str:
-    return unicodedata.normalize("NFC", name).casefold()
 
 
 def load_truth(path: Path) -> PartTexts:

@@ -304,19 +304,15 @@ def load_photos(part: PartFiles, limits: Limits | None = None) -> tuple[Photo, t
     Raises:
         FileError: it has none, or none can be used: what is wrong with the first.
     """
-    found: list[Photo] = []
+    first: Photo | None = None
     problems: list[MarksError] = []
     for path in (part.photo, *part.more_photos):
         try:
-            photo = load_photo(replace(part, photo=path), limits)
-            if found:
-                photo = replace(found[0], others=(*found[0].others, photo))
+            with naming(path or part.name):
+                photo = load_photo(replace(part, photo=path), limits)
+                first = photo if first is None else replace(first, others=(*first.others, photo))
         except FileError as problem:
             problems.append(problem)
-        except MarksError as problem:
-            problems.append(problem_of(path or part.name, problem.what, problem.hint))
-        else:
-            found[:] = [photo]
-    if not found:
+    if first is None:
         raise problems[0]
-    return found[0], tuple(problems)
+    return first, tuple(problems)

@@ -14,6 +14,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from io import FileIO
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
@@ -338,6 +339,42 @@ def resumable(
             stored = journal.keep_all(results, again=again)
             yield from [(task, stored[name]) for name, task in tasks.items()]
             tasks, results = {}, {}
+
+
+class GrowingFile:
+    """A file that lines are appended to while a run goes on; each is the kernel's before `append` returns."""
+
+    def __init__(self, path: Path) -> None:
+        self._stream = FileIO(path, "a")
+
+    def append(self, lines: bytes) -> None:
+        """Append lines, whole.
+
+        Raises:
+            OSError: the disk refuses.
+        """
+        while lines:
+            lines = lines[self._stream.write(lines) :]
+
+    def close(self, *, synced: bool = False) -> None:
+        """Close the file, brought to the disk if wanted; once."""
+        if synced and not self._stream.closed:
+            os.fsync(self._stream.fileno())
+        self._stream.close()
+
+
+def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
+    """Move a file of an earlier run to the same name with a ~, and return that; one with no more than a head goes.
+
+    Raises:
+        OSError: the disk refuses.
+    """
+    if not path.exists() or path.stat().st_size <= len(head):
+        path.unlink(missing_ok=True)
+        return None
+    kept = path.with_name(f"{path.name}~")
+    os.replace(path, kept)
+    return kept
 
 
 def cannot_be_written(path: Path, error: Exception) -> FileError:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
 
 from glyphs.errors import FileError
-from pipeline.common.texts import harmless
 from pipeline.formats.manifest import COLUMNS, FILES
 from pipeline.formats.part_files import PartFiles, absolute
-from pipeline.runs.journal import cannot_be_written
+from pipeline.runs.journal import GrowingFile, cannot_be_written, set_aside
+from pipeline.runs.tables import csv_line
 
-_HEAD = ",".join((*COLUMNS, "problem")) + "\n"
+_HEAD = ",".join((*COLUMNS, "problem")).encode() + b"\n"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
@@ -39,19 +36,18 @@ class Quarantine:
             FileError: what is there is no such list, or cannot be moved or read.
         """
         self.path = path
-        self._stream: IO[str] | None = None
+        self._growing: GrowingFile | None = None
         self._names: set[str] = set()
         with self._writing():
             head = b""
             with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
                 head = stream.read(len(_HEAD))
-            if not _HEAD.encode().startswith(head):
+            if not _HEAD.startswith(head):
                 raise FileError(path, "is not a list of bad parts", "name another file for it")
-            # an empty list, or one that was broken off in its first line, has no part
-            if len(head) < len(_HEAD) or keep:
+            if keep:
                 path.unlink(missing_ok=True)
             else:
-                os.replace(path, path.with_name(f"{path.name}~"))
+                set_aside(path, head=_HEAD)
 
     def add(self, listed: PartFiles, problem: str) -> None:
         """Append a part, once; it is the kernel's before this returns.
@@ -66,23 +62,19 @@ class Quarantine:
         if not listed.files and listed.problem is not None:
             files["height_map"] = absolute(str(listed.problem.path))
         about = (listed.expected, listed.format, listed.font, problem)
+        line = csv_line([name, *(_one_line(cell) for cell in (*files.values(), *about))], end="\n")
         with self._writing():
-            if self._stream is None:
-                self._stream = self.path.open("a", encoding="utf-8", newline="")
-                if self._stream.tell() == 0:
-                    self._stream.write(_HEAD)
-            row = [name, *(_one_line(cell) for cell in (*files.values(), *about))]
-            csv.writer(self._stream, lineterminator="\n").writerow(map(harmless, row))
-            self._stream.flush()
+            if self._growing is None:
+                self._growing = GrowingFile(self.path)
+                line = _HEAD + line
+            self._growing.append(line)
         self._names.add(name)
 
     def close(self) -> None:
         """Bring it to the disk."""
-        if self._stream is not None:
-            stream, self._stream = self._stream, None
-            with self._writing(), stream:
-                stream.flush()
-                os.fsync(stream.fileno())
+        if self._growing is not None:
+            with self._writing():
+                self._growing.close(synced=True)
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:

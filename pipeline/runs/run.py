@@ -10,7 +10,6 @@ that the store has and the table has not is read again, and the store takes it o
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -22,7 +21,7 @@ from glyphs.compiling import end_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.journal import resumable
+from pipeline.runs.journal import resumable, set_aside
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
 from pipeline.runs.quarantine import Quarantine
@@ -177,8 +176,8 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
             if learns:
                 # an earlier run's database is moved as its table is
                 database = table.with_suffix(".die.glyphs")
-                if database.exists() and not journal.resumed:
-                    os.replace(database, database.with_name(f"{database.name}~"))
+                if not journal.resumed:
+                    set_aside(database)
                 run.second = SecondPass(database, always=bool(options.learn_die))
             yield run
         # last, with workers and store gone: broken off before, the same command reads nothing again

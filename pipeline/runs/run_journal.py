@@ -13,16 +13,14 @@ taken up writes it anew from the journal.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from io import FileIO
 from pathlib import Path
 from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, describe_fault
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.runs.journal import Journal, cannot_be_written
+from pipeline.runs.journal import GrowingFile, Journal, cannot_be_written, set_aside
 from pipeline.runs.tables import WORKBOOK, check_output, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook
 from recognition.learning.lot import is_better
@@ -49,12 +47,12 @@ class RunJournal(Journal[ReadingRecord]):
         check_output(table)
         self.table, self._form = table, form_of(table)
         self.kept: Path | None = None
-        self._stream: FileIO | None = None
-        super().__init__(_beside(table, ".unfinished"), description, output=table)
+        self._growing: GrowingFile | None = None
+        super().__init__(table.with_name(f"{table.name}.unfinished"), description, output=table)
         if grows(table):
             try:
                 write_table(self.records(), table)
-                self._stream = FileIO(table, "a")
+                self._growing = GrowingFile(table)
             except BaseException:
                 self.close()
                 raise
@@ -72,9 +70,9 @@ class RunJournal(Journal[ReadingRecord]):
                 stored[name] = ReadingRecord.failed(name, problem)
                 lines += self._form.encode(stored[name])
         super().keep_all(stored, again=again)
-        with self._faults():
-            while lines and self._stream is not None and not again:
-                lines = lines[self._stream.write(lines) :]
+        if self._growing is not None and not again:
+            with self._faults():
+                self._growing.append(lines)
         return stored
 
     def records(self, order: Iterable[str] = ()) -> Iterator[ReadingRecord]:
@@ -138,20 +136,10 @@ class RunJournal(Journal[ReadingRecord]):
         super().close()
 
     def _close_table(self) -> None:
-        if self._stream is not None:  # Windows does not replace a file that is open
-            self._stream.close()
-            self._stream = None
+        if self._growing is not None:  # Windows does not replace a file that is open
+            self._growing.close()
 
     def _begin(self) -> None:
         # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
-        head = self._form.head if grows(self.table) else b""
-        if self.table.exists() and self.table.stat().st_size > len(head):
-            self.kept = _beside(self.table, "~")
-            os.replace(self.table, self.kept)
-        else:
-            self.table.unlink(missing_ok=True)
+        self.kept = set_aside(self.table, head=self._form.head if grows(self.table) else b"")
         super()._begin()
-
-
-def _beside(path: Path, ending: str) -> Path:
-    return path.with_name(path.name + ending)

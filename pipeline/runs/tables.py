@@ -137,9 +137,11 @@ def _fitting(value: Any, part: str) -> Any:
     return value
 
 
-def _csv_line(cells: Iterable[Any]) -> bytes:
+def csv_line(cells: Iterable[Any], *, end: str = "\r\n") -> bytes:
+    """A line of a CSV table, with texts that a spreadsheet does not calculate."""
     line = io.StringIO()
-    csv.writer(line).writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
+    writer = csv.writer(line, lineterminator=end)
+    writer.writerow([harmless(cell) if isinstance(cell, str) else cell for cell in cells])
     return line.getvalue().encode()
 
 
@@ -160,7 +162,7 @@ def _flat(place: dict[str, Any]) -> dict[str, Any]:
 
 
 LINE_FORMS = {
-    ".csv": LineForm(_csv_line(CSV_COLUMNS), lambda record: _csv_line(csv_cells(record))),
+    ".csv": LineForm(csv_line(CSV_COLUMNS), lambda record: csv_line(csv_cells(record))),
     ".jsonl": LineForm(b"", _json_line),
 }
 WORKBOOK = ".xlsx"
