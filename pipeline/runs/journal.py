@@ -341,26 +341,20 @@ def resumable(
             tasks, results = {}, {}
 
 
-class GrowingFile:
-    """A file that lines are appended to while a run goes on; each is the kernel's before `append` returns."""
+class GrowingFile(FileIO):
+    """A file that lines are appended to while a run goes on."""
 
     def __init__(self, path: Path) -> None:
-        self._stream = FileIO(path, "a")
+        super().__init__(path, "a")
 
     def append(self, lines: bytes) -> None:
-        """Append lines, whole.
+        """Append whole lines; they are the kernel's before this returns.
 
         Raises:
             OSError: the disk refuses.
         """
         while lines:
-            lines = lines[self._stream.write(lines) :]
-
-    def close(self, *, synced: bool = False) -> None:
-        """Close the file, brought to the disk if wanted; once."""
-        if synced and not self._stream.closed:
-            os.fsync(self._stream.fileno())
-        self._stream.close()
+            lines = lines[self.write(lines) :]
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -73,8 +74,8 @@ class Quarantine:
     def close(self) -> None:
         """Bring it to the disk."""
         if self._growing is not None:
-            with self._writing():
-                self._growing.close(synced=True)
+            with self._writing(), self._growing:
+                os.fsync(self._growing.fileno())
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
