@@ -115,7 +115,8 @@ class Executor:
             alone = alone and bool(held or lost)
             if not (alone or lost):
                 hand_over(islice(waiting, max(0, self._ahead() - len(held))))
-            yield replace(outcome, more=not done.empty())
+            # where this process works itself, the next one is there because it was done before this one is told
+            yield replace(outcome, more=self._ahead() > 1 and not done.empty())
 
     def submit(self, function: Callable[..., Any], *args: Any) -> Any:
         """Begin a call of the function, and return its future."""
