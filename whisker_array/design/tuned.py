@@ -150,20 +150,12 @@ def tune(
     kinds = (kind,) if kind is not None else tuple(Kind)
     if kind is None and alpha_rad < request.alpha_rad[1] - 1e-9:
         kinds = (Kind.NULL,)
+    made_of: SectionKind = "round" if section == "round" else "ribbon"
     found: list[Tuned] = []
     reasons: list[str] = []
     for each in kinds:
         try:
-            found.append(
-                _tune_kind(
-                    each,
-                    alpha_rad,
-                    request,
-                    limits or Limits(),
-                    "round" if section == "round" else "ribbon",
-                    seed,
-                )
-            )
+            found.append(_tune_kind(each, alpha_rad, request, limits or Limits(), made_of, seed))
         except DesignError as error:
             reasons.append(str(error))
     if not found:
@@ -187,8 +179,7 @@ def _tune_kind(
         )
     problem, candidate = done
     whisker = candidate.whisker
-    low, high = request.mu
-    mus = (low, middle_friction(request.mu), high)
+    mus = (request.mu[0], middle_friction(request.mu), request.mu[1])
     table = factors(whisker, alpha_rad=np.radians(_TABLE_DEG), mu=np.array(mus))
     model = whisker.tip_model()
     row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm
@@ -196,7 +187,7 @@ def _tune_kind(
     x, y = (arm[0], arm[1]) if kind is Kind.NULL else (row[0], row[1])
     lean = math.atan2(-y * math.copysign(1.0, x), abs(x))
     slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, problem.request.alpha_rad[1])])
-    fine = factors(whisker, alpha_rad=slopes, mu=np.linspace(low, high, 33))
+    fine = factors(whisker, alpha_rad=slopes, mu=np.linspace(*request.mu, 33))
     return Tuned(
         kind=kind,
         alpha_rad=alpha_rad,
@@ -207,5 +198,5 @@ def _tune_kind(
         table_deg=_TABLE_DEG,
         table_mu=mus,
         table=table,
-        place_rad=(lean + math.atan(low), lean + math.atan(mus[1]), lean + math.atan(high)),
+        place_rad=(lean + math.atan(mus[0]), lean + math.atan(mus[1]), lean + math.atan(mus[2])),
     )

@@ -140,15 +140,11 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
 
     Where they do not differ enough to give both, tau is that at the land's phi, and phi is NaN.
     """
-    shape = leans[0].shape
-    ss, se, st, et = (np.zeros(shape) for _ in range(4))
-    for view, lean in zip(views, leans, strict=True):
-        s, e, known = view.base_ahead, view.friction_sign, np.isfinite(lean)
-        theta = np.where(known, lean, 0.0)
-        ss += known
-        se += known * s * e
-        st += s * theta
-        et += e * theta
+    s = np.array([view.base_ahead for view in views])[:, None, None]
+    e = np.array([view.friction_sign for view in views])[:, None, None]
+    known = np.isfinite(leans)
+    theta = np.where(known, leans, 0.0)
+    ss, se, st, et = (terms.sum(axis=0) for terms in (1.0 * known, known * s * e, s * theta, e * theta))
     det = ss * ss - se * se  # s^2 = e^2 = 1
     both = det > 0.5
     safe = np.where(both, det, 1.0)
