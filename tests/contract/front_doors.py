@@ -6,11 +6,9 @@ import contextlib
 import csv
 import os
 import re
-import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from importlib.metadata import entry_points
@@ -21,10 +19,9 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from glyphs import stamp
+from tests.support.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 120.0  # for what must happen at all; the first start on a machine compiles the kernels
-LOOK_S = 0.05  # between two looks whether it has happened: what is waited for needs the processor
 
 
 @dataclass(frozen=True)
@@ -82,34 +79,6 @@ def truth_of(folder: Path) -> dict[str, str]:
     """The stamped text of each part in a folder that `synth` made."""
     with (folder / "truth.csv").open(newline="", encoding="utf-8") as stream:
         return {row["part"]: row["text"] for row in csv.DictReader(stream)}
-
-
-def children(pid: int) -> list[int]:
-    """All processes below a process, from Linux's own list."""
-    found: list[int] = []
-    todo = [pid]
-    while todo:
-        for listed in Path(f"/proc/{todo.pop()}/task").glob("*/children"):
-            with contextlib.suppress(FileNotFoundError, ProcessLookupError):
-                below = [int(child) for child in listed.read_text().split()]
-                found += below
-                todo += below
-    return found
-
-
-def is_alive(pid: int) -> bool:
-    """Whether a process runs; a zombie does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-
-
-def free_port() -> int:
-    """A port of the loopback address that is free now."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -180,15 +149,6 @@ def status_of(url: str) -> int:
             return connection.getresponse().status
         except (OSError, HTTPException):
             return 0
-
-
-def wait_until(condition: Callable[[], bool], process: subprocess.Popen[bytes] | None = None) -> None:
-    """Wait for a condition that must come true; fail when the process ends or patience does."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert process is None or process.poll() is None, f"the process ended with {process.returncode}"
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(LOOK_S)
 
 
 def save_height_map(

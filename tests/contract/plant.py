@@ -12,7 +12,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.contract.front_doors import RunningService, free_port, run_service, synth, truth_of
+from tests.contract.front_doors import RunningService, run_service, synth, truth_of
+from tests.support.waiting import free_port
 
 FORMAT = "A99"
 READING = ("--format", FORMAT, "--font", "gothic", "--height-mm", "4", "--jobs", "1", "--tokens", "off")

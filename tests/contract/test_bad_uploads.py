@@ -9,8 +9,9 @@ from pathlib import Path
 
 import httpx
 
-from tests.contract.front_doors import RunningService, children
+from tests.contract.front_doors import RunningService
 from tests.support.bad_files import bad_maps, bad_photos, bad_scans, other_file
+from tests.support.waiting import children
 
 SLOWEST_S = 30.0
 """For one answer, on a busy machine; most come in milliseconds."""

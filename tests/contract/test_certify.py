@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import PATIENCE_S, main, start_process, wait_until
+from tests.contract.front_doors import main, start_process
+from tests.support.waiting import PATIENCE_S, wait_until
 
 PARTS = 20
 """The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""

@@ -6,7 +6,6 @@ import csv
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from tests.contract.front_doors import save_height_map
 
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment
+from tests.support.waiting import wait_until
 
 PARTS = 8
 WAIT_S = 120.0
@@ -57,24 +57,17 @@ def nowhere(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[s
     process.wait()
 
 
-def wait_for_lines(path: Path, count: int, process: subprocess.Popen[str]) -> None:
-    until = time.monotonic() + WAIT_S
-    while not path.exists() or len(path.read_bytes().splitlines()) < count:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < until
-        time.sleep(0.01)
-
-
 def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) -> None:
     (logs := tmp_path / "logs").mkdir()
     with cluster_process(logs) as cluster:
         arguments = ("--font", "gothic", "--height-mm", "4", "--out", "rows.jsonl")
         process = run(cluster, tmp_path, "read", str(parts / "lot.csv"), *arguments)
-        wait_for_lines(tmp_path / "rows.jsonl", 3, process)
+        rows_path = tmp_path / "rows.jsonl"
+        wait_until(lambda: rows_path.exists() and rows_path.read_bytes().count(b"\n") > 2, process)
         cluster.lose(cluster.workers[0])
         told, error = process.communicate(timeout=WAIT_S)
         assert process.returncode == 1, error + cluster.told()  # the part that is not there
-    rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    rows = [json.loads(line) for line in rows_path.read_text().splitlines()]
     assert [row["part"] for row in rows] == [*(f"part-{k:02d}" for k in range(PARTS)), "gone"]
     assert [row["part"] for row in rows if row["error"]] == ["gone"], rows
     assert "gone.npz: is not there" in rows[-1]["error"]

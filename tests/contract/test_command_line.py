@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
 import subprocess
 import sys
@@ -14,14 +13,9 @@ import pytest
 
 from tests.contract.front_doors import main
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in [n for n in os.environ if n.startswith("TACTILE_MARKS_")]:
-        monkeypatch.delenv(name)
 
 
 def save_map(path: Path, z: np.ndarray, pitch_mm: float = 0.05) -> None:
@@ -45,7 +39,7 @@ def test_help_needs_nothing_heavy() -> None:
 
 
 COMMANDS = (
-    *(
+    *[
         "read",
         "inspect",
         "demo",
@@ -57,7 +51,7 @@ COMMANDS = (
         "calibrate",
         "identify",
         "import",
-    ),
+    ],
     *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
     *("bench check", "bench home", "bench calibrate", "bench scan"),
     *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),

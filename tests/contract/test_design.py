@@ -10,24 +10,15 @@ import pytest
 from tests.contract.front_doors import main
 from whisker_array import load_scan, moment_ratio
 
-ASKED = [
-    "--alpha",
-    "30:60",
-    "--mu",
-    "0.1:0.5",
-    "--depth-mm",
-    "0.2",
-    "--height-mm",
-    "5",
-    "--no-trade-offs",
-]
+ASKED = ["design", "--height-mm", "5", "--alpha", "30:60", "--mu", "0.1:0.5", "--depth-mm", "0.2"]
+ARRAY = ["design", "--height-mm", "5", "--array"]
 
 
 def test_what_is_designed_is_written_drawn_and_scanned_with(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, picture = tmp_path / "w.toml", tmp_path / "w.png"
-    assert main(["design", *ASKED, "--out", str(out), "--picture", str(picture)]) == 0
+    assert main([*ASKED, "--no-trade-offs", "--out", str(out), "--picture", str(picture)]) == 0
     told = capsys.readouterr().out
     for word in ("build", "worst edge contrast", "binds", "linear beam", "first frequency"):
         assert word in told
@@ -48,22 +39,75 @@ def test_what_is_designed_is_written_drawn_and_scanned_with(
     assert (np.abs(ratio - 1.0) > 0.1).all()
 
 
+def test_one_inclination_is_singled_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "tuned.pdf"
+    assert main([*ASKED, "--sensitive-to", "45", "--picture", str(picture)]) == 0
+    told = capsys.readouterr().out
+    assert "null at 45 deg" in told
+    assert "F, mu = 0.29" in told
+    assert "-0.00" not in told
+    assert picture.read_bytes().startswith(b"%PDF")
+
+
+def test_a_level_whisker_can_be_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*ASKED, "--beta-deg", "0", "--no-trade-offs"]) == 0
+    told = capsys.readouterr().out
+    assert "beta 0.00 deg" in told
+    assert "scan speed, mm/s" not in told
+
+
+def test_an_array_is_told_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "array.png"
+    assert main([*ARRAY, "--accuracy", "0.5", "--whiskers", "8", "--picture", str(picture)]) == 0
+    told = capsys.readouterr().out
+    assert "Quickest: 8 whiskers" in told
+    assert max(map(len, told.splitlines()[:-1])) <= 80
+    assert picture.stat().st_size > 10_000
+
+
 @pytest.mark.parametrize(
-    "change",
+    ("change", "says"),
     [
-        ("--alpha", "60:30"),
-        ("--alpha", "steep"),
-        ("--mu", "0.5:0.1"),
-        ("--depth-mm", "-1"),
-        ("--height-mm", "nan"),
+        ("--alpha=60:30", "--alpha is '60:30'"),
+        ("--alpha=steep", "--alpha is 'steep'"),
+        ("--alpha=30:45:60", "write least:greatest"),
+        ("--alpha=30:90", "below 90"),
+        ("--mu=0.1:nan", "--mu"),
+        ("--mu=0.5:0.1", "--mu"),
+        ("--mu=-0.1:0.5", "friction"),
+        ("--depth-mm=0", "depth_mm"),
+        ("--height-mm=-5", "character_height_mm"),
+        ("--height-mm=nan", "height"),
+        ("--beta-deg=-10:45", "--beta-deg"),
+        ("--section=round", "take a ribbon"),
+        ("--sensitive-to=3", "cannot be singled out"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(
-    change: tuple[str, str], capsys: pytest.CaptureFixture[str]
+def test_a_request_that_makes_no_sense_is_one_line(
+    change: str, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = list(ASKED)
-    asked[asked.index(change[0]) + 1] = change[1]
-    assert main(["design", *asked]) == 2
+    name = change.partition("=")[0]
+    given = [*ASKED]
+    if name in given:
+        del given[given.index(name) : given.index(name) + 2]
+    assert main([*given, change]) == 2
     said = capsys.readouterr().err
     assert said.startswith("tactile-marks: ")
-    assert change[1].split(":")[0] in said
+    assert says in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("whiskers", ["", "eight", "0,8", "1000"])
+def test_whiskers_of_an_array_are_numbers(whiskers: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*ARRAY, f"--whiskers={whiskers}"]) == 2
+    assert "--whiskers is" in capsys.readouterr().err
+
+
+def test_an_array_or_walls_must_be_given(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(ASKED[:3]) == 2
+    assert "--alpha, --mu and --depth-mm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", ["--out=w.json", "--picture=p.toml", "--out=none/w.toml"])
+def test_files_are_refused_before_the_search(wrong: str) -> None:
+    assert main([*ASKED, wrong]) == 1

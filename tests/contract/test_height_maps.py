@@ -357,11 +357,6 @@ def test_obj(tmp_path: Path) -> None:
     check(read_height_map(tmp_path / "a.obj"))
 
 
-def save_image(path: Path, scale: float, dtype: type) -> Path:
-    Image.fromarray((Z * scale).astype(dtype)).save(path)
-    return path
-
-
 @pytest.mark.parametrize(("name", "settings"), [
     ("f.tif", {}),
     ("u.png", {"unit": "nm"}),

@@ -11,6 +11,8 @@ import pytest
 
 from tests.contract.front_doors import main
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 FORMAT = "A9"
 
 
@@ -21,11 +23,6 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main(made) == 0
     assert sorted(p.name for p in folder.iterdir()) == ["part-000.npz", "part-000.png", "truth.csv"]
     return folder
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.contract.front_doors import PATIENCE_S, Command, environment
+from tests.contract.front_doors import Command, environment
+from tests.support.waiting import PATIENCE_S
 
 FILES = ("config", "database", "lexicon", "job", "truth", "order", "certificate")
 

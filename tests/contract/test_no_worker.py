@@ -6,7 +6,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.contract.front_doors import run_service, wait_until
+from tests.contract.front_doors import run_service
+from tests.support.waiting import wait_until
 
 
 def test_parts_are_answered_with_the_cause_while_no_worker_can_start(

@@ -13,7 +13,8 @@ import pytest
 from PIL import Image
 
 from glyphs import stamp
-from tests.contract.front_doors import RunningService, run_process, run_service, status_of, wait_until
+from tests.contract.front_doors import RunningService, main, run_service, status_of
+from tests.support.waiting import wait_until
 
 OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch.every-s", "0.1")
 
@@ -30,7 +31,7 @@ def picture() -> bytes:
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a glyph database, two jobs and a folder to watch."""
     folder = tmp_path_factory.mktemp("passing")
-    assert run_process("glyphs", "build", folder / "g.glyphs", "gothic").status == 0
+    assert main(["glyphs", "build", f"{folder}/g.glyphs", "gothic"]) == 0
     for name in ("watched", "jobs"):
         (folder / name).mkdir()
     (folder / "jobs" / "line.toml").write_text(

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.contract.front_doors import PATIENCE_S, ROOT, Command, RunningService
+from tests.contract.front_doors import ROOT, Command, RunningService
+from tests.support.waiting import PATIENCE_S
 
 TEXT, FORMAT = "1X2100H", "9A9999A"
 

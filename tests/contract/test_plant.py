@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from tests.contract.front_doors import wait_until
 from tests.contract.plant import Plant, run_plant
 from tests.support.programs import program
+from tests.support.waiting import wait_until
 
 CHROMIUM = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 SETTLED_MS = 400  # the page ignores an Enter that was meant for the page before

@@ -14,8 +14,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.contract.front_doors import RunningService, environment, free_port, main, run_service, wait_until
+from tests.contract.front_doors import RunningService, environment, main, run_service
 from tests.support.programs import program
+from tests.support.waiting import free_port, wait_until
 
 CONFIG = Path(__file__).parents[2] / "docs" / "deploy" / "nginx.conf"
 ELSEWHERE = "203.0.113.9"
@@ -76,10 +77,7 @@ def test_a_service_behind_the_proxy(tmp_path: Path, capsys: pytest.CaptureFixtur
         TACTILE_MARKS_FONT="gothic",
         TACTILE_MARKS_FORMAT="A9",
     )
-    with (
-        run_service(folder, env=settings, ready=False) as service,
-        proxied(tmp_path, service) as client,
-    ):
+    with run_service(folder, env=settings, ready=False) as service, proxied(tmp_path, service) as client:
         known = {"Authorization": f"Bearer {secret}"}
         assert client.get("/v1/parts").status_code == 401
         assert client.get("/v1/parts", headers={**known, "X-Forwarded-For": ELSEWHERE}).json() == []

@@ -111,10 +111,7 @@ def test_a_blank_photograph_is_rejected_with_a_reason(reader: Reader) -> None:
 
 @pytest.mark.parametrize(
     ("grammar", "allowed", "refused"),
-    [
-        (Grammar.parse("AA99"), "KX40", "K440"),
-        (Grammar.parse("A9"), "A9", "AA"),
-    ],
+    [(Grammar.parse("AA99"), "KX40", "K440"), (Grammar.parse("A9"), "A9", "AA")],
 )
 def test_a_format_says_what_a_serial_may_be(grammar: Grammar, allowed: str, refused: str) -> None:
     assert grammar.allows(allowed)

@@ -6,16 +6,16 @@ import csv
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
 
-from tests.contract.front_doors import children, is_alive, save_height_map, start_process
+from tests.contract.front_doors import save_height_map, start_process
+from tests.support.waiting import PATIENCE_S, children, is_alive, wait_until
 
-PARTS = 7
-WAIT_S = 90.0
+PARTS = 8
+BAD = "part-06"
 READ = ("read", "parts", "--font", "gothic", "--format", "A9", "--height-mm", "4")
 
 
@@ -27,7 +27,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     stamped = save_height_map(folder / "part-00.npz", "K7").read_bytes()
     for number in range(1, PARTS):
         (folder / f"part-{number:02d}.npz").write_bytes(stamped)
-    (folder / "part-05.npz").write_bytes(b"rubbish")
+    (folder / f"{BAD}.npz").write_bytes(b"rubbish")
     return folder
 
 
@@ -42,101 +42,81 @@ def lines(path: Path) -> list[bytes]:
     return path.read_bytes().splitlines(keepends=True) if path.exists() else []
 
 
-def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None:
-    until = time.monotonic() + WAIT_S
-    while len([line for line in lines(table) if line.endswith(b"\n")]) < rows:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < until
-        time.sleep(0.01)
+def wait_for_lines(process: subprocess.Popen[str], table: Path, count: int) -> None:
+    wait_until(lambda: sum(line.endswith(b"\n") for line in lines(table)) >= count, process)
+
+
+def killed_after(process: subprocess.Popen[str], table: Path, count: int) -> None:
+    wait_for_lines(process, table, count)
     workers = children(process.pid)
     process.kill()
     process.communicate()
-    while any(is_alive(pid) for pid in workers):  # they end with the run, however it ends
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    wait_until(lambda: not any(is_alive(pid) for pid in workers), why="for workers to end with the run")
 
 
-def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path) -> None:
-    # once, and as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, and kills again and again
-    out = "rows.csv"
-    killed_after(started(parts, tmp_path, out), tmp_path / out, 3)
-    kept = [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(tmp_path / out)]
+def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_once(
+    parts: Path, tmp_path: Path
+) -> None:
+    # as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, and kills again and again
+    table = tmp_path / "rows.csv"
+    first = started(parts, tmp_path, table.name)
+    wait_for_lines(first, table, 1)
+    first.send_signal(signal.SIGSTOP)  # or it might be done before the second one looks
+    _, error = started(parts, tmp_path, table.name).communicate(timeout=PATIENCE_S)
+    assert "rows.csv" in error
+    assert "another run" in error
+    first.send_signal(signal.SIGINT)
+    first.send_signal(signal.SIGCONT)
+    _, error = first.communicate(timeout=PATIENCE_S)
+    assert first.returncode == 130, error
+    assert "run the same command again" in error
+
+    killed_after(started(parts, tmp_path, table.name), table, 3)
+    kept = [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(table)]
     assert len(kept) >= 2
     before = dict(kept)
     assert len(before) == len(kept)
-    process = started(parts, tmp_path, out)
-    told, error = process.communicate(timeout=WAIT_S)
+
+    process = started(parts, tmp_path, table.name, jobs=2)
+    wait_for_lines(process, table, len(kept) + 2)  # with the head and a row of its own
+    workers = [
+        pid for pid in children(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+    assert len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    told, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1, error  # the bad part
     assert f"continuing an interrupted run: {len(before)} parts are read already" in told
     assert f"{PARTS} parts" in told
-    rows_of = read_table(tmp_path / out)
+    rows_of = read_table(table)
     assert [str(row["part"]) for row in rows_of] == [f"part-{k:02d}" for k in range(PARTS)]
-    assert [row["part"] for row in rows_of if row["error"]] == ["part-05"]
+    assert [row["part"] for row in rows_of if row["error"]] == [BAD]
     assert {str(row["text"]) for row in rows_of if not row["error"]} == {rows_of[0]["text"]}
     # not one was read again: the time it took is that of the first reading
     seconds = {str(row["part"]): float(str(row["seconds"])) for row in rows_of}
     assert {part: seconds[part] for part in before} == before
     with (tmp_path / "rows.quarantine.csv").open(newline="") as stream:
         (bad,) = csv.DictReader(stream)
-    assert bad["part"] == "part-05"
-    assert Path(bad["height_map"]).name == "part-05.npz"
+    assert bad["part"] == BAD
+    assert Path(bad["height_map"]).name == f"{BAD}.npz"
     assert not [p.name for p in tmp_path.iterdir() if p.name.endswith((".unfinished", ".rows.jsonl"))]
 
 
 def test_a_killed_run_into_a_store_goes_on(parts: Path, tmp_path: Path) -> None:
     out = "sqlite:///parts.db"
     process = started(parts, tmp_path, out)
-    until = time.monotonic() + WAIT_S
-    while not (tables := list(tmp_path.glob("tactile-marks-*.jsonl"))):
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < until
-        time.sleep(0.01)
-    killed_after(process, tables[0], 3)
+    wait_until(lambda: list(tmp_path.glob("tactile-marks-*.jsonl")), process)
+    (table,) = tmp_path.glob("tactile-marks-*.jsonl")
+    killed_after(process, table, 3)
     kept = stored(tmp_path / "parts.db")
     assert 2 <= len(kept) < PARTS
     process = started(parts, tmp_path, out)
-    _, error = process.communicate(timeout=WAIT_S)
+    _, error = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1, error
     after = stored(tmp_path / "parts.db")
-    assert sorted(name for name, _ in after) == [f"part-{k:02d}" for k in range(PARTS) if k != 5]
+    assert sorted(name for name, _ in after) == [f"part-{k:02d}" for k in range(PARTS) if k != 6]
     assert set(kept) <= set(after)
     assert not list(tmp_path.glob("tactile-marks-*.jsonl*"))
-
-
-def test_a_killed_worker_costs_no_part(parts: Path, tmp_path: Path) -> None:
-    process = started(parts, tmp_path, "rows.csv", jobs=2)
-    until = time.monotonic() + WAIT_S
-    while len(lines(tmp_path / "rows.csv")) < 2:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < until
-        time.sleep(0.01)
-    workers = [
-        pid for pid in children(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    ]
-    assert len(workers) == 2
-    os.kill(workers[0], signal.SIGKILL)
-    _, error = process.communicate(timeout=WAIT_S)
-    assert process.returncode == 1, error
-    rows = read_table(tmp_path / "rows.csv")
-    assert [row["part"] for row in rows] == [f"part-{k:02d}" for k in range(PARTS)]
-    assert [row["part"] for row in rows if row["error"]] == ["part-05"]
-
-
-def test_a_second_run_on_the_same_table_is_refused(parts: Path, tmp_path: Path) -> None:
-    process = started(parts, tmp_path, "rows.csv")
-    until = time.monotonic() + WAIT_S
-    while not lines(tmp_path / "rows.csv"):
-        assert time.monotonic() < until
-        time.sleep(0.01)
-    process.send_signal(signal.SIGSTOP)  # or it might be done before the second one looks
-    _, error = started(parts, tmp_path, "rows.csv").communicate(timeout=WAIT_S)
-    assert "rows.csv" in error
-    assert "another run" in error
-    process.send_signal(signal.SIGINT)
-    process.send_signal(signal.SIGCONT)
-    _, error = process.communicate(timeout=WAIT_S)
-    assert process.returncode == 130, error
-    assert "run the same command again" in error
 
 
 def stored(path: Path) -> list[tuple[str, str]]:

@@ -16,7 +16,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.contract.front_doors import RunningService, children, is_alive, run_service, synth
+from tests.contract.front_doors import RunningService, run_service, synth
+from tests.support.waiting import LOOK_S, PATIENCE_S, children, is_alive, wait_until
 
 SENDERS = 3
 PARTS = 4
@@ -91,19 +92,14 @@ def senders(files: list[bytes], tmp_path_factory: pytest.TempPathFactory) -> Sen
         ]
         for thread in threads:
             thread.start()
-        until = time.monotonic() + 60.0
         # under load: at least a few answers, then at any moment of the next
-        while len(senders.answered) < 5 and time.monotonic() < until:
-            time.sleep(0.01)
+        wait_until(lambda: len(senders.answered) >= 5)
         time.sleep(float(rng.uniform(0.0, 0.4)))
         kill(service)
         stop.set()
         for thread in threads:
             thread.join()
-    until = time.monotonic() + 20.0
-    while any(is_alive(w) for w in workers) and time.monotonic() < until:
-        time.sleep(0.01)
-    assert not [w for w in workers if is_alive(w)]  # workers end with a killed service
+    wait_until(lambda: not any(is_alive(w) for w in workers), why="for workers to end with a killed service")
     return senders
 
 
@@ -191,10 +187,8 @@ def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(
     last = [threading.Thread(target=send, args=(f"last-{k}", data)) for k, data in enumerate(files[:4])]
     for thread in last:
         thread.start()
-    until = time.monotonic() + 30.0
     # a sender that has not connected when the service ends is refused: all four are to be known to it
-    while len(answers) + _jobs(running) < len(last) and time.monotonic() < until:
-        time.sleep(0.01)
+    wait_until(lambda: len(answers) + _jobs(running) >= len(last))
     running.process.send_signal(signal.SIGTERM)
     drained = _refused_ready(running)
     late = httpx.post(f"{running.url}/v1/parts", files={"scan": ("part.npz", files[0])}, timeout=60.0)
@@ -211,10 +205,10 @@ def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(
 
 def _refused_ready(service: RunningService) -> httpx.Response:
     """The first answer of /readyz that is not ready."""
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + PATIENCE_S
     while (answer := httpx.get(f"{service.url}/readyz", timeout=30.0)).status_code == 200:
         assert time.monotonic() < until
-        time.sleep(0.01)
+        time.sleep(LOOK_S)
     return answer
 
 

@@ -10,17 +10,14 @@ import pytest
 from tests.contract.front_doors import main
 from whisker_array import load_scan
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "parts"
     assert main(["synth", str(folder), "--parts", "2", "--format", "AA99", "--seed", "3"]) == 0
     return folder
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("fidelity", ["pointwise", "contact"])

@@ -138,9 +138,7 @@ def test_the_broker_asks_for_a_password(tmp_path: Path) -> None:
     checked(program("mosquitto_passwd"), "-b", "-c", passwords, "marks", "s3cret")
     inside, _, _outside = text_of("mosquitto.conf").partition("listener 8883")
     kept = re.sub(r"^(#|listener|persistence).*\n", "", inside, flags=re.MULTILINE)
-    broker = Broker(
-        tmp_path, program("mosquitto"), kept.replace("/mosquitto/config/passwords", str(passwords))
-    )
+    broker = Broker(tmp_path, kept.replace("/mosquitto/config/passwords", str(passwords)))
     broker.start()
     try:
         Listener(broker.port, user="marks", password="s3cret").close()

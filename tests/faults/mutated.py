@@ -121,10 +121,7 @@ KINDS = {
     "truth.csv": Kind(lambda: b"part,text\nA-1,KX407251\nA-2,KX407252\n", load_truth),
     "words.txt": Kind(lambda: b"KX407251 # first\nKX407252\n", read_lexicon),
     "order.csv": Kind(lambda: b"serial\nKX400000..KX409999\nZZ1\n", read_order),
-    "job.toml": Kind(
-        lambda: b'format = ["AA999999"]\nfont = ["gothic"]\nheight_mm = 5.0\n',
-        read_job_file,
-    ),
+    "job.toml": Kind(lambda: b'format = ["AA999999"]\nfont = ["gothic"]\nheight_mm = 5.0\n', read_job_file),
 }
 
 

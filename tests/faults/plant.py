@@ -1,31 +1,26 @@
 """Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way, and the database.
 
-    python -m tests.faults.plant --rounds 20 --parts 100                    a long run; prints what was found
-    python -m tests.faults.plant --rounds 1 --parts 20 --kills 2 --real     with services that read
-
-A service is the whole one but for its workers, unless it is to be real: a part is answered as soon as it is received.
+A service is the whole one but for its workers: a part is answered as soon as it is received.
 Each is forked from a process that has everything imported, so that it is back within a moment.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import hashlib
 import json
 import multiprocessing
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +37,11 @@ from pipeline.service.settings import ServiceSettings, WebhookSettings
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
-from tests.support.line_fakes import free_port
 from tests.support.postgres_server import PostgresServer
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
+from tests.support.waiting import PATIENCE_S, free_port, wait_until
 
-PATIENCE_S = 200.0
-"""Within which everything comes to rest that ever does."""
 PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 4.0, "lease_s": 5.0}
 
 
@@ -68,10 +61,6 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
         service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
         uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()
-
-
-Process = subprocess.Popen[bytes] | multiprocessing.process.BaseProcess
-REAL = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 
 
 @dataclass
@@ -130,24 +119,19 @@ class Receiver:
 class Plant:
     """Services that can be killed and are there again at once."""
 
-    def __init__(self, folder: Path, store: str, hook: str, *, real: bool = False) -> None:
-        """Start two services; `real`: as a user does, with workers that read."""
+    def __init__(self, folder: Path, store: str, hook: str) -> None:
+        """Start two services."""
         self.folder, self.kills = folder, list[Kill]()
-        self._store, self._hook, self._lives, self._real = store, hook, 0, real
+        self._store, self._hook, self._lives = store, hook, 0
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload([__name__])
         self.ports = [free_port() for _ in range(2)]
         self._running = [self._started(port) for port in self.ports]
 
-    def _started(self, port: int) -> tuple[str, Process]:
+    def _started(self, port: int) -> tuple[str, BaseProcess]:
         self._lives += 1
         name = f"service-{port}-{self._lives}"
         hook = f"{self._hook}/{name}"
-        if self._real:
-            places = ("--folder", self.folder, "--store", self._store, "--webhook.url", hook, "--port", port)
-            command = [sys.executable, "-m", "pipeline", "serve", *map(str, places), *REAL]
-            with (self.folder / f"log-{port}").open("ab") as log:
-                return name, subprocess.Popen(command, stdout=log, stderr=log)
         arguments = (port, self.folder, self._store, hook)
         process = self._context.Process(target=serve, args=arguments, daemon=True)
         process.start()
@@ -179,17 +163,16 @@ class Plant:
             _ended(process)
 
 
-def _ended(process: Process) -> None:
+def _ended(process: BaseProcess) -> None:
     process.kill()
-    process.wait() if isinstance(process, subprocess.Popen) else process.join()
+    process.join()
 
 
 class Clients:
-    """Send parts with a key each until they are answered, then review them, by whichever service comes."""
+    """Send photographs with a key each until they are answered, then review them, by whichever service comes."""
 
-    def __init__(self, plant: Plant, seed: int, scans: Sequence[bytes] = ()) -> None:
-        """Photographs that nobody reads are sent unless scans are given."""
-        self._plant, self._seed, self._scans = plant, seed, scans
+    def __init__(self, plant: Plant, seed: int) -> None:
+        self._plant, self._seed = plant, seed
         self.answered: dict[str, list[str]] = defaultdict(list)
         self.asked: set[str] = set()
         self.tries = 0
@@ -212,20 +195,13 @@ class Clients:
 
     def await_answers(self, parts: int) -> None:
         """Wait until so many parts were answered."""
-        _await(lambda: len(self.answered) >= parts)
+        wait_until(lambda: len(self.answered) >= parts)
 
     def _posted(self, http: httpx.Client, key: str, first: int) -> str:
         digest = hashlib.sha256(key.encode()).digest()
         files = {"photo": ("photo.png", b"\x89PNG\r\n\x1a\n" + digest * 20)}
-        if self._scans:
-            files = {"scan": ("part.npz", self._scans[digest[0] % len(self._scans)])}
         answer = self._asked(
-            http,
-            "/v1/parts",
-            first,
-            files=files,
-            data={"name": key},
-            headers={"Idempotency-Key": key},
+            http, "/v1/parts", first, files=files, data={"name": key}, headers={"Idempotency-Key": key}
         )
         part_id = str(answer["id"])
         self.answered[key].append(part_id)
@@ -258,14 +234,7 @@ class Outcome:
 
 
 def played(
-    server: PostgresServer,
-    name: str,
-    *,
-    parts: int,
-    kills: int,
-    kill_database: bool,
-    seed: int,
-    real: bool = False,
+    server: PostgresServer, name: str, *, parts: int, kills: int, kill_database: bool, seed: int
 ) -> Outcome:
     """Play a history in a new database, and judge it."""
     rng = np.random.default_rng(seed)
@@ -274,9 +243,9 @@ def played(
     receiver = Receiver()
     with receiver.listening() as hook, contextlib.ExitStack() as stack:
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
-        plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook, real=real)))
+        plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook)))
         plant.await_ready()
-        clients = Clients(plant, seed, _scans(folder) if real else ())
+        clients = Clients(plant, seed)
         with ThreadPoolExecutor(4) as threads:
             sending = [threads.submit(clients.send, number) for number in range(parts)]
             when = [*("service" for _ in range(kills)), *([DATABASE] if kill_database else [])]
@@ -294,24 +263,9 @@ def played(
             for one in sending:
                 one.result()
         with contextlib.closing(Store.open(url)) as store:
-            _await(lambda: store.undelivered() == 0)
+            wait_until(lambda: store.undelivered() == 0)
             plant.close()
             return _judged(store, EvidenceFolder(folder / "evidence"), clients, receiver, plant)
-
-
-def _await(holds: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not holds() and time.monotonic() < end_s:
-        time.sleep(0.02)
-
-
-def _scans(folder: Path) -> list[bytes]:
-    from pipeline.formats.synth import SynthSpec, write_part
-
-    spec = SynthSpec(format="A99", seed=3, height_mm=4.0)
-    for number in range(4):
-        write_part(spec, folder / f"part-{number}", number, photos=False)
-    return [(folder / f"part-{number}.npz").read_bytes() for number in range(4)]
 
 
 def _judged(
@@ -332,50 +286,3 @@ def _judged(
     verdict.lost += missing
     verdict.lost += [f"{key}: never there" for key in clients.asked - set(stored)]
     return Outcome(verdict, len(deliveries), len(receiver.arrivals), len(plant.kills), clients.tries)
-
-
-def main() -> int:
-    """Play histories; 1 where one is wrong."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--rounds", type=int, default=20)
-    parser.add_argument("--parts", type=int, default=100, help="of a history, at most 500")
-    parser.add_argument("--kills", type=int, default=6, help="of services, a history")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--real", action="store_true", help="`tactile-marks serve` as it is, which reads")
-    given = parser.parse_args()
-    from tests.support.programs import program
-
-    bad = 0
-    with contextlib.closing(PostgresServer(initdb=program("initdb"), postgres=program("postgres"))) as server:
-        for seed in range(given.seed, given.seed + given.rounds):
-            began = time.monotonic()
-            one = played(
-                server,
-                f"plant_{seed}",
-                parts=given.parts,
-                kills=given.kills,
-                kill_database=seed % 2 == 0,
-                seed=seed,
-                real=given.real,
-            )
-            verdict = one.verdict
-            bad += bool(verdict.wrong)
-            print(
-                f"{seed}: {one.parts} parts in {one.tries} requests, {one.deliveries} arrivals, {one.kills} kills:"
-                f" {len(verdict.lost)} lost, {len(verdict.two_parts)} keys with two parts,"
-                f" {len(verdict.repeated)} repeated ({verdict.repeated_after_a_kill} more after a kill),"
-                f" {len(verdict.reordered)} reordered; {time.monotonic() - began:.1f} s",
-                *verdict.wrong[:3],
-                sep="\n   ",
-                flush=True,
-            )
-    return int(bad > 0)
-
-
-if __name__ == "__main__":
-    # children find what they run by the module's name
-    from tests.faults import plant
-
-    sys.exit(plant.main())

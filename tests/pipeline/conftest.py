@@ -24,12 +24,6 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture(scope="session")
-def find_program() -> Callable[[str], str]:
-    """`program`, as a fixture."""
-    return program
-
-
-@pytest.fixture(scope="session")
 def postgres() -> Iterator[Callable[[str], str]]:
     """A PostgreSQL of this session: gives the URL of a database of its, by name.
 

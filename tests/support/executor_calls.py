@@ -43,19 +43,6 @@ def dies_once(folder: str, task: int) -> int:
     return task
 
 
-def crash_at(number: int, task: int) -> int:
-    """Crash as a library does that is written in C."""
-    if task == number:
-        os.abort()
-    return task
-
-
-def slow_seven(_: str, task: int) -> int:
-    if task == 7:
-        time.sleep(60.0)
-    return task
-
-
 def noted(folder: str, task: int) -> int:
     """Take a little while, so that a worker can be lost in the middle; note who did it."""
     time.sleep(0.05)

@@ -1,56 +1,98 @@
-"""A real mosquitto, and whoever listens to it."""
+"""A real mosquitto of the test's own, and whoever listens to it."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
 import threading
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tests.support.line_fakes import free_port, until_now
+from tests.support.programs import program
+from tests.support.waiting import free_port, listens, wait_until
 
 
 class Broker:
-    """A mosquitto of the test's own, that can be killed and started again on its port."""
+    """A mosquitto that can be killed and started again on its port."""
 
-    def __init__(self, folder: Path, program: str, settings: str = "") -> None:
-        self.port = free_port()
-        self._program, self._folder = program, folder
-        self._config = folder / "mosquitto.conf"
+    def __init__(self, folder: Path, settings: str = "allow_anonymous true\n") -> None:
+        self.port, self._folder, self._config = free_port(), folder, folder / "mosquitto.conf"
         self._config.write_text(
-            f"listener {self.port} 127.0.0.1\npersistence false\nuser root\nlog_type all\n"
-            + (settings or "allow_anonymous true\n")
+            f"listener {self.port} 127.0.0.1\npersistence false\nuser root\nlog_type all\n{settings}"
         )
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
+        """Start it and wait until it listens."""
         with (self._folder / "broker.log").open("ab") as log:
-            self._process = subprocess.Popen([self._program, "-c", str(self._config)], stdout=log, stderr=log)
-        until_now(self._listens, why="for the broker")
+            self._process = subprocess.Popen(
+                [program("mosquitto"), "-c", str(self._config)], stdout=log, stderr=log
+            )
+        wait_until(lambda: listens(self.port), self._process, why="for the broker")
 
-    def _listens(self) -> bool:
-        import socket
-
-        assert self._process is not None
-        assert self._process.poll() is None, (self._folder / "broker.log").read_text()
-        with socket.socket() as one:
-            one.settimeout(0.5)
-            return one.connect_ex(("127.0.0.1", self.port)) == 0
-
-    def kill(self, how: int = signal.SIGKILL) -> None:
+    def kill(self, how: signal.Signals = signal.SIGKILL) -> None:
+        """Kill it, unless another signal is named."""
         if self._process is not None:
             self._process.send_signal(how)
             if how == signal.SIGKILL:
                 self._process.wait()
                 self._process = None
 
+    @contextlib.contextmanager
+    def limited(self, setting: str) -> Iterator[None]:
+        """Run it with one more line in its settings until the block is left; it starts anew before and after."""
+        kept = self._config.read_text()
+        self._restart(f"{kept}{setting}\n")
+        try:
+            yield
+        finally:
+            self._restart(kept)
+
+    def _restart(self, settings: str) -> None:
+        self.kill()
+        self._config.write_text(settings)
+        self.start()
+
     @property
     def log(self) -> str:
+        """What it has logged so far."""
         return (self._folder / "broker.log").read_text()
+
+
+class GuardedBroker(Broker):
+    """Asks for a password; `rights` are lines of its ACL for the user marks, and the user reader may do everything."""
+
+    user, password, reader = "marks", "geheim", "reader"
+
+    def __init__(self, folder: Path, rights: str = "topic readwrite #") -> None:
+        folder.mkdir(exist_ok=True)
+        passwords, self._acl, self._rights = folder / "passwords", folder / "acl", rights
+        for user, new in ((self.user, ("-c",)), (self.reader, ())):
+            command = [program("mosquitto_passwd"), "-b", *new, str(passwords), user, self.password]
+            subprocess.run(command, check=True, capture_output=True)
+        self._write_rights(rights)
+        super().__init__(folder, f"allow_anonymous false\npassword_file {passwords}\nacl_file {self._acl}\n")
+        self.url = f"mqtt://{self.user}:{self.password}@127.0.0.1:{self.port}"
+
+    @contextlib.contextmanager
+    def allowed(self, rights: str) -> Iterator[None]:
+        """Let the user marks do no more than `rights` until the block is left, while the broker runs."""
+        self._write_rights(rights)
+        self.kill(signal.SIGHUP)
+        try:
+            yield
+        finally:
+            self._write_rights(self._rights)
+            self.kill(signal.SIGHUP)
+
+    def _write_rights(self, rights: str) -> None:
+        self._acl.write_text(f"user {self.reader}\ntopic readwrite #\nuser {self.user}\n{rights}\n")
 
 
 class Listener:
@@ -73,14 +115,17 @@ class Listener:
         self._client.on_message = lambda _c, _d, m: self.messages.append((m.topic, m.payload, m.retain))
         self._client.connect("127.0.0.1", port)
         self._client.loop_start()
-        assert self.subscribed.wait(10.0)
+        assert self.subscribed.wait(30.0)
 
     def close(self) -> None:
+        """Stop listening."""
         self._client.disconnect()
         self._client.loop_stop()
 
-    def results(self) -> list[dict[str, object]]:
+    def results(self) -> list[dict[str, Any]]:
+        """The results, in order."""
         return [json.loads(body) for topic, body, _ in self.messages if topic.endswith("/result")]
 
     def statuses(self, prefix: str = "tactile-marks") -> list[str]:
+        """The values of the status, in order."""
         return [body.decode() for topic, body, _ in self.messages if topic == f"{prefix}/status"]

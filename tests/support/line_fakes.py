@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 import threading
 import time
 from collections import Counter
@@ -14,6 +13,7 @@ from typing import Any
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.records import Delivery, PartRecord, PartState, WaitingResults
+from tests.support.waiting import wait_until
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
 LONG_S = 60.0
@@ -119,22 +119,6 @@ async def until(holds: Callable[[], bool], *, why: str = "") -> None:
         await asyncio.sleep(0.01)
 
 
-def until_now(holds: Callable[[], bool], *, why: str = "") -> None:
-    """As `until`, without a loop."""
-    end = time.monotonic() + LONG_S
-    while not holds():
-        assert time.monotonic() < end, f"waited in vain {why}"
-        time.sleep(0.01)
-
-
-def free_port() -> int:
-    """A port that was free a moment ago."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-        return port
-
-
 @contextlib.contextmanager
 def serving(app: Any) -> Iterator[str]:
     """A web application on a real uvicorn, on a port of the loopback address; gives its URL."""
@@ -145,7 +129,7 @@ def serving(app: Any) -> Iterator[str]:
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
-    until_now(lambda: server.started, why="for the web server")
+    wait_until(lambda: server.started, why="for the web server")
     try:
         yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
     finally:

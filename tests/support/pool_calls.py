@@ -7,20 +7,9 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from pipeline.workers.pool import WorkPool
-
-
-def wait_ready(pool: WorkPool, timeout_s: float) -> bool:
-    """Wait until every worker of a pool is warm."""
-    until = time.monotonic() + timeout_s
-    while not pool.all_ready():
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.02)
-    return True
+from tests.support.waiting import wait_until
 
 
 def parent(marks: str) -> None:
@@ -28,7 +17,7 @@ def parent(marks: str) -> None:
     from pipeline.workers.pool import WorkPool
 
     pool = WorkPool(2, queue=2, timeout_s=600.0)
-    wait_ready(pool, 120.0)
+    wait_until(pool.all_ready)
     pool.submit(time.sleep, 600.0)
     path = Path(marks)
     path.with_suffix(".tmp").write_text(" ".join(map(str, pool.pids)))
@@ -42,19 +31,12 @@ def fail_while(path: str) -> None:
         raise OSError(28, "No space left on device", path)
 
 
-def wait_for(path: str) -> str:
-    """Return once there is such a file."""
-    while not Path(path).exists():
-        time.sleep(0.01)
-    return path
-
-
 def mark_and_wait(mark: str, path: str) -> int:
     """Tell that it runs, then wait for a file."""
     # whole or not at all: the worker may be killed as soon as the mark is there
     Path(f"{mark}.tmp").write_text(str(os.getpid()))
     Path(f"{mark}.tmp").rename(mark)
-    wait_for(path)
+    wait_until(Path(path).exists)
     return os.getpid()
 
 
@@ -81,10 +63,6 @@ def return_oddly() -> Any:
 
 def take_memory(megabytes: int) -> int:
     return len(bytearray(megabytes << 20))
-
-
-def leave() -> None:
-    os._exit(3)
 
 
 def facts() -> dict[str, Any]:

@@ -18,6 +18,7 @@ from tests.support.emulator.bench import EmulatedBench
 from tests.support.emulator.grbl import EmulatedGrbl
 from tests.support.emulator.marlin import EmulatedMarlin
 from tests.support.emulator.world import World, on_plate
+from tests.support.waiting import wait_until
 from whisker_array.scan.simulated_session import SimulatedSession
 from whisker_array.scan.stage_error import StageError
 from whisker_array.whisker.array import WhiskerArray
@@ -217,10 +218,8 @@ def test_a_marlin_that_is_deaf_to_the_quick_stop_is_halted() -> None:
         emulated.stage.terminal.silent = True
         with pytest.raises(StageError, match="was halted"):
             bench.stage.stop()
-        until = time.monotonic() + 5.0
-        while not emulated.stage.halted and time.monotonic() < until:
-            time.sleep(0.01)
-        assert emulated.stage.halted
+        stage = emulated.stage
+        wait_until(lambda: stage.halted)
 
 
 def test_a_converter_that_loses_samples_or_resets_is_told_of() -> None:

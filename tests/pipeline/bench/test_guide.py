@@ -7,8 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +23,10 @@ from pipeline.formats.whisker_file import read_piece
 from tests.support.bench import a_pass, bench_settings, stamped
 from tests.support.emulator.bench import EmulatedBench
 from tests.support.emulator.world import World
+from tests.support.waiting import PATIENCE_S, wait_until
 
 GUIDE = Path(__file__).parents[3] / "docs" / "pages" / "how-to" / "bench.md"
 PROGRAM = (sys.executable, "-m", "pipeline")
-COME_S = 60.0
-
-
-def until(true: Callable[[], bool]) -> None:
-    latest = time.monotonic() + COME_S
-    while not true():
-        assert time.monotonic() < latest, "it has not come"
-        time.sleep(0.01)
 
 
 def blocks(kind: str) -> list[str]:
@@ -107,15 +98,15 @@ def test_a_host_that_dies_in_a_pass_leaves_the_tips_lifted(
         scan = [*PROGRAM, "bench", "scan", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "scan.h5")]
         host = subprocess.Popen(scan, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            until(lambda: world.touching and world.touched)
+            wait_until(lambda: world.touching and world.touched)
             host.send_signal(ended_by)
-            host.wait(COME_S)
+            host.wait(PATIENCE_S)
         finally:
             host.kill()
         if ended_by is signal.SIGTERM:
             assert host.returncode == 130
             assert not world.touched  # before it has ended
-        until(lambda: not emulated.stage.busy and not world.touched)
+        wait_until(lambda: not emulated.stage.busy and not world.touched)
         assert not (tmp_path / "scan.h5").exists()
         # the next start: home, and feel
         with Bench(read_bench(tmp_path / "bench.toml")) as bench:

@@ -29,7 +29,8 @@ from pipeline.common.records import (
     ReviewRecord,
 )
 from pipeline.service.client import Client, ServiceError
-from tests.support.line_fakes import NOW, free_port, part, reading, serving
+from tests.support.line_fakes import NOW, part, reading, serving
+from tests.support.waiting import free_port
 
 ID = "01KB0000000000000000000017"
 PART = part()

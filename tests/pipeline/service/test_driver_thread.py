@@ -12,6 +12,7 @@ from functools import partial
 import pytest
 
 from pipeline.service.stage.driver_thread import MOST_WAITING, DriverThread, StageDownError
+from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
 
 LATE_S = 0.05
@@ -26,17 +27,14 @@ def test_a_driver_that_hangs_is_told_refused_and_used_again(in_a_coroutine: bool
 
     with pytest.raises(StageDownError, match=r"the camera has not answered in 0\.05 s"):
         asked()
-    until = time.monotonic() + 10.0
-    while not camera.trouble and time.monotonic() < until:
-        time.sleep(0.01)
+    wait_until(lambda: camera.trouble)
     assert "the camera has not answered for" in camera.trouble
     begun = time.monotonic()
     with pytest.raises(StageDownError, match="see that the camera and its driver work"):
         asked()
     assert time.monotonic() - begun < LATE_S, "it was refused at once, and not waited for again"
     back.set()
-    while camera.trouble and time.monotonic() < until:
-        time.sleep(0.01)
+    wait_until(lambda: not camera.trouble)
     assert camera.call(lambda: 7, timeout_s=10.0) == 7
 
 

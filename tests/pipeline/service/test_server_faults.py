@@ -27,9 +27,9 @@ from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.errors import AlreadyDoneError
 from pipeline.store.parts import IdempotencyKey
 from pipeline.workers.executors import WorkerLostError
-from tests.support.line_fakes import until_now
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
 from tests.support.store_samples import PLAN
+from tests.support.waiting import wait_until
 from whisker_array.scan.stage_error import StageError
 
 
@@ -160,7 +160,7 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
     ready = client.get("/readyz")
     assert (ready.status_code, "took longer than 60 s" in ready.json()["detail"]) == (503, True)
     broken.clear()
-    until_now(lambda: client.get("/readyz").status_code == 200)
+    wait_until(lambda: client.get("/readyz").status_code == 200)
 
 
 def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,40 +14,47 @@ from pipeline.workers.cluster import ClusterError, ClusterExecutor
 from pipeline.workers.executors import Outcome, WorkerLostError
 from tests.support.cluster_process import ClusterProcess, cluster_process
 from tests.support.executor_calls import dies_of_seven, doubled, noted, noted_by_two
+from tests.support.waiting import wait_until
 
 distributed = pytest.importorskip("distributed")
 COUNT = 40
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ClusterProcess]:
-    with cluster_process(tmp_path_factory.mktemp("cluster")) as started:
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ClusterProcess]:
+    """A cluster that has no worker at first: the first test sees it so, and the last one ends it."""
+    # two workers die of a task, not Dask's four: each starts again and imports everything
+    with cluster_process(tmp_path_factory.mktemp("cluster"), workers=0, deaths_allowed=1) as started:
         yield started
+
+
+@pytest.fixture
+def cluster(scheduler: ClusterProcess) -> ClusterProcess:
+    """The same with two workers."""
+    while len(scheduler.workers) < 2:
+        scheduler.add_worker()
+    return scheduler
+
+
+def test_no_worker_is_told_and_a_late_one_waited_for(scheduler: ClusterProcess) -> None:
+    with (
+        pytest.raises(ClusterError, match="has no workers; start some with: tactile-marks worker tcp://"),
+        ClusterExecutor(scheduler.address, patience_s=0.5),
+    ):
+        pass
+    threading.Timer(0.5, scheduler.add_worker).start()
+    with ClusterExecutor(scheduler.address) as executor:
+        assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
 
 
 def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
     with ClusterExecutor(cluster.address) as executor:
-        wait_for(executor, 2)
+        wait_until(lambda: executor.count() == 2)
         outcomes = list(executor.calls(noted_by_two, str(tmp_path), range(COUNT)))
         assert sorted(o.task for o in outcomes) == list(range(COUNT))
         assert [o.error for o in outcomes if o.result != o.task] == []
         assert executor.workers == 2
     assert len({p.read_text().split()[0] for p in tmp_path.iterdir()}) == 2, cluster.told()
-
-
-def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> None:
-    calls, logs = tmp_path / "calls", tmp_path / "logs"
-    calls.mkdir()
-    logs.mkdir()
-    # two workers die of it, not Dask's four: each starts again and imports everything
-    with (
-        cluster_process(logs, deaths_allowed=1) as cluster,
-        ClusterExecutor(cluster.address) as executor,
-    ):
-        outcomes = {o.task: o for o in executor.calls(dies_of_seven, str(calls), range(12))}
-        assert sorted(outcomes) == list(range(12)), cluster.told()
-        assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
-        assert "workers have died of it" in str(outcomes[7].error)
 
 
 @pytest.mark.parametrize(("innocent", "tried"), [((), {7: 1}), ((3,), {3: 2, 7: 2})], ids=["alone", "beside"])
@@ -97,27 +103,8 @@ def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(distributed, "Client", never)
     monkeypatch.setattr("pipeline.workers.cluster._START_S", 0.0)
-    with (
-        pytest.raises(ClusterError, match="this machine is too busy"),
-        ClusterExecutor("tcp://localhost:1"),
-    ):
+    with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):
         pass
-
-
-def test_no_worker_a_late_one_and_a_lost_scheduler(tmp_path: Path) -> None:
-    """One cluster on its way: missing workers are told of, a late one is waited for, its end ends the run."""
-    with cluster_process(tmp_path, workers=0) as cluster:
-        with (
-            pytest.raises(ClusterError, match="has no workers; start some with: tactile-marks worker tcp://"),
-            ClusterExecutor(cluster.address, patience_s=0.5),
-        ):
-            pass
-        threading.Timer(0.5, cluster.add_worker).start()
-        with ClusterExecutor(cluster.address) as executor:
-            assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
-            executor._client._timeout = 1.0  # how long it looks for the lost scheduler
-            with pytest.raises(ClusterError, match="run the same command again"):
-                read_and_lose(cluster, executor, tmp_path)
 
 
 def test_another_version_of_the_program_is_refused(
@@ -128,14 +115,20 @@ def test_another_version_of_the_program_is_refused(
         pass
 
 
-def read_and_lose(cluster: ClusterProcess, executor: ClusterExecutor, folder: Path) -> None:
-    for count, _ in enumerate(executor.calls(noted, str(folder), range(10_000))):
-        if count == 5:
-            cluster.lose(cluster.scheduler)
+def test_a_task_that_kills_every_worker_is_given_up_alone(cluster: ClusterProcess, tmp_path: Path) -> None:
+    with ClusterExecutor(cluster.address) as executor:
+        outcomes = {o.task: o for o in executor.calls(dies_of_seven, str(tmp_path), range(12))}
+    assert sorted(outcomes) == list(range(12)), cluster.told()
+    assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
+    assert "workers have died of it" in str(outcomes[7].error)
 
 
-def wait_for(executor: ClusterExecutor, workers: int) -> None:
-    until = time.monotonic() + 60.0
-    while executor.count() < workers:
-        assert time.monotonic() < until
-        time.sleep(0.1)
+def test_a_lost_scheduler_ends_the_run(cluster: ClusterProcess, tmp_path: Path) -> None:
+    with ClusterExecutor(cluster.address) as executor:
+        executor._client._timeout = 1.0  # how long it looks for the lost scheduler
+        outcomes = executor.calls(noted, str(tmp_path), range(10_000))
+        for _, _ in zip(range(6), outcomes, strict=False):
+            pass
+        cluster.lose(cluster.scheduler)
+        with pytest.raises(ClusterError, match="run the same command again"):
+            list(outcomes)

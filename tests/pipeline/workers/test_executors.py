@@ -11,13 +11,7 @@ import pytest
 from pipeline.workers.executors import Executor, ordered_map
 from pipeline.workers.options import ExecutorOptions
 from pipeline.workers.pool import WorkPool
-from tests.support.executor_calls import (
-    dies_of_seven,
-    dies_once,
-    doubled,
-    late_first,
-    odd_fails,
-)
+from tests.support.executor_calls import dies_of_seven, dies_once, doubled, late_first, odd_fails
 
 COUNT = 20
 

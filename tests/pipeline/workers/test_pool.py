@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -15,101 +15,82 @@ from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError, WorkPool
 from tests.support import pool_calls as calls
-
-LONG_S = 120.0
-"""What is waited for at most; nothing here depends on how long it takes."""
+from tests.support.waiting import PATIENCE_S, is_alive, wait_until
 
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[WorkPool]:
-    with WorkPool(1, queue=2, timeout_s=LONG_S, memory_mb=2048) as made:
+    with WorkPool(1, queue=2, timeout_s=PATIENCE_S, memory_mb=2048) as made:
         yield made
 
 
-def until(true: Callable[[], bool]) -> None:
-    end = time.monotonic() + LONG_S
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
-def alive(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
-
-
 def test_function_is_called_in_another_process(pool: WorkPool) -> None:
-    assert pool.submit(os.getpid).result(LONG_S) != os.getpid()
-    assert calls.wait_ready(pool, LONG_S)
+    assert pool.submit(os.getpid).result(PATIENCE_S) != os.getpid()
+    wait_until(pool.all_ready)
     assert pool.ready()
 
 
 def test_exceptions_come_back_as_they_are(pool: WorkPool) -> None:
     with pytest.raises(FileError) as caught:
-        pool.submit(calls.fail_with_problem).result(LONG_S)
+        pool.submit(calls.fail_with_problem).result(PATIENCE_S)
     assert (caught.value.what, caught.value.hint) == ("is empty", "copy it again")
     with pytest.raises(RuntimeError, match="OddError: 1 and 2"):
-        pool.submit(calls.fail_oddly).result(LONG_S)
+        pool.submit(calls.fail_oddly).result(PATIENCE_S)
 
 
 def test_what_cannot_be_pickled_is_told(pool: WorkPool) -> None:
     with pytest.raises(Exception, match=r"pickle|local object"):
-        pool.submit(calls.return_oddly).result(LONG_S)
+        pool.submit(calls.return_oddly).result(PATIENCE_S)
     with pytest.raises(Exception, match=r"pickle|local object"):
-        pool.submit(lambda: None).result(LONG_S)
-    assert pool.submit(os.getpid).result(LONG_S)
+        pool.submit(lambda: None).result(PATIENCE_S)
+    assert pool.submit(os.getpid).result(PATIENCE_S)
 
 
 def test_memory_is_bounded(pool: WorkPool) -> None:
     before = pool.pids
     with pytest.raises(MemoryError):
-        pool.submit(calls.take_memory, 4096).result(LONG_S)
-    assert pool.submit(calls.take_memory, 100).result(LONG_S) == 100 << 20
+        pool.submit(calls.take_memory, 4096).result(PATIENCE_S)
+    assert pool.submit(calls.take_memory, 100).result(PATIENCE_S) == 100 << 20
     assert pool.pids == before
 
 
 def test_workers_use_one_thread_and_leave_interrupts_to_the_service(pool: WorkPool) -> None:
-    facts = pool.submit(calls.facts).result(LONG_S)
+    facts = pool.submit(calls.facts).result(PATIENCE_S)
     assert facts["interrupt"]
     assert (facts["blas"], facts["numba"], facts["cv2"]) == ("1", "1", 1)
 
 
-def test_more_than_may_wait_are_refused_at_once(tmp_path: Path) -> None:
-    with WorkPool(1, queue=2) as pool:
-        go, mark = tmp_path / "go", tmp_path / "mark"
-        first = pool.submit(calls.mark_and_wait, str(mark), str(go))
-        until(mark.exists)
-        second, third = pool.submit(os.getpid), pool.submit(os.getpid)
-        assert pool.waiting == 2
-        assert pool.running == 1
-        with pytest.raises(BusyError) as caught:
-            pool.submit(os.getpid)
-        assert caught.value.retry_after_s >= 1.0
-        assert not first.done()
-        go.touch()
-        assert first.result(LONG_S) == second.result(LONG_S) == third.result(LONG_S)
-        until(lambda: pool.running == 0)
-        assert pool.submit(os.getpid).result(LONG_S)
+def test_more_than_may_wait_are_refused_at_once(pool: WorkPool, tmp_path: Path) -> None:
+    go, mark = tmp_path / "go", tmp_path / "mark"
+    first = pool.submit(calls.mark_and_wait, str(mark), str(go))
+    wait_until(mark.exists)
+    second, third = pool.submit(os.getpid), pool.submit(os.getpid)
+    assert pool.waiting == 2
+    assert pool.running == 1
+    with pytest.raises(BusyError) as caught:
+        pool.submit(os.getpid)
+    assert caught.value.retry_after_s >= 1.0
+    assert not first.done()
+    go.touch()
+    assert first.result(PATIENCE_S) == second.result(PATIENCE_S) == third.result(PATIENCE_S)
+    wait_until(lambda: pool.running == 0)
+    assert pool.submit(os.getpid).result(PATIENCE_S)
 
 
-def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(tmp_path: Path) -> None:
-    with WorkPool(1) as pool:
-        go, mark = tmp_path / "go", tmp_path / "mark"
-        doomed = pool.submit(calls.mark_and_wait, str(mark), str(go))
-        waiting = pool.submit(os.getpid)
-        until(mark.exists)
-        os.kill(int(mark.read_text()), signal.SIGKILL)
-        with pytest.raises(WorkerLostError, match="exit code -9") as caught:
-            doomed.result(LONG_S)
-        assert not caught.value.timed_out
-        idle = waiting.result(LONG_S)
-        assert idle != int(mark.read_text())
-        os.kill(idle, signal.SIGKILL)
-        until(lambda: pool.pids not in ((), (idle,)) and pool.ready())
-        assert pool.submit(os.getpid).result(LONG_S) != idle
+def test_killed_worker_costs_its_own_job_only_and_an_idle_one_none(pool: WorkPool, tmp_path: Path) -> None:
+    go, mark = tmp_path / "go", tmp_path / "mark"
+    doomed = pool.submit(calls.mark_and_wait, str(mark), str(go))
+    waiting = pool.submit(os.getpid)
+    wait_until(mark.exists)
+    os.kill(int(mark.read_text()), signal.SIGKILL)
+    with pytest.raises(WorkerLostError, match="exit code -9") as caught:
+        doomed.result(PATIENCE_S)
+    assert not caught.value.timed_out
+    idle = waiting.result(PATIENCE_S)
+    assert idle != int(mark.read_text())
+    os.kill(idle, signal.SIGKILL)
+    wait_until(lambda: pool.pids not in ((), (idle,)) and pool.ready())
+    assert pool.submit(os.getpid).result(PATIENCE_S) != idle
 
 
 def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> None:
@@ -120,16 +101,16 @@ def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> No
             with pytest.raises(
                 WorkerLostError, match="no worker can start: OSError: No space left"
             ) as caught:
-                future.result(LONG_S)
+                future.result(PATIENCE_S)
             assert not caught.value.timed_out
             assert not caught.value.crashed
         assert "No space left on device" in pool.trouble
         assert str(full) not in pool.trouble
         assert not pool.ready()
         full.unlink()
-        assert calls.wait_ready(pool, LONG_S)
+        wait_until(pool.all_ready)
         assert pool.trouble == ""
-        assert pool.submit(os.getpid).result(LONG_S)
+        assert pool.submit(os.getpid).result(PATIENCE_S)
 
 
 def test_a_worker_that_dies_before_it_is_ready_is_told_with_its_memory() -> None:
@@ -137,26 +118,26 @@ def test_a_worker_that_dies_before_it_is_ready_is_told_with_its_memory() -> None
         WorkPool(1, memory_mb=4096, warm_up=partial(os._exit, 3)) as pool,
         pytest.raises(WorkerLostError, match=r"exit code 3\); it may use 4096 MB of memory"),
     ):
-        pool.submit(os.getpid).result(LONG_S)
+        pool.submit(os.getpid).result(PATIENCE_S)
 
 
-@pytest.mark.parametrize(("of_all", "own"), [(0.5, None), (LONG_S, 0.5)])
+@pytest.mark.parametrize(("of_all", "own"), [(0.5, None), (PATIENCE_S, 0.5)])
 def test_job_that_takes_too_long_is_stopped(of_all: float, own: float | None) -> None:
     with WorkPool(1, timeout_s=of_all) as pool:
         with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:
-            pool.submit(time.sleep, LONG_S, timeout_s=own).result(LONG_S)
+            pool.submit(time.sleep, PATIENCE_S, timeout_s=own).result(PATIENCE_S)
         assert caught.value.timed_out
-        assert pool.submit(os.getpid).result(LONG_S)
+        assert pool.submit(os.getpid).result(PATIENCE_S)
 
 
 def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
-    pool = WorkPool(1, queue=5, timeout_s=LONG_S)
+    pool = WorkPool(1, queue=5, timeout_s=PATIENCE_S)
     jobs = [pool.submit(time.sleep, 0.05) for _ in range(4)]
-    calls.wait_ready(pool, LONG_S)
+    wait_until(pool.all_ready)
     pids = pool.pids
-    pool.close(LONG_S)
+    pool.close(PATIENCE_S)
     assert [job.result(0.0) for job in jobs] == [None] * 4
-    assert not any(alive(pid) for pid in pids)
+    assert not any(is_alive(pid) for pid in pids)
     assert not pool.ready()
     with pytest.raises(WorkerLostError, match="stopping"):
         pool.submit(os.getpid)
@@ -164,25 +145,25 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
 
 
 def test_closing_does_not_wait_for_a_worker_that_would_have_nothing_to_do() -> None:
-    pool = WorkPool(1, queue=1, timeout_s=LONG_S, warm_up=partial(time.sleep, LONG_S))
-    until(lambda: bool(pool.pids))
+    pool = WorkPool(1, queue=1, timeout_s=PATIENCE_S, warm_up=partial(time.sleep, PATIENCE_S))
+    wait_until(lambda: pool.pids)
     (pid,) = pool.pids
     begun = time.monotonic()
-    pool.close(LONG_S)
-    assert time.monotonic() - begun < LONG_S / 2
-    assert not alive(pid)
+    pool.close(PATIENCE_S)
+    assert time.monotonic() - begun < PATIENCE_S / 2
+    assert not is_alive(pid)
 
 
 def test_closing_without_patience_loses_what_is_left(tmp_path: Path) -> None:
-    pool = WorkPool(1, queue=5, timeout_s=LONG_S)
+    pool = WorkPool(1, queue=5, timeout_s=PATIENCE_S)
     mark = tmp_path / "mark"
     jobs = [pool.submit(calls.mark_and_wait, str(mark), "never"), pool.submit(os.getpid)]
-    until(mark.exists)
+    wait_until(mark.exists)
     pool.close(0.0)
     for job in jobs:
         with pytest.raises(WorkerLostError):
             job.result(0.0)
-    assert not alive(int(mark.read_text()))
+    assert not is_alive(int(mark.read_text()))
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
@@ -190,13 +171,13 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
     marks = tmp_path / "pids"
     service = multiprocessing.get_context("spawn").Process(target=calls.parent, args=(str(marks),))
     service.start()
-    until(marks.exists)
+    wait_until(marks.exists)
     pids = [int(pid) for pid in marks.read_text().split()]
     assert len(pids) == 2
-    assert all(alive(pid) for pid in pids)
+    assert all(is_alive(pid) for pid in pids)
     service.kill()
     service.join()
-    until(lambda: not any(alive(pid) for pid in pids))
+    wait_until(lambda: not any(is_alive(pid) for pid in pids))
 
 
 @pytest.mark.parametrize(

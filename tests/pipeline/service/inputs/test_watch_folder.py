@@ -27,8 +27,9 @@ from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
 from pipeline.store.errors import StoreError
 from pipeline.store.parts import IdempotencyKey
-from tests.support.line_fakes import LONG_S, part, until_now
+from tests.support.line_fakes import LONG_S, part
 from tests.support.service_fixtures import InlinePool, inline_service
+from tests.support.waiting import wait_until
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 
@@ -240,7 +241,7 @@ def test_what_cannot_be_taken_now_waits(bench: Bench, busy: Exception) -> None:
     bench.parts.problem = busy
     assert bench.look(3) == []
     bench.parts.problem = None
-    until_now(lambda: bench.look(1) == ["a"])
+    wait_until(lambda: bench.look(1) == ["a"])
 
 
 def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
@@ -300,11 +301,11 @@ def test_a_service_watches(tmp_path: Path) -> None:
     def first(service: Any) -> None:
         (folder / "a.png").write_bytes(PNG)
         (folder / "no.txt").write_bytes(b"no")
-        until_now(lambda: len(service.store.parts()) == 1)
+        wait_until(lambda: len(service.store.parts()) == 1)
 
     def second(service: Any) -> None:
         (folder / "b.png").write_bytes(PNG + b"2")
-        until_now(lambda: len(service.store.parts()) == 2)
+        wait_until(lambda: len(service.store.parts()) == 2)
         assert {p.name: p.state for p in service.store.parts()}["a"] is PartState.ACCEPTED
 
     served(first)

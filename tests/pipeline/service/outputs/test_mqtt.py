@@ -18,8 +18,10 @@ from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
 from tests.support.line_broker import Broker, Listener
-from tests.support.line_fakes import LONG_S, MemoryOutbox, free_port, part, until, until_now
+from tests.support.line_fakes import LONG_S, MemoryOutbox, part, until
+from tests.support.programs import program
 from tests.support.self_signed import certificates
+from tests.support.waiting import free_port, wait_until
 
 pytestmark = pytest.mark.anyio
 
@@ -27,31 +29,22 @@ FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.2, longest_rest_s=0
 
 
 @pytest.fixture
-def make_broker(tmp_path: Path, find_program: Callable[[str], str]) -> Iterator[Callable[..., Broker]]:
-    made: list[Broker] = []
+def make_broker(tmp_path: Path) -> Iterator[Callable[..., Broker]]:
+    with contextlib.ExitStack() as stack:
 
-    def make(settings: str = "") -> Broker:
-        broker = Broker(tmp_path, find_program("mosquitto"), settings)
-        made.append(broker)
-        broker.start()
-        return broker
+        def make(*settings: str) -> Broker:
+            broker = Broker(tmp_path, *settings)
+            stack.callback(broker.kill)
+            broker.start()
+            return broker
 
-    yield make
-    for broker in made:
-        broker.kill()
+        yield make
 
 
 @pytest.fixture
 def listen() -> Iterator[Callable[..., Listener]]:
-    made: list[Listener] = []
-
-    def make(port: int, **options: str) -> Listener:
-        made.append(Listener(port, **options))
-        return made[-1]
-
-    yield make
-    for listener in made:
-        listener.close()
+    with contextlib.ExitStack() as stack:
+        yield lambda port: stack.enter_context(contextlib.closing(Listener(port)))
 
 
 def sender_to(url: str, timeout_s: float = 10.0, **settings: str) -> MqttSender:
@@ -70,14 +63,14 @@ async def test_a_result_is_published_and_the_status_follows(
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
     await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
     await sender.close()
-    until_now(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
+    wait_until(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
     topics = {topic for topic, _, _ in listener.messages}
     assert {f"plant/line-4/parts/PART{n}/result" for n in range(50)} < topics
     assert listener.statuses("plant/line-4") == ["online", "offline"]
     assert {"id": "PART7", "text": "TEXT7", "delivery_id": 7} in listener.results()
     # who comes later finds the status, and no results of yesterday
     late = listen(broker.port)
-    until_now(lambda: len(late.messages) == 1)
+    wait_until(lambda: len(late.messages) == 1)
     assert late.messages == [("plant/line-4/status", b"offline", True)]
 
 
@@ -89,7 +82,7 @@ async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
     await sender.send(Delivery(1, "mqtt", "PART1", {"alert": "drift:left/+#", "state": "raised"}))
     await sender.close()
     late = listen(broker.port)
-    until_now(lambda: len(late.messages) == 2)
+    wait_until(lambda: len(late.messages) == 2)
     assert ("plant/alerts/drift:left___", True) in {(topic, retained) for topic, _, retained in late.messages}
 
 
@@ -98,7 +91,7 @@ async def test_results_are_published_with_qos_1(make_broker: Callable[..., Broke
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
     await sender.send(one_delivery())
     await sender.close()
-    until_now(lambda: "PART1/result" in broker.log)
+    wait_until(lambda: "PART1/result" in broker.log)
     line = next(line for line in broker.log.splitlines() if "PART1/result" in line)
     assert "Received PUBLISH" in line
     assert "q1, r0" in line
@@ -211,7 +204,7 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
         return [result["text"] for result in listener.results() if result["id"] == f"PART{index}"]
 
     with contextlib.suppress(AssertionError):
-        until_now(lambda: all(set(seen(index)) == set(wanted) for index in range(parts)))
+        wait_until(lambda: all(set(seen(index)) == set(wanted) for index in range(parts)))
     lost = {index: set(wanted) - set(seen(index)) for index in range(parts)}
     assert not any(lost.values()), f"lost: {lost}"
     for index in range(parts):
@@ -238,7 +231,7 @@ async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
     await sender.send(one_delivery(number=4))
     await sender.send(one_delivery(number=5))
     await sender.close()
-    until_now(lambda: bool(listener.results()) and listener.results()[-1]["delivery_id"] == 5)
+    wait_until(lambda: bool(listener.results()) and listener.results()[-1]["delivery_id"] == 5)
     numbers = [int(str(r["delivery_id"])) for r in listener.results()]
     # what the broker had in its socket when it hung may come, but before what was sent afterwards
     assert numbers == sorted(numbers)
@@ -256,14 +249,11 @@ async def test_nobody_there_is_told_at_once() -> None:
 
 
 def test_user_and_password_are_checked_and_never_told(
-    make_broker: Callable[..., Broker],
-    tmp_path: Path,
-    find_program: Callable[[str], str],
-    caplog: pytest.LogCaptureFixture,
+    make_broker: Callable[..., Broker], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     passwords = tmp_path / "passwords"
     subprocess.run(
-        [find_program("mosquitto_passwd"), "-b", "-c", str(passwords), "reader", "s3cr:et/"],
+        [program("mosquitto_passwd"), "-b", "-c", str(passwords), "reader", "s3cr:et/"],
         check=True,
         capture_output=True,
     )

@@ -18,7 +18,8 @@ from pipeline.common.settings import SettingsError
 from pipeline.service.outputs.dispatch import DeliveryError, Pace
 from pipeline.service.outputs.webhook import WebhookSender, signature
 from pipeline.service.settings import WebhookSettings
-from tests.support.line_fakes import free_port, serving
+from tests.support.line_fakes import serving
+from tests.support.waiting import free_port
 
 FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.1, longest_rest_s=0.1)
 SECRET = "a secret of the plant"
