@@ -188,6 +188,9 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     yield "picture.npz", png()
     yield "no-heights.npz", npz(pitch_mm=0.1)
     yield "no-pitch.npz", npz(z_mm=z)
+    yield "nothing.npz", npz()
+    yield "bools.npz", npz(z_mm=z > 0, pitch_mm=0.1)
+    yield "flat.npz", npz(z_mm=np.zeros(9), pitch_mm=0.1)
     yield "strings.npz", npz(z_mm=np.full((9, 9), "deep"), pitch_mm=0.1)
     yield "pitch-string.npz", npz(z_mm=z, pitch_mm="0.1")
     yield "complex.npz", npz(z_mm=z + 1j, pitch_mm=0.1)
@@ -215,6 +218,8 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     members = {"z_mm.npy": _npy_head((10**6, 10**6)) + b"\0" * 400, "pitch_mm.npy": _pitch()}
     yield "declared-1e12.npz", _raw_npz(members)
     yield "declared-overflow.npz", _raw_npz({**members, "z_mm.npy": _npy_head((2**40, 2**40))})
+    yield "declared-negative.npz", _raw_npz({**members, "z_mm.npy": _npy_head((-5, 7))})
+    yield "no-head.npz", _raw_npz({**members, "z_mm.npy": b"GIF89a"})
     yield "declared-short.npz", _raw_npz({**members, "z_mm.npy": _npy_head((500, 500)) + b"\0" * 400})
     yield "bomb.npz", _raw_npz({**members, "z_mm.npy": _npy_head((7000, 7000)) + b"\0" * 196_000_000})
     yield "bomb-beside.npz", _raw_npz({"more.npy": b"\0" * 300_000_000, "z_mm.npy": b"", "pitch_mm.npy": b""})
@@ -228,19 +233,27 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     yield "encrypted.npz", _encrypted(good)
     yield "no-suffix", good
     yield "script.py", b"print('hello')"
-    yield "empty.x3p", _raw_npz({})
+    yield "empty.x3p", b""
+    yield "no-member.x3p", _raw_npz({})
+    yield "nan-only.x3p", x3p(60, 80, np.nan)
     yield "truncated.x3p", x3p(60, 80)[:200]
     yield "laughs.x3p", _raw_npz({"main.xml": _laughs()})
     yield "other-entity.x3p", _raw_npz({"main.xml": _entity()})
     yield "declared-1e10.x3p", x3p(100_000, 100_000)
     yield "xml-bomb.x3p", _raw_npz({"main.xml": b"<a>" + b" " * 80_000_000 + b"</a>"})
     yield "npz.x3p", good
+    yield "empty.sdf", b""
+    yield "truncated.sdf", _sdf(z)[:90]
+    yield "head-only.sdf", _sdf(z)[:40]
+    yield "one-row.sdf", _sdf(np.zeros((1, 9)))
     yield "text.sdf", b"aISO-1.0\nNumPoints = many\nNumProfiles = 3\n*\n1 2 3\n*"
     yield "declared.sdf", b"aISO-1.0\nNumPoints = 999999\nNumProfiles = 999999\n*\n1 2 3\n*"
     yield "binary.sdf", b"bISO-1.0" + bytes(range(256)) * 4
     noise = np.random.default_rng(3).integers(0, 256, 4096, dtype=np.uint8).tobytes()
     for suffix in ("sur", "al3d", "opd", "plu", "vk4", "gwy", "mnt", "zon", "lext"):
         yield f"noise.{suffix}", noise
+    yield "empty.sur", b""
+    yield "magic-only.sur", b"DIGITAL SURF"
     yield "declared.sur", b"DIGITAL SURF\0" + b"\xff" * 500
     yield "recording.sur", scan()
     yield "linked.datx", _linked("external", group="Data/Surface")
@@ -267,12 +280,12 @@ def _encrypted(data: bytes) -> bytes:
     return bytes(changed)
 
 
-def x3p(rows: int, cols: int) -> bytes:
+def x3p(rows: int, cols: int, height: float = 1.0) -> bytes:
     import x3pio
 
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "a.x3p"
-        z = small_map().astype(np.float64) * 1e-3
+        z = small_map().astype(np.float64) * 1e-3 * height
         x3pio.write(path, z, x_scale=1e-4, y_scale=1e-4)
         with zipfile.ZipFile(path) as archive:
             members = {n: archive.read(n) for n in archive.namelist()}
@@ -280,6 +293,14 @@ def x3p(rows: int, cols: int) -> bytes:
     for old, new, tag in ((80, cols, "SizeX"), (60, rows, "SizeY")):
         xml = xml.replace(f"{tag}>{old}<", f"{tag}>{new}<")
     return _raw_npz({**members, "main.xml": xml.encode()})
+
+
+def _sdf(z: NDArray[Any]) -> bytes:
+    import sdfio
+
+    stream = io.BytesIO()
+    sdfio.write(stream, z.astype(np.float64) * 1e-3, x_scale=1e-4, y_scale=1e-4)
+    return stream.getvalue()
 
 
 def _laughs() -> bytes:

@@ -10,14 +10,7 @@ import numpy as np
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import feel
-from whisker_array.identification.bench import (
-    BENCH_GAIN,
-    Bench,
-    Unknown,
-    nominal_bench,
-    of_screw,
-    prior_sd,
-)
+from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, of_screw, prior_sd
 from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.predictions import Knowledge
 from whisker_array.scan.calibration import Calibration

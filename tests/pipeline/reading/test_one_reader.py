@@ -57,10 +57,7 @@ def told(record: ReadingRecord) -> tuple[object, ...]:
     )
 
 
-@pytest.mark.parametrize(
-    ("kinds", "mode"),
-    [(("photo",), "vision"), (("height_map",), "tactile"), (("photo", "height_map"), "fused")],
-)
+@pytest.mark.parametrize(("kinds", "mode"), [(("photo",), "vision"), (("photo", "height_map"), "fused")])
 def test_whoever_reads_a_part_reads_the_same(
     kinds: tuple[str, ...], mode: str, files: dict[str, Path], tmp_path: Path
 ) -> None:

@@ -61,34 +61,35 @@ def test_problems_name_the_file_and_no_folder(seen: dict[str, str], place: str) 
     assert {
         n: said for n, said in told.items() if not said.startswith(f"problem {n}: ") or place in said
     } == {}
+    assert not [said for said in told.values() if "\n" in said]
+    # and what to do about it; of a recording's numbers that is for whoever wrote them
+    assert not [said for name, said in told.items() if not name.endswith(".h5") and "; " not in said]
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["linked-external.h5", "linked-virtual.h5", "linked-storage.h5", "linked-soft.h5", "linked.datx"],
-)
-def test_files_of_the_server_are_not_read_through_links(seen: dict[str, str], name: str) -> None:
-    assert seen[name].startswith("problem ")
-    assert "another file" in seen[name]
+SAYS = {
+    "is empty": "empty.png empty.npz empty.x3p empty.sdf empty.sur empty.h5",
+    "is damaged": "truncated.npz picture.npz no-head.npz truncated.x3p npz.x3p text.sdf truncated.sdf head-only.sdf"
+    " magic-only.sur noise.opd noise.plu magic-only.h5",
+    "has no z_mm": "no-heights.npz nothing.npz",
+    "has no pitch_mm": "no-pitch.npz",
+    "as the distance of its samples": "pitch-nan.npz pitch-nought.npz pitch-negative.npz",
+    "samples lie 10 mm apart": "coarse.npz",
+    "pitch_mm has shape (2,)": "pitch-list.npz",
+    "is of type": "pitch-string.npz complex.npz strings.npz bools.npz",
+    "z_mm is of type object": "pickle.npz",  # and was not opened
+    "has no finite height": "nan-only.npz beyond-floats.npz nan-only.x3p",
+    "its heights have shape": "flat.npz cube.npz one-row.npz no-samples.npz declared-negative.npz",
+    "profile": "one-row.sdf",
+    "is shorter than it declares": "declared-short.npz",
+    "npy version": "version-9.npz",
+    "no format that is read": "script.py",
+    "another file": "linked-external.h5 linked-virtual.h5 linked-storage.h5 linked-soft.h5 linked.datx",
+    "over the limit": "bomb-12000x12000.png declared-2e9.png declared-65000x65000.jpg declared-huge.tif bomb.npz"
+    " declared-1e12.npz declared-1e10.x3p declared.sdf declared.h5",
+}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "bomb-12000x12000.png",
-        "declared-2e9.png",
-        "declared-65000x65000.jpg",
-        "declared-huge.tif",
-        "bomb.npz",
-        "declared-1e12.npz",
-        "declared-1e10.x3p",
-        "declared.sdf",
-        "declared.h5",
-    ],
-)
-def test_what_is_too_large_is_told_by_its_limit(seen: dict[str, str], name: str) -> None:
-    assert "over the limit" in seen[name]
-
-
-def test_pickles_are_not_opened(seen: dict[str, str]) -> None:
-    assert "is of type object" in seen["pickle.npz"]
+@pytest.mark.parametrize("words", SAYS)
+def test_a_problem_says_what_is_wrong(seen: dict[str, str], words: str) -> None:
+    names = SAYS[words].split()
+    assert {name: seen[name] for name in names if words not in seen[name]} == {}

@@ -69,17 +69,6 @@ def middle(record: ReadingRecord) -> np.ndarray:
     return np.array([boxes[:, [0, 2]].mean(), boxes[:, [1, 3]].mean()])
 
 
-def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -> None:
-    # without a format a figure may be a letter
-    settings = SETTINGS.model_copy(update={"format": ("AA99",)})
-    done = read_order(PartOrder(folder, photos=(parts.photo,)), settings, LIMITS)
-    (reading,) = done.readings
-    assert (reading.source, reading.text, reading.decision) == ("vision", parts.text, "accept")
-    assert done.plan is None
-    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE]
-    assert reading.seconds > 0.0
-
-
 def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: Done) -> None:
     done = unsure
     assert done.plan is not None
@@ -131,13 +120,6 @@ def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts,
     assert np.abs(middle(seen) - middle(both)).max() < FRAMES_AGREE_MM
     assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.EDGES_PICTURE]
     assert done.plan is None
-
-
-def test_height_map_alone_is_read_by_touch(parts: Parts, folder: Path) -> None:
-    order = PartOrder(folder, height_map=parts.map, expected="ZZ00")
-    (reading,) = read_order(order, SETTINGS, LIMITS).readings
-    assert (reading.source, reading.text, reading.verdict) == ("tactile", parts.text, "refuted")
-    assert any("expected" in message for message in reading.messages)
 
 
 def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as_its_sender_did(

@@ -7,12 +7,7 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.common.records import EvidenceKind
-from pipeline.reading.part_pictures import (
-    MOST_PIXELS_A_SIDE,
-    Picture,
-    edges_picture,
-    photo_picture,
-)
+from pipeline.reading.part_pictures import MOST_PIXELS_A_SIDE, Picture, edges_picture, photo_picture
 
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
 

@@ -29,7 +29,7 @@ def test_a_log_has_a_line_a_minute(
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.splitlines() == [
-        "1,120 of 2,000 parts, 2.00 a second, 3 with an error, about 7 min left",
+        "1,120 of 2,000 parts, 2.00 a second, 3 with an error, about 7 min left"
     ]
 
 

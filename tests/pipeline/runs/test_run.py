@@ -108,13 +108,6 @@ def test_a_text_expected_that_the_format_forbids_is_told(flat: Path) -> None:
     assert "not verified" in noted.record.messages[-1]
 
 
-def test_a_url_is_read_and_its_error_names_it(flat: Path) -> None:
-    there, gone = flat, flat.with_name("b.npz")
-    assert read_listed(ORDER, PartFiles("a", there.as_uri())).record.decision == "reject"
-    error = read_listed(ORDER, PartFiles("b", gone.as_uri())).record.error
-    assert error.endswith("b.npz: is not there; check the name")
-
-
 def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
     lexicon = tmp_path / "known.txt"
     lexicon.write_text("AB12\n")

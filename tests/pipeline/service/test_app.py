@@ -13,11 +13,13 @@ from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState, ReviewAction, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
+from pipeline.reading.part_orders import Done
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
+from tests.support.store_samples import PLAN, reading
 
 CLEAN, FILTHY = "clean", "filthy"
 WEBHOOK = {"url": "http://127.0.0.1:9/none"}
@@ -63,16 +65,6 @@ def photo(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
 
 def height_map(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
     return {"scan": (f"{name}.npz", (parts / f"{name}.npz").read_bytes())}
-
-
-@pytest.fixture(scope="module")
-def unsure(served: Served, parts: Path) -> dict[str, object]:
-    """The answer to a photograph that the camera is unsure of."""
-    answer = served[1].post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY})
-    assert answer.status_code == 201, answer.text
-    part = answer.json()
-    assert part["state"] == "touch_needed"
-    return part
 
 
 def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts: Path) -> None:
@@ -255,6 +247,8 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
     tmp_path: Path, parts: Path, touch: str | None, state: str
 ) -> None:
     with inline_service(tmp_path, webhook=WEBHOOK) as (service, client):
+        unsure = Done((reading(source="vision", decision="review"),), plan=PLAN)
+        service.pool.instead = lambda *_: unsure  # type: ignore[attr-defined]
         asked = {} if touch is None else {"touch": touch}
         part = client.post("/v1/parts", files=photo(parts, FILTHY), data=asked).json()
         assert part["state"] == state
@@ -264,7 +258,8 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
         assert kinds == ["received", "read", "touch_needed", *(["not_felt"] if state == "review" else [])]
         assert [p.id for p in service.store.queue()] == ([part["id"]] if state == "review" else [])
         if touch == "plan":  # whoever has a stage may still send what it felt
-            felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, FILTHY))
+            service.pool.instead = None  # type: ignore[attr-defined]
+            felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, CLEAN))
             assert (felt.status_code, felt.json()["reading"]["source"]) == (200, "fused")
 
 

@@ -34,6 +34,8 @@ from tests.support.self_signed import certificates
 from tests.support.service_fixtures import inline_service
 from tests.support.store_samples import received
 
+pytestmark = pytest.mark.anyio
+
 Served = tuple[Service, TestClient]
 
 FORWARDED = {
@@ -323,110 +325,95 @@ async def _closed(reader: asyncio.StreamReader) -> bool:
 REFUSED = b"POST /refused HTTP/1.1\r\nHost: x\r\nContent-Length: 3000000\r\n\r\n"
 
 
-def test_who_is_refused_gets_the_answer_however_much_is_still_on_its_way() -> None:
+async def test_who_is_refused_gets_the_answer_however_much_is_still_on_its_way() -> None:
     """As a proxy does, which sends the whole body before it reads."""
 
-    async def scene() -> None:
-        async with web_server(an_address=100) as port:
-            for _ in range(20):
-                reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                writer.write(REFUSED)
-                for _ in range(30):
-                    writer.write(b"x" * 100_000)
-                    await writer.drain()
-                answer = await asyncio.wait_for(reader.read(), 20.0)
-                assert answer.startswith(b"HTTP/1.1 401")
-                assert answer.endswith(b"\r\n\r\nno")
-                writer.close()
-
-    asyncio.run(scene())
-
-
-def test_who_never_ends_what_is_refused_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(web_server_module, "LINGER_S", 0.2)
-
-    async def scene() -> None:
-        async with web_server(an_address=100) as port:
+    async with web_server(an_address=100) as port:
+        for _ in range(20):
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             writer.write(REFUSED)
-            with contextlib.suppress(ConnectionError):
-                for _ in range(2000):  # the server's end of it is a reset
-                    writer.write(b"x")
-                    await writer.drain()
-                    await asyncio.sleep(0.01)
-            assert await asyncio.wait_for(_closed(reader), 20.0)
-            assert writer.transport.is_closing()
-
-    asyncio.run(scene())
+            for _ in range(30):
+                writer.write(b"x" * 100_000)
+                await writer.drain()
+            answer = await asyncio.wait_for(reader.read(), 20.0)
+            assert answer.startswith(b"HTTP/1.1 401")
+            assert answer.endswith(b"\r\n\r\nno")
+            writer.close()
 
 
-def test_who_says_nothing_or_too_little_is_let_go() -> None:
-    async def scene() -> None:
-        async with web_server(an_address=100, head_s=0.2) as port:
-            silent, _w1 = await asyncio.open_connection("127.0.0.1", port)
-            slow, slow_writer = await asyncio.open_connection("127.0.0.1", port)
-            good, good_writer = await asyncio.open_connection("127.0.0.1", port)
+async def test_who_never_ends_what_is_refused_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web_server_module, "LINGER_S", 0.2)
 
-            async def drip() -> None:
-                with contextlib.suppress(OSError):
-                    slow_writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n")
-                    while True:
-                        await asyncio.sleep(0.02)
-                        slow_writer.write(b"a: b\r\n")
+    async with web_server(an_address=100) as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REFUSED)
+        with contextlib.suppress(ConnectionError):
+            for _ in range(2000):  # the server's end of it is a reset
+                writer.write(b"x")
+                await writer.drain()
+                await asyncio.sleep(0.01)
+        assert await asyncio.wait_for(_closed(reader), 20.0)
+        assert writer.transport.is_closing()
 
-            dripping = asyncio.create_task(drip())
+
+async def test_who_says_nothing_or_too_little_is_let_go() -> None:
+    async with web_server(an_address=100, head_s=0.2) as port:
+        silent, _w1 = await asyncio.open_connection("127.0.0.1", port)
+        slow, slow_writer = await asyncio.open_connection("127.0.0.1", port)
+        good, good_writer = await asyncio.open_connection("127.0.0.1", port)
+
+        async def drip() -> None:
+            with contextlib.suppress(OSError):
+                slow_writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n")
+                while True:
+                    await asyncio.sleep(0.02)
+                    slow_writer.write(b"a: b\r\n")
+
+        dripping = asyncio.create_task(drip())
+        good_writer.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
+        assert await _closed(silent)
+        assert await _closed(slow)
+        dripping.cancel()
+        # the head was whole: its body may take longer, and the next request's head has its own time
+        for _ in range(2):
+            good_writer.write(b"x")
+            assert (await good.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+            await asyncio.sleep(0.3)
             good_writer.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
-            assert await _closed(silent)
-            assert await _closed(slow)
-            dripping.cancel()
-            # the head was whole: its body may take longer, and the next request's head has its own time
-            for _ in range(2):
-                good_writer.write(b"x")
-                assert (await good.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
-                await asyncio.sleep(0.3)
-                good_writer.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
-            good_writer.close()
-
-    asyncio.run(scene())
+        good_writer.close()
 
 
-def test_one_address_has_so_many_connections_and_gets_them_back() -> None:
-    async def scene() -> None:
-        async with web_server(an_address=3, head_s=30.0) as port:
-            held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3)]
-            one_too_many, _ = await asyncio.open_connection("127.0.0.1", port)
-            assert await _closed(one_too_many)
-            held[0][1].close()
-            await held[0][1].wait_closed()
-            await asyncio.sleep(0.1)
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
-        async with web_server(an_address=3, proxies=("127.0.0.1",)) as port:
-            many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(10)]
-            many[-1][1].write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert (await many[-1][0].readuntil(b"ok")).startswith(b"HTTP/1.1 200")
-            for _, writer in many:
-                writer.close()
-
-    asyncio.run(scene())
+async def test_one_address_has_so_many_connections_and_gets_them_back() -> None:
+    async with web_server(an_address=3, head_s=30.0) as port:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3)]
+        one_too_many, _ = await asyncio.open_connection("127.0.0.1", port)
+        assert await _closed(one_too_many)
+        held[0][1].close()
+        await held[0][1].wait_closed()
+        await asyncio.sleep(0.1)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+    async with web_server(an_address=3, proxies=("127.0.0.1",)) as port:
+        many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(10)]
+        many[-1][1].write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert (await many[-1][0].readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        for _, writer in many:
+            writer.close()
 
 
-def test_over_tls_it_answers_and_has_the_same_patience(tmp_path: Path) -> None:
+async def test_over_tls_it_answers_and_has_the_same_patience(tmp_path: Path) -> None:
     certificate, key = certificates(tmp_path, "service")
 
-    async def scene() -> None:
-        async with web_server((certificate, key), an_address=10, head_s=0.5) as port:
-            trusted = ssl.create_default_context(cafile=str(certificate))
-            reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
-            writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
-            silent, _ = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
-            assert await _closed(silent)
-            with pytest.raises(ssl.SSLCertVerificationError):
-                await asyncio.open_connection("127.0.0.1", port, ssl=ssl.create_default_context())
-
-    asyncio.run(scene())
+    async with web_server((certificate, key), an_address=10, head_s=0.5) as port:
+        trusted = ssl.create_default_context(cafile=str(certificate))
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
+        writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        silent, _ = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
+        assert await _closed(silent)
+        with pytest.raises(ssl.SSLCertVerificationError):
+            await asyncio.open_connection("127.0.0.1", port, ssl=ssl.create_default_context())
 
 
 def test_a_certificate_that_cannot_be_used_is_told_before_anything_begins(tmp_path: Path) -> None:
@@ -498,7 +485,7 @@ def test_the_interface_has_a_page_that_loads_nothing_from_elsewhere(
     assert "Every request needs a token" in guarded[1].get("/docs").text
 
 
-def test_small_answers_do_not_wait_for_acknowledgements() -> None:
+async def test_small_answers_do_not_wait_for_acknowledgements() -> None:
     delays: list[int] = []
 
     class Looks(asyncio.Protocol):
@@ -507,14 +494,11 @@ def test_small_answers_do_not_wait_for_acknowledgements() -> None:
             delays.append(raw.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
             transport.close()
 
-    async def scene() -> None:
-        bound = listening("127.0.0.1", 0, option="--port")
-        server = await asyncio.get_running_loop().create_server(Looks, sock=bound)
-        reader, _ = await asyncio.open_connection("127.0.0.1", bound.getsockname()[1])
-        await reader.read()
-        server.close()
-
-    asyncio.run(scene())
+    bound = listening("127.0.0.1", 0, option="--port")
+    server = await asyncio.get_running_loop().create_server(Looks, sock=bound)
+    reader, _ = await asyncio.open_connection("127.0.0.1", bound.getsockname()[1])
+    await reader.read()
+    server.close()
     assert delays == [1]
 
 

@@ -61,14 +61,7 @@ def test_search(store: Store, sought: dict[str, str], found: str) -> None:
     assert _ids(store.parts(**sought)) == [made[k].id for k in reversed(found)]
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"before": "x\x00"},
-        {"text": "\x00"},
-        {"name": "\ud800"},
-    ],
-)
+@pytest.mark.parametrize("wrong", [{"before": "x\x00"}, {"text": "\x00"}, {"name": "\ud800"}])
 def test_lists_that_cannot_be(store: Store, wrong: dict[str, object]) -> None:
     with pytest.raises(UnfitError):
         store.parts(**wrong)

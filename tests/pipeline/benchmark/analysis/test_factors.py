@@ -80,11 +80,7 @@ def test_knowledge_is_compared_on_the_same_parts() -> None:
     trials = [trial(k, r, **levels) for k in range(5) for r, levels in ((3, LESS), (4, MORE))]
     only = list(between_givens(trials))
     assert [(c.first.level("given"), c.second.level("given")) for c in only] == [("font,format", "format")]
-    assert (only[0].parts, only[0].serials.only_first, only[0].characters.difference.value) == (
-        5,
-        5,
-        0.25,
-    )
+    assert (only[0].parts, only[0].serials.only_first, only[0].characters.difference.value) == (5, 5, 0.25)
 
 
 def test_readers_are_paired_with_the_same_given_only() -> None:

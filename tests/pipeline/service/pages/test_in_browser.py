@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import shutil
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -21,6 +20,8 @@ import pytest
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from tests.support.page_shop import Shop
+from tests.support.programs import program
+from tests.support.waiting import wait_until
 
 MM = 0.05
 CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings
@@ -30,15 +31,6 @@ SETTLED_MS = 350
 NO = ("sandbox", "first-run")
 DISABLE = ("gpu", "background-networking", "component-update", "sync")
 ARGUMENTS = [*(f"--no-{what}" for what in NO), *(f"--disable-{what}" for what in DISABLE)]
-
-
-def needed(found: Any, what: str) -> Any:
-    """What was found; skips without it, or fails where everything must be tested."""
-    if not found:
-        if os.environ.get("MARKS_TEST_ALL") == "1":
-            pytest.fail(f"{what} is not installed, and MARKS_TEST_ALL asks for every test")
-        pytest.skip(f"{what} is not installed")
-    return found
 
 
 def character(char: str, place: int, rivals: str = "") -> CharacterRecord:
@@ -125,14 +117,10 @@ def service(tmp_path: Path) -> Iterator[Service]:
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
     """A browser without a window."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        needed(None, "playwright")
-        raise
-    path = needed(shutil.which("chromium") or shutil.which("chromium-browser"), "chromium")
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=program("chromium"), args=ARGUMENTS)
         yield browser
         browser.close()
 
@@ -364,29 +352,6 @@ def test_an_open_part_is_its_readers_until_the_page_is_left(service: Service, si
     settled(grace)
     assert not grace.is_visible("#taken")
     assert service.store.claims()[first].who == "Grace"
-
-
-def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:
-    """Wait for what another thread is to do."""
-    waited = threading.Event()
-    for _ in range(int(seconds / 0.02)):
-        if holds():
-            return
-        waited.wait(0.02)
-    raise AssertionError("it has not come about")
-
-
-def test_it_works_without_script(service: Service, sit_down: Sit) -> None:
-    ids = [service.put("KX407251"), service.put("KX407252")]
-    page = sit_down("/review", who="", java_script_enabled=False)
-    page.click("a.row >> nth=0")
-    page.fill("#who", "Ada")
-    page.fill("#text", "KX407257")
-    page.press("#text", "Enter")
-    page.wait_for_url(f"**/review/{ids[1]}?*")
-    page.click("#unreadable")
-    page.wait_for_url("**/review?done=*")
-    assert [service.store.reviews(i)[-1].after for i in ids] == ["KX407257", ""]
 
 
 def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Sit) -> None:

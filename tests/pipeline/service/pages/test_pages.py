@@ -519,10 +519,7 @@ def felt(direction_deg: int, line_mm: tuple[float, ...], stage_s: float, **more:
     return replace(made, **more)  # type: ignore[arg-type]
 
 
-FELT = (
-    felt(0, (4.0, 6.0), 1.2),
-    felt(270, (5.0,), 1.8, preload_mm=1.5, text="KX407<51", confidence=0.42),
-)
+FELT = (felt(0, (4.0, 6.0), 1.2), felt(270, (5.0,), 1.8, preload_mm=1.5, text="KX407<51", confidence=0.42))
 
 
 @pytest.mark.parametrize("page", ["review", "parts"])

@@ -123,9 +123,5 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
     assert shop.say(ids[1], SERIAL) == 303
     tile = " ".join(shop.client.get("/dashboard").text.split())
     assert "0 of 2 audited; 95 % interval 0.0 – 84.2 %" in tile  # 1 - 0.025 ** (1 / 2)
-    late = {
-        "text": SERIAL,
-        "who": "Eve",
-        "mode": "audit",
-    }  # a page that was open when somebody was quicker
+    late = {"text": SERIAL, "who": "Eve", "mode": "audit"}  # a page that was open when somebody was quicker
     assert shop.client.post(f"/review/{ids[0]}", data=late).status_code == 409
