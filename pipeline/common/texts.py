@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 from rapidfuzz.distance import Levenshtein
 
-_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+# as spreadsheets take them for formulas; the wide signs, too, in East Asian editions
+_FORMULA = re.compile(r"'*[=+\-@\t\r\n＝＋－＠]")
 MISSING = "nothing"
 """Read for a character that was stamped: nothing."""
 EXTRA = "nothing stamped"

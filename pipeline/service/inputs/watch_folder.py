@@ -23,7 +23,7 @@ import shutil
 import stat
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import structlog
 
@@ -49,6 +49,12 @@ REST = 5.0
 """Times that a look or an attempt took, waited at least before the next, so that neither takes all of the machine."""
 LEAST_REST_S = 1.0
 """Least rest after an attempt that came to nothing."""
+
+
+def open_no_link(path: Path) -> BinaryIO:
+    """Open a file that may have become a link or a pipe since it was looked at; neither is followed or waited for."""
+    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"))
+    return os.fdopen(os.open(path, sum(flags, os.O_RDONLY)), "rb")
 
 
 class WatchedFolder:
@@ -211,7 +217,7 @@ class WatchedFolder:
         # reading a pipe or device could block, and a link may lead out of the folder
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
             raise Problem(415, f"{name} is no regular file")
-        with path.open("rb") as source:
+        with open_no_link(path) as source:
             copy = folder / f"watched-{number}{suffix_of('photo', name, source.read(HEAD_BYTES))}"
             source.seek(0)
             with copy.open("xb") as target:

@@ -17,6 +17,8 @@ from pipeline.common.texts import harmless, original
         ("-A7", "'-A7"),
         ("@SUM(A1)", "'@SUM(A1)"),
         ("\t=1", "'\t=1"),
+        ("＝1", "'＝1"),
+        ("\n=1", "'\n=1"),
         ("KX4", "KX4"),
         ("A=1", "A=1"),
         ("'quoted", "'quoted"),

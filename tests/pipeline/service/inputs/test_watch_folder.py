@@ -18,7 +18,7 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
-from pipeline.service.inputs.watch_folder import WatchedFolder
+from pipeline.service.inputs.watch_folder import WatchedFolder, open_no_link
 from pipeline.service.inputs.watched_files import WatchJournal
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.settings import WatchSettings
@@ -213,6 +213,15 @@ def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     assert bench.parts.names == ["good"]
     assert len(list(bench.folder.iterdir())) == 7
+
+
+def test_a_file_that_has_become_a_link_or_a_pipe_is_neither_followed_nor_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "link.png").symlink_to(__file__)
+    with pytest.raises(OSError, match="link"):
+        open_no_link(tmp_path / "link.png")
+    os.mkfifo(tmp_path / "pipe.png")
+    with open_no_link(tmp_path / "pipe.png") as stream:
+        assert not stream.read(1)
 
 
 def test_a_photograph_that_cannot_be_read_is_left_until_it_changes(bench: Bench) -> None:
