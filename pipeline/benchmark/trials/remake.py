@@ -11,7 +11,6 @@ from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.settings import SettingsError
-from pipeline.formats.synth import MAX_PARTS
 from recognition.language.orientation import Orientation
 from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
@@ -31,16 +30,13 @@ def remake(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
     if "part" not in said:
         raise SettingsError("its parts are in files", hint="pictures are of parts of a design")
     values = {name: value for name, value in said.items() if name != "font_files"}
-    count = max(1, len(wanted))
-    while True:
-        source = DesignedParts(Design.of(**values, **({} if values.get("section") else {"parts": count})))
-        items = {item.part: item for item in source.items()}
-        if wanted <= set(items):
-            break
-        # every beginning of a design is the same, however many parts it has
-        if values.get("section") or count >= MAX_PARTS:
-            raise MarksError("the design does not name all of these parts")
-        count = min(2 * count, MAX_PARTS)
+    if not values.get("section"):
+        # a part's name ends in its number within its cell; every beginning of a design is the same
+        values["parts_a_cell"] = 1 + max((int(part.rpartition("-")[2]) for part in wanted), default=0)
+    source = DesignedParts(Design.of(**values))
+    items = {item.part: item for item in source.items()}
+    if not wanted <= set(items):
+        raise MarksError("the design does not name all of these parts")
     if source.description().get("font_files") != said.get("font_files"):
         raise MarksError("its fonts are others than those installed here")
     reading = description["reading"]
