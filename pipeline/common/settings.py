@@ -105,6 +105,9 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     if not first["loc"]:  # settings that contradict each other
         return SettingsError(message)
     name = ".".join(key for key in first["loc"] if isinstance(key, str))
+    if first["type"] in ("dataclass_type", "model_type"):
+        what = f"{called(name)} is {shown(first['input'])}, and names a group of settings"
+        return SettingsError(what, hint="write one of them after a dot, such as watch.folder or tcp.port")
     return SettingsError(f"{called(name)} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}")
 
 

@@ -301,6 +301,13 @@ def test_bad_flags(flags: tuple[str, ...], message: str) -> None:
         reading(*flags)
 
 
+def test_a_group_of_settings_is_no_setting() -> None:
+    with pytest.raises(
+        SettingsError, match="--watch is 'x', and names a group of settings; .* such as watch.folder"
+    ):
+        serving("--watch", "x")
+
+
 def test_every_setting_has_a_description_and_stands_in_help(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
