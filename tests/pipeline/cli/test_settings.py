@@ -303,7 +303,7 @@ def test_bad_flags(flags: tuple[str, ...], message: str) -> None:
 
 def test_a_group_of_settings_is_no_setting() -> None:
     with pytest.raises(
-        SettingsError, match="--watch is 'x', and names a group of settings; .* such as watch.folder"
+        SettingsError, match=r"--watch is 'x', and names a group of settings; .* such as watch\.folder"
     ):
         serving("--watch", "x")
 
