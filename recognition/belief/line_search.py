@@ -46,6 +46,8 @@ class SearchLimits:
         sure: share of the greatest promise from which a line is convincing, and fainter lines are not searched.
         some: share of the greatest promise from which rotated and small lines are not searched.
         settled: share of the greatest promise above which a line is not refitted to its ink.
+        clear_heights: length that the finder is sure of, character heights, from which a line is no clutter and much
+            smaller ones are not searched: on 24 cluttered frames the clutter reached 1.1.
         most_refits: most refits of a line to its ink.
         refit_gain: share of a line's doubt that a refit must remove.
         growths: character heights by which a line is lengthened if a character lies at its end.
@@ -63,6 +65,7 @@ class SearchLimits:
     sure: float = 0.7
     some: float = 0.4
     settled: float = 0.9975
+    clear_heights: float = 1.2
     most_refits: int = 3
     refit_gain: float = 0.3
     growths: tuple[float, ...] = (1.0, 2.2)
@@ -136,16 +139,21 @@ class LineSearch:
             (self._slanted, self.limits.some),
         ]
         # a line fills much of a scan, but may be small in a photograph
-        tries.insert(2 if view.kind is ViewKind.PHOTO else len(tries), (self._small, self.limits.some))
+        small = [(self._smaller, self.limits.some)]
+        if max((one.score for one in found), default=0.0) < self.limits.clear_heights:
+            small.append((self._small, self.limits.some))
+        at = 2 if view.kind is ViewKind.PHOTO else len(tries)
+        tries[at:at] = small
         guesses: list[ReadLine] = []
         for candidates, enough in tries:
             if is_convincing(self.in_region(view, seen), enough):
                 break
             looked = self.read_once(view, candidates(view, seen))
-            if candidates == self._small:
+            if (candidates, enough) in small:
                 # the best of many noisy tiles looks better than the whole: without promise it is only a guess
-                guesses = [one for one in looked if promise_of(one) <= 0.0]
-                looked = looked[: len(looked) - len(guesses)]
+                promising = sum(promise_of(one) > 0.0 for one in looked)
+                guesses += looked[promising:]
+                looked = looked[:promising]
             seen = _rank([*seen, *looked])
         # on a scan, a guess would cause a blank plate to be scanned as finely as small marks
         return [*seen, *guesses] if view.kind is ViewKind.PHOTO else seen
@@ -171,11 +179,20 @@ class LineSearch:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[: self.limits.most_lines]
         return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
 
-    def _small(self, view: View, seen: Sequence[ReadLine], *, most_small: int = 40) -> list[TextLine]:
+    def _smaller(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        return self._in_tiles(view, fine=False)
+
+    def _small(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        return self._in_tiles(view, fine=True)
+
+    def _in_tiles(
+        self, view: View, *, fine: bool, most_small: int = 40, most_reversed: int = 8
+    ) -> list[TextLine]:
         # most_small: number of small lines that are read; many of those found are only edges of a machine
-        found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm)[:most_small]
-        lines = [one.line for one in found]
-        return [*lines, *(line.reversed for line in lines)]
+        # most_reversed: number of these that are also read upside down
+        found = find_in_tiles(about_region(self.region, view), height_mm=self.height_mm, fine=fine)
+        lines = [one.line for one in found[:most_small]]
+        return [*lines, *(line.reversed for line in lines[:most_reversed])]
 
     def _whole(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return whole_view(view) if self.height_mm is None else []
