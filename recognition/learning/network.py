@@ -39,14 +39,15 @@ class Drawn(nn.Module):
         reach = math.ceil(2.5 * sigma)
         at = torch.arange(-reach, reach + 1, dtype=torch.float32)
         bell = torch.exp(-0.5 * (at / sigma) ** 2)
-        bell = torch.outer(bell, bell)
-        self.register_buffer("bell", (bell / bell.sum())[None, None].repeat(3, 1, 1, 1), persistent=False)
+        self.register_buffer("bell", (bell / bell.sum()).repeat(3, 1, 1, 1), persistent=False)
         self.reach = reach
 
     def _broad(self, x: Tensor) -> Tensor:
         """Blurred, by way of coarser pixels; three layers at most."""
         small = f.avg_pool2d(x, self.coarse)
-        small = f.conv2d(small, self.bell[: x.shape[1]], padding=self.reach, groups=x.shape[1])
+        bell = self.bell[: x.shape[1]]
+        small = f.conv2d(small, bell.mT, padding=(self.reach, 0), groups=x.shape[1])
+        small = f.conv2d(small, bell, padding=(0, self.reach), groups=x.shape[1])
         return f.interpolate(small, scale_factor=self.coarse, mode="bilinear")
 
     def forward(
