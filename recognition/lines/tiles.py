@@ -24,7 +24,7 @@ LEAST_PIXELS = 8.0
 TILE_HEIGHTS, TILE_WIDTHS = 3.4, 10.0
 """Size of a tile, character heights: on 16 cluttered frames these find more than 4 x 9 or 3.4 x 8."""
 STEP_DOWN, STEP_ACROSS = 1.5, 6.0
-"""From one tile to the next, character heights: on 24 cluttered frames these find 22 lines, steps of 1 and 4 find 20."""
+"""From one tile to the next, character heights: 22 lines of 24 cluttered frames are found, 20 with steps of 1 and 4."""
 _BATCH = 64
 _MIDDLE = 0.5
 """Belief that a cell lies in the middle of a line, from which it does."""
