@@ -7,8 +7,8 @@ import html
 import io
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from enum import Enum
-from typing import Any
+from enum import Enum, StrEnum
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,22 @@ def one_line(value: Any) -> str:
             parts[-1] = "..."
             break
     return f"{type(value).__name__}({', '.join(parts)})"
+
+
+class WordedEnum(StrEnum):
+    """Base of choices whose members are a value for programs and a message for people.
+
+    Attributes:
+        message: the member in words.
+    """
+
+    message: str
+
+    def __new__(cls, value: str, message: str = "") -> Self:
+        """Make a member; only its value counts when one is looked up."""
+        made = str.__new__(cls, value)
+        made._value_, made.message = value, message
+        return made
 
 
 class OneLine:

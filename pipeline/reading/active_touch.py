@@ -82,4 +82,4 @@ def read_actively(
 
 def note_of(found: ActiveReading, stage_s: float) -> str:
     """Describe the stage time of a reading and why scanning stopped, for a table row or a page."""
-    return f"felt in {len(found.passes)} passes, {stage_s:.1f} s of stage time: {found.stop.text}"
+    return f"felt in {len(found.passes)} passes, {stage_s:.1f} s of stage time: {found.stop.message}"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
-from glyphs.surface.display import one_line
+from glyphs.surface.display import WordedEnum, one_line
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Reading
 
@@ -16,20 +15,8 @@ if TYPE_CHECKING:  # the service's pages need the words alone
     from whisker_array.whisker.passes import Pass
 
 
-class StopReason(StrEnum):
-    """Why no further pass was felt.
-
-    Attributes:
-        text: the reason in words.
-    """
-
-    text: str
-
-    def __new__(cls, value: str, text: str = "") -> Self:
-        """Its name in records, and its words."""
-        made = str.__new__(cls, value)
-        made._value_, made.text = value, text
-        return made
+class StopReason(WordedEnum):
+    """Why no further pass was felt."""
 
     SURE = "sure", "the serial is sure"
     NO_GAIN = "no gain", "more touch would not settle what is in doubt"
@@ -100,5 +87,5 @@ class ActiveReading:
         problem = f" ({self.problem})" if self.problem else ""
         return (
             f"{self.reading.text or 'nothing'}, {'accepted' if sure else self.reading.decision.value}: "
-            f"{len(self.passes)} passes, {self.stage_s:.1f} s of stage time; {self.stop.text}{problem}"
+            f"{len(self.passes)} passes, {self.stage_s:.1f} s of stage time; {self.stop.message}{problem}"
         )

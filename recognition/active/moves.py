@@ -111,11 +111,8 @@ def next_step(
 
 def between(k: int) -> float:
     """0, 1/2, 1/4, 3/4, 1/8 ...: each as far from those before it as can be (van der Corput)."""
-    share, bit = 0.0, 0.5
-    while k:
-        share += bit * (k & 1)
-        k, bit = k >> 1, bit / 2
-    return share
+    # its binary digits mirrored at the point
+    return int(f"{k:b}"[::-1], 2) / 2.0 ** k.bit_length()
 
 
 def _stretch_to_cover(

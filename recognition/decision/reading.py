@@ -78,9 +78,8 @@ class CharacterReading:
     @property
     def margin(self) -> float:
         """Belief in the first less belief in the second candidate."""
-        if len(self.candidates) < 2:
-            return self.candidates[0].probability
-        return self.candidates[0].probability - self.candidates[1].probability
+        second = self.candidates[1].probability if len(self.candidates) > 1 else 0.0
+        return self.confidence - second
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from recognition.decision.flags import MEASURE_FLAGS, Finding, Kind, ReadingFlag, flags_of
@@ -134,12 +135,9 @@ def places_text(reading: Reading, places: Sequence[int], *, most_named: int = 3)
 
 def _ranges(places: Sequence[int]) -> str:
     """Ascending places in words: "place 3", "places 1, 2 and 4 to 8"."""
-    runs: list[list[int]] = []
-    for k in places:
-        if runs and k == runs[-1][-1] + 1:
-            runs[-1].append(k)
-        else:
-            runs.append([k])
+    # places of a run lie as far from their numbers
+    groups = groupby(enumerate(places), key=lambda one: one[1] - one[0])
+    runs = [[k for _, k in group] for _, group in groups]
     words = [
         word
         for run in runs

@@ -75,15 +75,9 @@ def place_bounds(
         pixels: to a character height.
         side_heights: land beside a character's ink that its place takes in at most, character heights.
     """
-    left = [p.column - int(half_cols[p.template]) for p in placed]
-    right = [p.column + int(half_cols[p.template]) for p in placed]
-    side = round(side_heights * pixels)
-    out = []
-    for i in range(len(placed)):
-        low, high = left[i] - side, right[i] + side
-        if i > 0:
-            low = max(low, (right[i - 1] + left[i]) // 2)
-        if i + 1 < len(placed):
-            high = min(high, (right[i] + left[i + 1]) // 2)
-        out.append((max(0, low), min(width, high + 1)))
-    return out
+    middles, half = np.array([p.column for p in placed]), half_cols[[p.template for p in placed]]
+    left, right, side = middles - half, middles + half, round(side_heights * pixels)
+    between = (right[:-1] + left[1:]) // 2
+    low = np.maximum(left - side, np.r_[0, between])
+    high = np.minimum(right + side, np.r_[between, width])
+    return list(zip(np.maximum(low, 0).tolist(), np.minimum(high + 1, width).tolist(), strict=True))

@@ -14,15 +14,15 @@ limits are ours, chosen for touch; they are not those of the standard, which gra
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
-from typing import Self, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
+from glyphs.surface.display import WordedEnum
 from recognition.ranges import GradeValue, Percent, Share
 
 FourShares: TypeAlias = tuple[Share, Share, Share, Share]
@@ -73,20 +73,8 @@ GRADE_RULES = GradeRules()
 LETTERS = "FDCBA"
 
 
-class Action(StrEnum):
-    """Action for a mark.
-
-    Attributes:
-        message: the action in words.
-    """
-
-    message: str
-
-    def __new__(cls, value: str, message: str) -> Self:
-        """Its name in records, and its words."""
-        made = str.__new__(cls, value)
-        made._value_, made.message = value, message
-        return made
+class Action(WordedEnum):
+    """Action for a mark."""
 
     NONE = "none", "nothing to do"
     CLEAN = "clean", "clean it: there is dirt or damage in its place"

@@ -14,7 +14,7 @@ line's other strokes is missing. Where the surface rises above the land, or was 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -187,11 +187,13 @@ class FeltLine:
 
     def by_font(self, text: Sequence[str]) -> dict[str, float]:
         """Return the mean score of a text over its places, for each font that has all its characters."""
-        return {
-            font.name: float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
-            for font in self.fonts
-            if len(text) == self.columns.size and all(c in font.glyphs for c in text)
-        }
+        return dict(self._mean_scores(text))
+
+    def _mean_scores(self, text: Sequence[str]) -> Iterator[tuple[str, float]]:
+        for font in self.fonts if len(text) == self.columns.size else ():
+            if all(c in font.glyphs for c in text):
+                scores = [self.places.lay(k, char, font).score for k, char in enumerate(text)]
+                yield font.name, float(np.mean(scores))
 
     def stands_out(self, text: Sequence[str]) -> bool | None:
         """Whether the strokes of a text are ridges rather than grooves; None if no font has all its characters.
@@ -236,10 +238,7 @@ class FeltLine:
 
     def _mean_score(self, text: Sequence[str]) -> float:
         """Compute the mean score of a text in the first font with all its characters, to compare heights."""
-        font = next((one for one in self.fonts if all(c in one.glyphs for c in text)), None)
-        if font is None or len(text) != self.columns.size:
-            return math.inf
-        return float(np.mean([self.places.lay(k, char, font).score for k, char in enumerate(text)]))
+        return next(self._mean_scores(text), ("", math.inf))[1]
 
     def _at_height(self, height_mm: float) -> FeltLine:
         along = self.line.height_mm * ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN)

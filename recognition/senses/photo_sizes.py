@@ -26,7 +26,7 @@ def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
     for small in _sizes(photo):
         seen = read(small)
         line = seen.trace.line
-        if line is not None and _rows(small, line.height_mm) >= ENOUGH_ROWS:
+        if line is not None and line.height_mm / photo_pitch_mm(small) >= ENOUGH_ROWS:
             break
     return seen
 
@@ -54,7 +54,3 @@ def _sizes(photo: Photo) -> Iterator[Photo]:
         if rows * cols > _HARDLY_LARGER * size:
             yield shrunk(photo, size)
     yield shrunk(photo, SIZES[-1])
-
-
-def _rows(photo: Photo, height_mm: float) -> float:
-    return height_mm / photo_pitch_mm(photo)

@@ -39,7 +39,7 @@ def passes_view(readings: Sequence[ReadingRecord], pictures: Sequence[PictureVie
         return None
     picture = next((p for p in pictures if p.href and p.frame is not None), None)
     known = reading.stopped in set(StopReason)
-    stopped = StopReason(reading.stopped).text if known else reading.stopped
+    stopped = StopReason(reading.stopped).message if known else reading.stopped
     return Felt(reading, stopped, picture, round(min(_THICKEST_MM, _SHARE * _gap_mm(reading.passes)), 4))
 
 
