@@ -29,18 +29,14 @@ def doubted_guesses(
     guessed = {c for c in known if laid.font.glyphs[c].guessed}
     if not guessed:
         return reading
-    doubted: dict[int, str] = {}
+    doubts = []
     for k, (character, scores) in enumerate(zip(reading.characters, laid.correlations(), strict=True)):
         best = dict(zip(known, scores.tolist(), strict=True))
         allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
-        own = best.get(character.char, -1.0)
-        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - near_score]
-        if character.char in guessed:
-            doubted[k + 1] = f"place {k + 1}: {character.char} was never enrolled in {reading.font}"
-        elif near:
-            doubted[k + 1] = f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}"
-    if not doubted:
-        return reading
-    return reading.with_findings(
-        *(Finding(ReadingFlag.FOREIGN_SHAPES, text, (k,)) for k, text in doubted.items())
-    )
+        least = best.get(character.char, -1.0) - near_score
+        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > least]
+        never = [character.char] if character.char in guessed else near
+        if never:
+            what = f"place {k + 1}: {', '.join(never)} was never enrolled in {reading.font}"
+            doubts.append(Finding(ReadingFlag.FOREIGN_SHAPES, what, (k + 1,)))
+    return reading.with_findings(*doubts)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import UPSIDE_DOWN_DEG
@@ -99,8 +98,7 @@ def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> floa
         way: in which the marks may be meant instead.
     """
     line = reading.trace.line
-    seen = None if line is None else _seen_other_way(plain_text(reading), line, view, lines, way)
-    return -math.inf if seen is None else seen.lead_nats
+    return -math.inf if line is None else _seen_other_way(plain_text(reading), line, view, lines, way)[1]
 
 
 def also_readable(way: Way, text: str) -> Finding:
@@ -123,38 +121,28 @@ def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, li
         return False
     if not readable(text, way, grammar):
         return True
-    seen = _seen_other_way(text, other.line, view, lines.under(grammar), way)
-    return seen is not None and seen.lead_nats >= LEAST_LEAD_NATS
-
-
-@dataclass(frozen=True)
-class _SeenOtherWay:
-    """The text that a look the other way reads, empty where it reads none, and by how much the one read leads it."""
-
-    text: str
-    lead_nats: float
+    return _seen_other_way(text, other.line, view, lines.under(grammar), way)[1] >= LEAST_LEAD_NATS
 
 
 def _text_as_likely(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> str:
     """The text that a look the other way reads about as surely; empty where it reads none, or the same."""
-    seen = _seen_other_way(text, line, view, lines, way)
-    return "" if seen is None or seen.text == text or seen.lead_nats >= LEAST_LEAD_NATS else seen.text
+    other, lead = _seen_other_way(text, line, view, lines, way)
+    return "" if other == text or lead >= LEAST_LEAD_NATS else other
 
 
-def _seen_other_way(
-    text: str, line: TextLine, view: View, lines: LineReader, way: Way
-) -> _SeenOtherWay | None:
+def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> tuple[str, float]:
+    """The text that a look the other way reads, empty where it reads none, and by how many nats the one read leads."""
     here = _look(lines, view, line)
     there = _look(lines, view.mirrored if way.mirrors else view, _line_in_view(line, view, way))
     other = "" if there is None else choose(there.belief.lattice, lines.grammar).text
     if here is None:
-        return None
+        return "", -math.inf
     if there is None or not other:
-        return _SeenOtherWay("", math.inf)
+        return "", math.inf
     # the recogniser takes what it cannot read for blanks: a text of fewer characters leaves some unexplained
     unread = max(here.belief.promise - there.belief.promise, 0.0)
     lead = _log_probability(here, text) - _log_probability(there, other)
-    return _SeenOtherWay(other, lead + unread)
+    return other, lead + unread
 
 
 def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
