@@ -1,6 +1,6 @@
 """Acceptance by `read --active` on parts whose texts have confusable rivals: accepted, wrong, stage seconds.
 
-    python tests/benchmarks/active_acceptance.py [--seed 9000] [--parts 20] [--plan] [--list]
+    python tests/benchmarks/active_acceptance.py [--seed 9000] [--parts 20] [--plan] [--each]
 
 For each font and dirt severity `--parts` parts are stamped. Half of the texts are drawn from characters that dies and
 dirt make alike (0 O Q D, 8 B, 5 S ...), the others freely. Every part is felt pass by pass; `--plan` reads the whole
@@ -9,7 +9,6 @@ plan, too. Intervals are Wilson's, 95 %.
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from collections.abc import Iterator
 
@@ -42,39 +41,42 @@ def share(count: int, n: int) -> str:
     return f"{count}/{n} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def main() -> None:
-    """Print a table by dirt."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=9000)
-    parser.add_argument("--parts", type=int, default=20)
-    parser.add_argument("--budget-s", type=float, default=60.0)
-    parser.add_argument("--plan", action="store_true")
-    parser.add_argument("--list", action="store_true")
-    asked = parser.parse_args()
+def main(
+    *, seed: int = 9000, parts: int = 20, budget_s: float = 60.0, plan: bool = False, each: bool = False
+) -> None:
+    """Print a table by dirt.
+
+    Args:
+        seed: of the parts.
+        parts: of each font and dirt.
+        budget_s: of the stage, for each part.
+        plan: read the whole plan, too.
+        each: print a line for each part.
+    """
     warnings.simplefilter("error", RuntimeWarning)
     reader = Reader(format=FORMAT).touch
     rows = []
     for font in FONTS:
         for severity in SEVERITIES:
-            drawn = texts(np.random.default_rng((asked.seed, len(rows))))
-            for number in range(asked.parts):
-                text, seed = next(drawn), (asked.seed, len(rows))
-                part = stamp(text, font=font, dirt=severity, seed=seed)
+            drawn = texts(np.random.default_rng((seed, len(rows))))
+            for number in range(parts):
+                text, own_seed = next(drawn), (seed, len(rows))
+                part = stamp(text, font=font, dirt=severity, seed=own_seed)
                 one = read_actively(
-                    reader, part.height_map, budget_s=asked.budget_s, soil=part.soil, part_id=f"{number}"
+                    reader, part.height_map, budget_s=budget_s, soil=part.soil, part_id=f"{number}"
                 )
                 log = one.trace.scan.log if one.trace.scan is not None else None
                 stage_s = sum(p.order.stage_s for p in log.passes) if log is not None else 0.0
-                whole = reader.read_height_map(part.height_map, soil=part.soil) if asked.plan else None
+                whole = reader.read_height_map(part.height_map, soil=part.soil) if plan else None
                 rows.append((severity, font, text, one, stage_s, whole))
-                if asked.list:
+                if each:
                     worn = "worn " if any("worn tip" in m for m in one.messages()) else ""
                     extra = (
                         "" if whole is None else f" | {whole.text} {whole.decision} {whole.confidence:.3f}"
                     )
                     mark = "WRONG" if one.decision == "accept" and one.text != text else ""
                     print(
-                        f"{font:8} {severity} {seed} {text} {one.text:8} {one.decision:7} {one.confidence:.3f} "
+                        f"{font:8} {severity} {own_seed} {text} {one.text:8} {one.decision:7} {one.confidence:.3f} "
                         f"{stage_s:5.1f}s {worn}{mark}{extra}",
                         flush=True,
                     )  # fmt: skip
@@ -91,11 +93,13 @@ def main() -> None:
             f"{'all' if level is None else level:>5} {len(own):>5}  {share(len(accepted), len(own)):<24} "
             f"{share(wrong, len(accepted)):<22} {np.mean(spent):.1f}, {np.median(spent):.1f}  {worn}"
         )
-        if asked.plan:
+        if plan:
             taken = [row for row in own if row[5].decision == "accept"]
             bad = sum(row[5].text != row[2] for row in taken)
             print(f"      whole plan: {share(len(taken), len(own))}, wrong {share(bad, len(taken))}")
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

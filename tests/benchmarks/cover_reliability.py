@@ -9,7 +9,6 @@ posterior of the likeliest character is held against how often it is right. Prin
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -117,28 +116,31 @@ def draw(places: Sequence[Place], out: Path) -> None:
     figure.savefig(out)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Draw parts, cover them, read them, print and draw the result."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("fonts", type=Path, nargs="+", help="folders of TrueType or OpenType files")
-    asked.add_argument("--parts", type=int, default=150)
-    asked.add_argument("--seed", type=int, default=500)
-    asked.add_argument("--out", type=Path, required=True, help="picture, SVG or PNG")
-    given = asked.parse_args(arguments)
-    fonts = find_fonts(given.fonts).held_out
+def main(*folders: Path, parts: int = 150, seed: int = 500, out: Path) -> None:
+    """Draw parts, cover them, read them, print and draw the result.
+
+    Args:
+        folders: of TrueType or OpenType files.
+        parts: how many.
+        seed: of the parts.
+        out: picture, SVG or PNG.
+    """
+    fonts = find_fonts(folders).held_out
     places: list[Place] = []
-    for k in range(given.parts):
-        rng = np.random.default_rng((given.seed, k))
+    for k in range(parts):
+        rng = np.random.default_rng((seed, k))
         try:
             strips = strips_of(draw_part(fonts, rng, soils=SOILS))
         except (MarksError, ValueError):  # drawn at random, some things cannot be
             continue
         strips = [s for s in strips if s.places]
         places += read_places(strips, covered=False)
-        places += read_places(cover(strips, seed=given.seed + k), covered=True)
+        places += read_places(cover(strips, seed=seed + k), covered=True)
     print(table(places))
-    draw(places, given.out)
+    draw(places, out)
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -8,7 +8,6 @@ exam is among them. Every other part is held out of a first fit, which tells how
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -155,16 +154,24 @@ def as_json(gain: Gain) -> dict[str, object]:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit, say what was found, and with --write keep it."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--design", default="marks-exam-1-240")
-    asked.add_argument("--seed", type=int, default=7)
-    asked.add_argument("--parts", type=int, default=None)
-    asked.add_argument("--budget-s", type=float, default=60.0)
-    asked.add_argument("--write", action="store_true", help=f"replace {FITTED.name}")
-    given = asked.parse_args(arguments)
-    tried = list(tried_on(given.design, seed=given.seed, budget_s=given.budget_s, most=given.parts))
+def main(
+    *,
+    design: str = "marks-exam-1-240",
+    seed: int = 7,
+    parts: int | None = None,
+    budget_s: float = 60.0,
+    write: bool = False,
+) -> None:
+    """Fit, say what was found, and with --write keep it.
+
+    Args:
+        design: of which parts are made.
+        seed: of the parts.
+        parts: the most of them; default: all.
+        budget_s: of the stage, for each part.
+        write: replace the gain of the program.
+    """
+    tried = list(tried_on(design, seed=seed, budget_s=budget_s, most=parts))
     names = sorted({one.part for one in tried})
     half = set(names[::2])
     others, own = ([one for one in tried if (one.part in half) == side] for side in (True, False))
@@ -174,8 +181,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"loss {loss_nats(gain, tried):.3f} nats a step; {loss_nats(fit_gain(others), own):.3f} on the other half"
     )
     print(json.dumps(as_json(gain), indent=1))
-    if given.write:
-        command = f"--design {given.design} --seed {given.seed} --budget-s {given.budget_s:g}"
+    if write:
+        command = f"--design {design} --seed {seed} --budget-s {budget_s:g}"
         manifest = {
             "what": "chances that a step of touch makes the serial sure (recognition/active/gain.py)",
             "command": f"python tests/benchmarks/fit_gain.py {command} --write",
@@ -191,4 +198,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -9,7 +9,6 @@ every second bench a weight has shown the gains. What is in the file already is 
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -50,7 +49,6 @@ def tried(seed: int, *, grid_mm: float, memory: bool) -> dict[str, Any]:
         "stage_s": hidden.stage_s,
         "settled": found.settled,
         "misfit": found.misfit,
-        "numbers": [hidden.truth.vector().tolist(), found.bench.vector().tolist()],
     }
     for i, name in enumerate(Unknown):
         row[name] = (hidden.truth[name], found.bench[name], float(found.sd[i]))
@@ -87,29 +85,41 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--benches", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--grid-mm", type=float, default=GRID_MM)
-    parser.add_argument("--no-memory", action="store_true")
-    parser.add_argument("--out", type=Path, default=Path("benches.jsonl"))
-    asked = parser.parse_args()
-    rows = [json.loads(line) for line in asked.out.read_text().splitlines()] if asked.out.exists() else []
-    seeds = set(range(asked.seed, asked.seed + asked.benches))
+def main(
+    *,
+    benches: int = 20,
+    seed: int = 0,
+    jobs: int = 1,
+    grid_mm: float = GRID_MM,
+    memory: bool = True,
+    out: Path = Path("benches.jsonl"),
+) -> None:
+    """Identify benches, and say how well.
+
+    Args:
+        benches: how many.
+        seed: of the first.
+        jobs: processes.
+        grid_mm: of the fit.
+        memory: gauges creep and lag.
+        out: where each bench is kept.
+    """
+    rows = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
+    seeds = set(range(seed, seed + benches))
     rows = [row for row in rows if row["seed"] in seeds]
-    one = partial(tried, grid_mm=asked.grid_mm, memory=not asked.no_memory)
-    with ProcessPoolExecutor(asked.jobs) as pool, asked.out.open("a") as out:
+    one = partial(tried, grid_mm=grid_mm, memory=memory)
+    with ProcessPoolExecutor(jobs) as pool, out.open("a") as kept:
         for task in as_completed(
             [pool.submit(one, s) for s in sorted(seeds - {row["seed"] for row in rows})]
         ):
             rows.append(task.result())
-            out.write(json.dumps(rows[-1]) + "\n")
-            out.flush()
+            kept.write(json.dumps(rows[-1]) + "\n")
+            kept.flush()
     for said, rest in (("gains as they come", 0), ("gains shown by a weight", 1)):
         print(said, *table([row for row in rows if row["seed"] % 2 == rest]), sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

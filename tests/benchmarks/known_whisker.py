@@ -10,7 +10,6 @@ have all numbers wrong at once, as `identify` leaves them (`IDENTIFIED`) and as 
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -141,18 +140,21 @@ def draw(trials: Sequence[Trial], path: Path) -> None:
         )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, say what was found, and draw it."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--parts", type=int, default=60)
-    asked.add_argument("--seed", type=int, default=2100)
-    asked.add_argument("--dirt", type=float, default=0.3, help="0 to 1")
-    asked.add_argument("--out", type=Path, default=Path("known.svg"), help="picture")
-    given = asked.parse_args(arguments)
-    trials = list(tried(given.parts, given.seed, given.dirt, taken_for_others))
+def main(*, parts: int = 60, seed: int = 2100, dirt: float = 0.3, out: Path = Path("known.svg")) -> None:
+    """Measure, say what was found, and draw it.
+
+    Args:
+        parts: how many.
+        seed: of the parts.
+        dirt: 0 to 1.
+        out: picture.
+    """
+    trials = list(tried(parts, seed, dirt, taken_for_others))
     print("\n".join(table(trials, against=KNOWN)))
-    draw(trials, given.out)
+    draw(trials, out)
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

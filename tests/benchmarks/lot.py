@@ -9,7 +9,6 @@ part as `serve` has them: duplicates, sequence_jump, and an order that is the ra
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from contextlib import closing
@@ -43,23 +42,24 @@ def lot(rng: np.random.Generator, parts: int, misread: float) -> list[tuple[str,
     return rows
 
 
-def main() -> None:
-    """Print what was caught, by rule."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--parts", type=int, default=10_000)
-    parser.add_argument("--misread", type=float, default=0.001)
-    parser.add_argument("--jump", type=int, default=5)
-    parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
-    rows = lot(np.random.default_rng(asked.seed), asked.parts, asked.misread)
+def main(*, parts: int = 10_000, misread: float = 0.001, jump: int = 5, seed: int = 1) -> None:
+    """Print what was caught, by rule.
+
+    Args:
+        parts: of the lot.
+        misread: share of them.
+        jump: the most by which a serial may follow another.
+        seed: of the lot.
+    """
+    rows = lot(np.random.default_rng(seed), parts, misread)
     with tempfile.TemporaryDirectory() as folder:
         order = Path(folder) / "lot.csv"
         order.write_text(f"serial\n{min(true for true, _ in rows)}..{max(true for true, _ in rows)}\n")
         kinds = {
             "duplicates": SerialRules(duplicates=True),
-            "sequence": SerialRules(jump=asked.jump),
+            "sequence": SerialRules(jump=jump),
             "order": SerialRules(order=read_order(order)),
-            "all": SerialRules(True, asked.jump, read_order(order)),
+            "all": SerialRules(True, jump, read_order(order)),
         }
         for name, rules in kinds.items():
             began = time.monotonic()
@@ -87,4 +87,6 @@ def _reviewed(store: Store, rules: SerialRules, number: int, text: str) -> bool:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -10,7 +10,6 @@ dirt (whisker_array/design/plan_accuracy.fit.json).
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
 from collections.abc import Iterator, Sequence
@@ -128,29 +127,30 @@ def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, say what was found, and with --write keep it."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--parts", type=int, default=60)
-    asked.add_argument("--seed", type=int, default=1700)
-    asked.add_argument("--write", action="store_true", help=f"replace {MEASURED.name} as parts are read")
-    given = asked.parse_args(arguments)
-    command = f"python tests/benchmarks/plan_accuracy.py --parts {given.parts} --seed {given.seed} --write"
+def main(*, parts: int = 60, seed: int = 1700, write: bool = False) -> None:
+    """Measure, say what was found, and with --write keep it.
+
+    Args:
+        parts: how many.
+        seed: of the parts.
+        write: replace the counts of the program as parts are read.
+    """
+    command = f"python tests/benchmarks/plan_accuracy.py --parts {parts} --seed {seed} --write"
     sums: dict[tuple[int, tuple[int, ...], float], PlanCounts] = {}
-    plans, drawn = len(LINES) * len(WAYS), trial_parts(given.parts, given.seed)
-    for k, one in enumerate(counted(given.parts, given.seed), start=1):
+    plans, drawn = len(LINES) * len(WAYS), trial_parts(parts, seed)
+    for k, one in enumerate(counted(parts, seed), start=1):
         key = (one.lines, one.directions, one.severity)
         if key in sums:
             numbers = ("parts", "characters", "right", "accepted", "accepted_wrong")
             one = replace(one, **{name: getattr(one, name) + getattr(sums[key], name) for name in numbers})
         sums[key] = one
-        if given.write and k % plans == 0:
+        if write and k % plans == 0:
             manifest = {
                 "what": "characters and serials read, by plan and dirt (whisker_array/design/plan_accuracy.py)",
                 "command": command,
                 "made": date.today().isoformat(),
                 "parts": k // plans,
-                "asked": given.parts,
+                "asked": parts,
                 "editions": {EDITION: k // plans},
                 "fonts": sorted({str(f) for s in drawn.sections for f in s.part["font"]}),
                 "soils": list(drawn.part["soil"]),
@@ -161,4 +161,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)

@@ -9,8 +9,6 @@ contact. A score that is to hold on parts of any kind is judged by them as well 
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,18 +30,19 @@ FORMAT = "AA999999"
 HEIGHTS_MM = (2.0, 12.0)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Sketch, read, and keep."""
-    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("fonts", type=Path, nargs="+", help="folders of TrueType or OpenType files")
-    asked.add_argument("--parts", type=int, default=240)
-    asked.add_argument("--seed", type=int, default=5151)
-    asked.add_argument("--out", type=Path, required=True, help="folder of the readings")
-    given = asked.parse_args(arguments)
-    fonts, reader = find_fonts(given.fonts).held_out, Reader(format=FORMAT)
-    journal = TrialJournal(given.out, {"parts": {"name": "sketched"}})
-    for k in range(given.parts):
-        rng = np.random.default_rng((given.seed, k))
+def main(*folders: Path, parts: int = 240, seed: int = 5151, out: Path) -> None:
+    """Sketch, read, and keep.
+
+    Args:
+        folders: of TrueType or OpenType files.
+        parts: how many.
+        seed: of the parts.
+        out: folder of the readings.
+    """
+    fonts, reader = find_fonts(folders).held_out, Reader(format=FORMAT)
+    journal = TrialJournal(out, {"parts": {"name": "sketched"}})
+    for k in range(parts):
+        rng = np.random.default_rng((seed, k))
         text = random_text(FORMAT, rng=rng)
         font = fonts[int(rng.integers(len(fonts)))]
         if rng.random() < 0.2:
@@ -73,4 +72,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    from cyclopts import run
+
+    run(main)
