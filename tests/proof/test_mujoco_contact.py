@@ -68,9 +68,13 @@ PLANAR = [
 BANKED = [(WIRE, 30.0, 0.1, -0.3), (RIBBON, -30.0, 0.1, 0.5)]
 
 
-@cache
 def dragged(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0, d0: float = D0) -> Drag:
-    """Over the land and, if there is one, about half a preload down or up the ramp."""
+    """Over the land and, if there is one, about half a preload down or up the ramp; each drag is made once."""
+    return _dragged(whisker, degrees, mu, bank, d0)
+
+
+@cache
+def _dragged(whisker: Whisker, degrees: float, mu: float, bank: float, d0: float) -> Drag:
     slope = math.tan(math.radians(degrees))
     beyond = 0.25 + (0.35 / abs(slope) if slope else 0.0)
     return drag(
