@@ -13,28 +13,23 @@ from glyphs.stamping.stamp import stamp_line
 from glyphs.surface.maps import TraceDirection
 from tests.factories import extruded
 from tests.support.bench_faults import recorded, with_whisker_of, worn
+from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.faults import Fault, FaultKind, find_faults, flag_faults
-from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
 
 TOUCH = default_touch(5.0)
 OF_ONE = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN)
 
 
-def felt(touch: Touch) -> Scan:
+@pytest.fixture(scope="module")
+def ideal() -> Scan:
     font = load_font("gothic")
     die, rng = default_die(5.0, font=font), np.random.default_rng(0)
     surface = stamp_line("AB47", font, die, height_mm=5.0, rng=rng).height_map
-    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
-    return trace_scan(surface, touch=touch, plan=plan, fidelity=Fidelity.POINTWISE)
-
-
-@pytest.fixture(scope="module")
-def ideal() -> Scan:
-    return felt(TOUCH)
+    return felt(surface, fidelity=Fidelity.POINTWISE)
 
 
 def faulty(ideal: Scan, kind: FaultKind | None, *, whisker: int = 1, seed: int = 0) -> Scan:
@@ -54,9 +49,8 @@ def on_grooves(touch: Touch) -> Scan:
     x = np.arange(0.0, 20.0, 0.03)
     groove = -0.3 * np.clip(2.0 - np.abs((x % 5.0) - 2.5) / 0.15, 0.0, 1.0)
     surface = extruded(groove, rows=667, pitch_mm=0.03)
-    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
-    plan = replace(plan, directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X))
-    return trace_scan(surface, touch=touch, plan=plan, fidelity=Fidelity.POINTWISE)
+    both = (TraceDirection.FORWARD_X, TraceDirection.BACK_X)
+    return felt(surface, touch=touch, directions=both, fidelity=Fidelity.POINTWISE)
 
 
 def test_a_worn_tip_is_named_on_a_test_piece_that_is_alike_under_all_whiskers() -> None:

@@ -96,8 +96,7 @@ def test_what_jumps_within_the_cloud_is_roughness() -> None:
     assert np.median(np.concatenate(rough)) == pytest.approx(0.2, rel=0.1)
 
 
-@pytest.mark.parametrize("along_x", [True, False])
-def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> None:
+def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind() -> None:
     """The tangent is the piece's shift, the prediction another place: alike within a fifth, for walls have kinks;
     a line along a groove feels nothing of it but the rounding of maps."""
     scan = recorded(PIECE)
@@ -120,19 +119,20 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> Non
         turns=2,
         seed=(1, 0),
     )
-    mine = of_screw(before.size, along_x=along_x)
-    step = np.zeros(before.size)
-    step[mine] = 0.3 * before[mine]
-    told_of_any = 0.0
-    behind, ahead = (forward.moments(Bench.of_vector(about.vector() + way * step)) for way in (-1.0, 1.0))
-    for trace, was, then, by in zip(traces, behind, ahead, plane.jacobian, strict=True):
-        if trace.plan.direction.along_x is along_x:
-            told = 2.0 * by @ step
-            told_of_any += np.std(told)
-            assert np.std(then - was - told) <= 0.2 * np.std(told) + 1e-5
-        else:
-            np.testing.assert_array_equal(then, was)
-    assert told_of_any > 0.0
+    for along_x in (True, False):
+        mine = of_screw(before.size, along_x=along_x)
+        step = np.zeros(before.size)
+        step[mine] = 0.3 * before[mine]
+        told_of_any = 0.0
+        behind, ahead = (forward.moments(Bench.of_vector(about.vector() + way * step)) for way in (-1.0, 1.0))
+        for trace, was, then, by in zip(traces, behind, ahead, plane.jacobian, strict=True):
+            if trace.plan.direction.along_x is along_x:
+                told = 2.0 * by @ step
+                told_of_any += np.std(told)
+                assert np.std(then - was - told) <= 0.2 * np.std(told) + 1e-5
+            else:
+                np.testing.assert_array_equal(then, was)
+        assert told_of_any > 0.0
 
 
 @given(st.lists(st.floats(-20.0, 20.0), min_size=3, max_size=3))

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from glyphs.surface.pieces import Piece
 from tests.support.benches import recorded
 from whisker_array.estimation.edges import calibrated_moments
-from whisker_array.identification.fit import identify
 from whisker_array.identification.gauge_memory import gauge_effects, gauges, lag_response
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, read_gauges, rest_gauges
 from whisker_array.whisker.array import RasterPlan
-from whisker_array.whisker.touch import default_touch
 
 PIECE = Piece(angle_deg=(45.0, 30.0), floor_mm=1.0, land_mm=1.0)
 CREEP, LAG = 0.012, 0.008
@@ -55,9 +52,3 @@ def test_what_memory_adds_is_creep_and_lag_and_loads_are_the_recording_without_i
         whole = np.sqrt(np.nanmean(added**2))
         assert np.sqrt(np.nanmean((added - answer) ** 2)) < 0.1 * whole
         assert np.sqrt(np.nanmean((found.load_n_mm - pressed) ** 2)) < 0.05 * whole
-
-
-def test_a_gauge_without_memory_is_found_to_have_none() -> None:
-    found = identify(recorded(PIECE), PIECE.height_mm, whisker=default_touch(5.0), grid_mm=0.01)
-    # of a short recording; gauges of whiskers show 0.016 and more of both together
-    assert found.bench.memory == pytest.approx(np.zeros((2, 2)), abs=0.006)

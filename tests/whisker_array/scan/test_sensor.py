@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -118,54 +119,49 @@ def lead_in(n: int = 3, samples: int = 100, noise: float = 0.01) -> tuple[np.nda
     return noise * g.standard_normal((n, samples)), LAND + noise * g.standard_normal((n, samples))
 
 
-def test_lead_in_refusals() -> None:
-    air, land = lead_in()
-    with pytest.raises(SensorError, match="5 samples of land"):
-        calibrate_lead_in(air, land[:, :5], expected_land_moment_n_mm=LAND)
-    with pytest.raises(SensorError, match=r"whiskers 1: .*does not stand out"):
-        calibrate_lead_in(
-            air, np.where(np.arange(3)[:, None] == 1, air, land), expected_land_moment_n_mm=LAND
-        )
-    with pytest.raises(SensorError, match="wrong sign"):
-        calibrate_lead_in(air, land, expected_land_moment_n_mm=-LAND)
-    with pytest.raises(SensorError, match=r"whiskers 0, 1, 2: .*too noisy"):
-        calibrate_lead_in(*lead_in(noise=2.0), expected_land_moment_n_mm=LAND)
-    with pytest.raises(SensorError, match="does not stand out"):
-        calibrate_lead_in(*lead_in(n=12, noise=50.0), expected_land_moment_n_mm=LAND)
-    with pytest.raises(SensorError, match="must not be 0"):
-        calibrate_lead_in(air, land, expected_land_moment_n_mm=0.0)
-    with pytest.raises(SensorError, match=r"\(whiskers, samples\)"):
-        calibrate_lead_in(air[:2], land, expected_land_moment_n_mm=LAND)
-    land[0, 0] = np.nan
-    with pytest.raises(SensorError, match="land is not finite"):
-        calibrate_lead_in(air, land, expected_land_moment_n_mm=LAND)
+AIR, ON_LAND = lead_in()
+ONE = np.ones(1)
 
 
-def test_refusals_say_what_is_wrong() -> None:
-    one = np.ones(1)
-    with pytest.raises(SensorError, match="offset_n_mm has shape"):
-        SensorChain(np.ones(2), np.zeros(1))
-    with pytest.raises(SensorError, match="whisker 0 has a gain of 0"):
-        Calibration(np.zeros(1), np.zeros(1))
-    with pytest.raises(SensorError, match="gain has values out of range"):
-        SensorChain(np.array([np.nan]), one)
-    with pytest.raises(SensorError, match="noise_n_mm"):
-        SensorChain(one, one, noise_n_mm=-1.0)
-    with pytest.raises(SensorError, match="adc_bits is 1"):
-        SensorChain(one, one, adc_range_n_mm=1.0, adc_bits=1)
-    with pytest.raises(SensorError, match="adc_range_n_mm is inf"):
-        SensorChain(one, one, adc_bits=16)
-    with pytest.raises(SensorError, match="adc_range_n_mm is 0"):
-        SensorChain(one, one, adc_range_n_mm=0.0)
-    with pytest.raises(SensorError, match="one for each whisker"):
-        ideal_chain(0)
-    with pytest.raises(SensorError, match="gain_sd"):
-        draw_sensor_chain(1, rng=rng(), gain_sd=0.5)
-    with pytest.raises(SensorError, match="full_scale_n_mm"):
-        draw_sensor_chain(1, rng=rng(), full_scale_n_mm=math.nan)
-    with pytest.raises(SensorError, match="1 whiskers, samples"):
-        run(np.zeros((2, 5)), ideal_chain(1))
-    with pytest.raises(SensorError, match="sample_rate_hz"):
-        measure(np.zeros((1, 5)), chain=ideal_chain(1), sample_rate_hz=0.0, rng=rng())
-    with pytest.raises(SensorError, match="raw has shape"):
-        apply_calibration(np.zeros(5), Calibration(one, one))
+@pytest.mark.parametrize(
+    ("air", "land", "expected", "said"),
+    [
+        (AIR, ON_LAND[:, :5], LAND, "5 samples of land"),
+        (AIR, np.stack([ON_LAND[0], AIR[1], ON_LAND[2]]), LAND, r"whiskers 1: .*does not stand out"),
+        (AIR, ON_LAND, -LAND, "wrong sign"),
+        (*lead_in(noise=2.0), LAND, r"whiskers 0, 1, 2: .*too noisy"),
+        (*lead_in(n=12, noise=50.0), LAND, "does not stand out"),
+        (AIR, ON_LAND, 0.0, "must not be 0"),
+        (AIR[:2], ON_LAND, LAND, r"\(whiskers, samples\)"),
+        (AIR, np.where(np.arange(100) == 0, np.nan, ON_LAND), LAND, "land is not finite"),
+    ],
+)
+def test_lead_in_refusals(air: np.ndarray, land: np.ndarray, expected: float, said: str) -> None:
+    with pytest.raises(SensorError, match=said):
+        calibrate_lead_in(air, land, expected_land_moment_n_mm=expected)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: SensorChain(np.ones(2), np.zeros(1)), "offset_n_mm has shape"),
+        (lambda: Calibration(np.zeros(1), np.zeros(1)), "whisker 0 has a gain of 0"),
+        (lambda: SensorChain(np.array([np.nan]), ONE), "gain has values out of range"),
+        (lambda: SensorChain(ONE, ONE, noise_n_mm=-1.0), "noise_n_mm"),
+        (lambda: SensorChain(ONE, ONE, adc_range_n_mm=1.0, adc_bits=1), "adc_bits is 1"),
+        (lambda: SensorChain(ONE, ONE, adc_bits=16), "adc_range_n_mm is inf"),
+        (lambda: SensorChain(ONE, ONE, adc_range_n_mm=0.0), "adc_range_n_mm is 0"),
+        (lambda: ideal_chain(0), "one for each whisker"),
+        (lambda: draw_sensor_chain(1, rng=rng(), gain_sd=0.5), "gain_sd"),
+        (lambda: draw_sensor_chain(1, rng=rng(), full_scale_n_mm=math.nan), "full_scale_n_mm"),
+        (lambda: run(np.zeros((2, 5)), ideal_chain(1)), "1 whiskers, samples"),
+        (
+            lambda: measure(np.zeros((1, 5)), chain=ideal_chain(1), sample_rate_hz=0.0, rng=rng()),
+            "sample_rate_hz",
+        ),
+        (lambda: apply_calibration(np.zeros(5), Calibration(ONE, ONE)), "raw has shape"),
+    ],
+)
+def test_refusals_say_what_is_wrong(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(SensorError, match=said):
+        make()

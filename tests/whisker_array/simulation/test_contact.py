@@ -16,18 +16,16 @@ from glyphs import stamp
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.faces import Face
 from glyphs.surface.maps import HeightMap
-from whisker_array.scan.scan import trace_scan
+from tests.support.felt import felt as felt_whole
 from whisker_array.simulation.contact import Laid, land_lag_mm, trace_contact
 from whisker_array.simulation.contact_kernel import ABREAST
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
 from whisker_array.simulation.traces import SampleFlag, Traces
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped, TipModel, straight_whisker
-from whisker_array.whisker.touch import default_touch
 
 D0 = 1.0
 MU = 0.2
@@ -341,9 +339,7 @@ def test_leaving_the_surface_is_flagged() -> None:
 @pytest.mark.parametrize("face", [Face.FLAT, Face.SHARP, Face.ROUND])
 def test_the_solver_settles_on_stamped_plates(face: Face, mu: float) -> None:
     part = stamp("A8", face=face, bevel_deg=60.0 if mu == 0.2 else 45.0, seed=4)
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
-    scan = trace_scan(part.height_map, touch=default_touch(5.0), plan=plan, friction=mu)
-    for sweep in scan.sweeps:
+    for sweep in felt_whole(part.height_map, friction=mu).sweeps:
         assert not (sweep.flags & ~np.uint8(SampleFlag.OUTSIDE)).any()
 
 

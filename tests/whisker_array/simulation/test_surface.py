@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -38,20 +36,18 @@ def dilate(z: NDArray[np.float32], radius_mm: float) -> NDArray[np.float32]:
 # --- dilation
 
 
-def test_land_around_a_pit_is_left_and_the_rest_dilated() -> None:
+def pitted() -> NDArray[np.float32]:
+    """Land, which is left as it is, around a pit and a grain."""
     z = np.zeros((40, 300), dtype=np.float32)
     z[15:25, 100:110] = -0.1
     z[20, 200] = 0.03
-    v, u = np.mgrid[-4:5, -4:5] * PITCH
-    square = 0.2**2 - u**2 - v**2
-    lift = np.where(square >= 0.0, np.sqrt(np.maximum(square, 0.0)) - 0.2, 0.0)
-    expected = ndimage.grey_dilation(z.astype(float), footprint=square >= 0.0, structure=lift, mode="nearest")
-    np.testing.assert_allclose(dilate(z, 0.2), expected, atol=FLOAT32)
+    return z
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.12, 0.21])
-def test_dilation_is_that_of_scipy(radius: float) -> None:
-    z = rough(1)
+@pytest.mark.parametrize(
+    ("z", "radius"), [(rough(1), 0.05), (rough(1), 0.12), (rough(1), 0.21), (pitted(), 0.2)]
+)
+def test_dilation_is_that_of_scipy(z: NDArray[np.float32], radius: float) -> None:
     reach = int(radius / PITCH + 1e-9)
     v, u = np.mgrid[-reach : reach + 1, -reach : reach + 1] * PITCH
     square = radius**2 - u**2 - v**2
@@ -59,21 +55,6 @@ def test_dilation_is_that_of_scipy(radius: float) -> None:
     structure = np.where(ball, np.sqrt(np.maximum(square, 0.0)) - radius, 0.0)
     expected = ndimage.grey_dilation(z.astype(float), footprint=ball, structure=structure, mode="nearest")
     np.testing.assert_allclose(dilate(z, radius), expected, atol=FLOAT32)
-
-
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 10_000), radius=st.floats(0.05, 0.16), lift=st.floats(-1.0, 1.0))
-def test_dilation_lies_above_keeps_order_and_follows_the_surface(
-    seed: int, radius: float, lift: float
-) -> None:
-    z = rough(seed)
-    higher = z + np.abs(rough(seed + 1))
-    once = dilate(z, radius)
-    assert (once >= z).all()
-    assert (dilate(higher, radius) >= once).all()
-    np.testing.assert_allclose(dilate(z + np.float32(lift), radius), once + np.float32(lift), atol=1e-6)
-    # moved sideways; the rim is replicated there, so compare inside
-    np.testing.assert_array_equal(dilate(np.roll(z, 5, axis=1), radius)[:, 9:-4], once[:, 4:-9])
 
 
 @pytest.mark.parametrize("half_width", [0, 1, 2])

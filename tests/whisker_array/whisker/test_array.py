@@ -79,22 +79,6 @@ def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
         np.testing.assert_allclose(sweeps[there].position_mm(), sweeps[back].position_mm()[::-1], atol=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
-@given(plan=plans)
-def test_time_and_samples_are_those_of_the_passes(plan: RasterPlan) -> None:
-    passes = samples = 0
-    seconds = 0.0
-    for sweep in plan.sweeps():
-        for _ in range(sweep.line_mm.shape[0]):
-            passes += 1
-            samples += plan.array.n_whiskers * (sweep.n_samples + plan.air_samples)
-            way = (sweep.n_samples + plan.air_samples) * plan.sample_pitch_mm
-            seconds += way / plan.speed_mm_s + plan.turnaround_s
-    assert plan.n_passes == passes
-    assert plan.n_samples == samples
-    assert plan.scan_time_s == pytest.approx(seconds, rel=1e-9)
-
-
 @pytest.mark.parametrize("height", [1.0, 2.5, 5.0, 12.7])
 def test_the_default_plan_follows_the_character_height(height: float) -> None:
     plan = default_plan((0.0, 0.0, 8.0 * height, 2.0 * height), character_height_mm=height)
