@@ -84,7 +84,7 @@ def test_a_package_lists_its_vocabulary(package: object) -> None:
 @pytest.mark.parametrize(
     ("modules", "heavy"),
     [
-        (("glyphs", "whisker_array"), {"numpy", "scipy", "numba", "cv2"}),
+        (("glyphs", "whisker_array", "recognition"), {"numpy", "scipy", "numba", "cv2", "matplotlib"}),
         (
             ("glyphs.part", "glyphs.stamping.database"),
             {"numba", "h5py", "fontTools", "HersheyFonts", "matplotlib", "scipy"},

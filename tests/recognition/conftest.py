@@ -21,10 +21,9 @@ from recognition.senses.settings import ReaderSettings
 from recognition.views.curves import straight_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, felt_view
+from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import relief_from_edges
-from whisker_array.scan.scan import trace_scan
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
 
 CHARS = "K7B1"
@@ -81,9 +80,7 @@ def calm_part(make_part: Callable[..., StampedPart]) -> StampedPart:
 @pytest.fixture(scope="session")
 def calm_edges(calm_part: StampedPart, touch: Touch) -> EdgeMap:
     """The edge map of a faultless line on a perfect plate."""
-    size = calm_part.height_map.size_mm
-    plan = default_plan((0.0, 0.0, *size), character_height_mm=HEIGHT_MM)
-    return edge_map(trace_scan(calm_part.height_map, touch=touch, plan=plan))
+    return edge_map(felt(calm_part.height_map, touch=touch))
 
 
 @pytest.fixture(scope="session")

@@ -22,9 +22,8 @@ from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
+from tests.support.felt import felt
+from whisker_array.scan.scan import Scan
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 HEIGHT_MM = 5.0
@@ -49,17 +48,18 @@ def bare_plate(soil: str, severity: float) -> Scan:
     )
     part = StampedPart(HeightMap(z, PITCH_MM), "", HEIGHT_MM, (), "gothic")
     soiled = soil_part(part, Soiling((soil,), severity), rng=np.random.default_rng(3))
-    plan = default_plan((0.0, 0.0, *soiled.height_map.size_mm), character_height_mm=HEIGHT_MM)
-    return trace_scan(soiled.height_map, touch=default_touch(HEIGHT_MM), plan=plan, soil=soiled.soil)
+    return felt(soiled.height_map, soil=soiled.soil)
 
 
-@pytest.mark.parametrize(("soil", "severity"), [("workshop", 0.0), ("casting", 0.6)])
-def test_a_plate_without_a_mark_has_no_text(reader: Readers, soil: str, severity: float) -> None:
-    assert is_nothing(reader(format="AA999999").touch.read_scan(bare_plate(soil, severity)))
-
-
-def test_a_scratch_is_no_text_where_no_format_is_known(reader: Readers) -> None:
-    assert is_nothing(reader(format=None).touch.read_scan(bare_plate("weld", 0.3)))
+@pytest.mark.parametrize(
+    ("soil", "severity", "format"),
+    [("casting", 0.6, "AA999999"), ("weld", 0.3, None)],
+    ids=["casting", "scratch"],
+)
+def test_a_dirty_plate_without_a_mark_has_no_text(
+    reader: Readers, soil: str, severity: float, format: str | None
+) -> None:
+    assert is_nothing(reader(format=format).touch.read_scan(bare_plate(soil, severity)))
 
 
 def pictures() -> dict[str, NDArray[np.float64]]:

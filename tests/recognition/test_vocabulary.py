@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import is_dataclass
 
 import matplotlib
@@ -128,20 +126,6 @@ def test_no_public_value_is_left_out() -> None:
     kinds = {kind for kind in public if isinstance(kind, type) and is_dataclass(kind)}
     assert kinds - {type(value) for value in values()} == set()
     assert Verification in kinds
-
-
-def test_the_package_lists_its_vocabulary() -> None:
-    for name in recognition.__all__:
-        assert getattr(recognition, name) is not None
-    with pytest.raises(AttributeError, match="nothing_of_that_name"):
-        recognition.nothing_of_that_name  # type: ignore[attr-defined]  # noqa: B018
-
-
-def test_importing_is_cheap() -> None:
-    heavy = {"numpy", "scipy", "numba", "cv2", "matplotlib"}
-    code = f"import sys, recognition; print({heavy} & set(sys.modules))"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout == "set()\n"
 
 
 def test_a_reading_is_a_table_in_a_notebook() -> None:

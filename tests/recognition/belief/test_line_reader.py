@@ -20,12 +20,15 @@ from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import heights_view
 
-PART = level(
-    stamp(
-        "KXB4071", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
-        layout=Layout(other_text="2938174", gap=0.8),
-    ).height_map
+PART = stamp(
+    "KXB4071", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
+    layout=Layout(other_text="2938174", gap=0.8),
 )  # fmt: skip
+VIEW = heights_view(level(PART.height_map))
+
+
+def reader_of(format: str) -> LineReader:
+    return LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC))
 
 
 def text_of(belief: Lattice) -> str:
@@ -36,7 +39,7 @@ def text_of(belief: Lattice) -> str:
     ("format", "meant", "other"), [("AAA9999", "KXB4071", "2938174"), ("9999999", "2938174", "KXB4071")]
 )
 def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
-    part = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC)).read(heights_view(PART))
+    part = reader_of(format).read(VIEW)
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert [text_of(one.belief.open_places[0]) for one in part.others] == [other]
@@ -59,7 +62,7 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
     asked: str, region: tuple[float, float, float, float] | None, named: str
 ) -> None:
     lines = {"lot": LineFormat(Grammar(format=asked), region)}
-    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(heights_view(PART))
+    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC), lines).read(VIEW)
     assert [text_of(one.belief.lattice) for one in part.named.values()] == ([named] if named else [])
     assert [text_of(one.belief.open_places[0]) for one in part.others] == ([] if named else ["2938174"])
 
@@ -69,7 +72,7 @@ def test_the_serial_stands_in_its_region(
     region: tuple[float, float, float, float] | None, meant: str
 ) -> None:
     either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
-    part = LineReader(LineSearch(either, ALPHANUMERIC, region=region)).read(heights_view(PART))
+    part = LineReader(LineSearch(either, ALPHANUMERIC, region=region)).read(VIEW)
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert len(part.others) == 1
@@ -80,29 +83,24 @@ def test_a_line_is_not_moved_out_of_its_region(
     region: tuple[float, float, float, float], format: str
 ) -> None:
     """The other line fits the format, and lies within reach of a line about the middle of the view."""
-    view = heights_view(PART)
-    main = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC, region=region)).read(view).main
-    assert main is None or stands_in(region, main.line, view)
+    main = LineReader(LineSearch(Grammar(format=format), ALPHANUMERIC, region=region)).read(VIEW).main
+    assert main is None or stands_in(region, main.line, VIEW)
 
 
 def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
-    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)).read(heights_view(level(over)))
+    part = reader_of("AAA9999").read(heights_view(level(over)))
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
 
 
-@pytest.mark.parametrize(
-    ("down_mm", "lower_mm", "different"), [(3.2, 5.0, False), (5.0, 5.0, True), (3.2, 2.0, True)]
-)
-def test_two_lines_are_different_ink_where_their_characters_have_room(
-    down_mm: float, lower_mm: float, different: bool
-) -> None:
-    part = LineReader(LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC)).read(heights_view(PART))
-    assert part.main is not None
-    upper, lower = (
-        replace(part.main, line=TextLine.straight(0.0, y_mm, length_mm=30.0, height_mm=height_mm))
-        for y_mm, height_mm in ((0.0, 5.0), (down_mm, lower_mm))
-    )
-    assert apart(upper, lower) == apart(lower, upper) == different
+def test_two_lines_are_different_ink_where_their_characters_have_room() -> None:
+    main = reader_of("AAA9999").read(VIEW).main
+    assert main is not None
+    for down_mm, lower_mm, different in ((3.2, 5.0, False), (5.0, 5.0, True), (3.2, 2.0, True)):
+        upper, lower = (
+            replace(main, line=TextLine.straight(0.0, y_mm, length_mm=30.0, height_mm=height_mm))
+            for y_mm, height_mm in ((0.0, 5.0), (down_mm, lower_mm))
+        )
+        assert apart(upper, lower) == apart(lower, upper) == different

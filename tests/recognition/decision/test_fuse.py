@@ -116,13 +116,6 @@ def test_bayes_by_hand(one: Lattice, other: Lattice) -> None:
 
 @settings(deadline=None, max_examples=60)
 @given(lattices(), lattices())
-def test_plain_fusion_knows_no_order(one: Lattice, other: Lattice) -> None:
-    a = fuse_lattices(one, other, power=1.0).log_belief
-    np.testing.assert_allclose(a, fuse_lattices(other, one, power=1.0).log_belief, rtol=EXACT)
-
-
-@settings(deadline=None, max_examples=60)
-@given(lattices(), lattices())
 def test_beliefs_stay_beliefs(one: Lattice, other: Lattice) -> None:
     assert (np.exp(fuse_lattices(one, other).log_belief).sum(axis=1) <= 1.0 + EXACT).all()
 

@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.verified import with_verification
-from recognition.decision.verify import Verdict, Verification, VerifyError
+from recognition.decision.verify import Verdict, Verification
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState
 from recognition.language.lattice import Lattice
@@ -32,7 +31,6 @@ def reading(text: str) -> Reading:
 
 SURE_B1 = lattice({"B": 0.998, "8": 0.001}, {"1": 0.998})
 SURE_81 = lattice({"8": 0.998, "B": 0.0001}, {"1": 0.998})
-DIRTY = lattice({"B": 0.1, "8": 0.1}, {"1": 0.1})
 
 
 def verdict(
@@ -62,17 +60,6 @@ def test_without_characters_nothing_is_known() -> None:
     assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
     assert read.flags is ReadingFlag.NONE
     assert "0 characters were found where 2 are expected" in found.messages()[0]
-
-
-def test_a_text_of_other_characters_cannot_be_looked_for() -> None:
-    with pytest.raises(VerifyError, match="which was not looked for"):
-        verdict(reading("B1"), SURE_B1, "X1")
-
-
-def test_dirt_speaks_neither_way() -> None:
-    read, found = verdict(reading("B1"), DIRTY, "B1")
-    assert found.verdict is Verdict.UNDECIDED
-    assert read.flags is ReadingFlag.NONE
 
 
 def test_senses_that_contradict_each_other_confirm_nothing() -> None:

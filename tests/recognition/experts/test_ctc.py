@@ -57,31 +57,3 @@ def test_posteriors_are_those_of_all_paths(seed: int) -> None:
     assert (np.diff(found.frame) > 0.0).all()
     counts = np.exp(count_belief(log[:, 0], log[:, 1:], most=frames))
     np.testing.assert_allclose(counts, length / length.sum(), atol=EXACT)
-
-
-def test_a_double_character_needs_a_blank_between() -> None:
-    log = np.log(np.array([[1e-9, 1.0], [1e-9, 1.0], [1e-9, 1.0]]))
-    both = np.ones((2, 1), dtype=np.bool_)
-    found = place_belief(log[:, 0], log[:, 1:], both)
-    assert found is not None
-    # the only path of two is char, blank, char
-    assert found.log_evidence == pytest.approx(np.log(1e-9), abs=EXACT)
-    assert found.frame == pytest.approx([0.0, 2.0], abs=EXACT)
-
-
-def test_too_few_frames_hold_no_text() -> None:
-    log = np.log(np.full((2, 3), 1.0 / 3.0))
-    assert place_belief(log[:, 0], log[:, 1:], np.ones((3, 2), dtype=np.bool_)) is None
-
-
-def test_the_format_changes_what_wins() -> None:
-    # frame by frame B is likelier than 8; at a place of figures the best valid text is wanted
-    p = np.array([[0.9, 0.05, 0.05], [0.02, 0.9, 0.08], [0.9, 0.05, 0.05]])
-    log = np.log(p)
-    free = place_belief(log[:, 0], log[:, 1:], np.array([[True, True]]))
-    figure = place_belief(log[:, 0], log[:, 1:], np.array([[False, True]]))
-    assert free is not None
-    assert figure is not None
-    assert free.log_belief[0].argmax() == 0
-    assert figure.log_belief[0].argmax() == 1
-    assert np.exp(figure.log_belief[0, 1]) == pytest.approx(1.0, abs=EXACT)

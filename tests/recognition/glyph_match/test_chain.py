@@ -77,7 +77,7 @@ def check_chain(case: Case, placed: tuple[Placed, ...], total: float) -> None:
     assert earned == pytest.approx(total, abs=1e-9)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(cases())
 def test_a_free_chain_earns_what_the_best_of_all_earns(case: Case) -> None:
     reward, half, rules = case
@@ -87,7 +87,7 @@ def test_a_free_chain_earns_what_the_best_of_all_earns(case: Case) -> None:
     check_chain(case, placed, total)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(cases(), st.data())
 def test_a_fixed_format_earns_what_the_best_of_all_earns(case: Case, data: st.DataObject) -> None:
     reward, half, rules = case
@@ -103,37 +103,6 @@ def test_a_fixed_format_earns_what_the_best_of_all_earns(case: Case, data: st.Da
     assert len(placed) == places
     assert all(allowed[k, p.template] for k, p in enumerate(placed))
     check_chain(case, placed, total)
-
-
-def test_many_modest_characters_beat_a_loud_stranger() -> None:
-    # beyond reach of each other: no two characters earn more than the one at the left, eight do
-    reward = np.full((1, 60), -0.5, dtype=np.float32)
-    reward[0, 5] = 9.5
-    reward[0, 30:60:4] = 1.5
-    total, placed = best_chain(
-        reward, np.array([1]), allowed=None, overlap=1, reach=5, gap_free=5, gap_cost=0.1
-    )
-    assert total == pytest.approx(12.0)
-    assert [p.column for p in placed] == list(range(30, 60, 4))
-
-
-def test_nothing_that_earns_is_no_chain() -> None:
-    rules = {"overlap": 1, "reach": 5, "gap_free": 2, "gap_cost": 0.1}
-    reward = np.full((2, 9), -1.0, dtype=np.float32)
-    assert best_chain(reward, np.array([1, 2]), allowed=None, **rules) == (0.0, ())
-    # a format has no room on a map narrower than its characters
-    allowed = np.ones((4, 2), dtype=np.bool_)
-    assert best_chain(reward[:, :5], np.array([1, 2]), allowed=allowed, **rules) == (0.0, ())
-
-
-def test_a_format_takes_a_poor_character_where_it_must() -> None:
-    reward = np.full((2, 12), -1.0, dtype=np.float32)
-    reward[0, 2] = reward[1, 8] = 2.0
-    rules = {"overlap": 1, "reach": 8, "gap_free": 8, "gap_cost": 0.0}
-    only_first = np.array([[True, False], [True, False]])
-    total, placed = best_chain(reward, np.array([1, 1]), allowed=only_first, **rules)
-    assert total == pytest.approx(1.0)
-    assert [p.template for p in placed] == [0, 0]
 
 
 # ----------------------------------------------------------------------------------------------------- spacing
@@ -175,7 +144,7 @@ def earned_by(chain: list[tuple[int, int]], case: Case, spacing: Spacing) -> flo
     return total
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(cases(), st.data())
 def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: st.DataObject) -> None:
     # two places: of chains that end alike only the best is followed up, which is all of them for a pair's sake
@@ -201,7 +170,7 @@ def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: s
     )
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(cases(), st.data())
 def test_no_chain_earns_more_for_being_spaced(case: Case, data: st.DataObject) -> None:
     reward, half, rules = case
@@ -219,10 +188,8 @@ def test_no_chain_earns_more_for_being_spaced(case: Case, data: st.DataObject) -
     )
 
 
-def even(
-    apart: float, *, cost: float = 0.1, limit: float = 1.0, free: frozenset[int] = frozenset()
-) -> Spacing:
-    return Spacing(np.zeros(1), np.full(1, apart), cost, limit, free)
+def even(apart: float) -> Spacing:
+    return Spacing(np.zeros(1), np.full(1, apart), cost=0.1, limit=1.0, free_after=frozenset())
 
 
 SPACED = {"overlap": 1, "reach": 30, "gap_free": 30, "gap_cost": 0.0}
@@ -250,25 +217,3 @@ def test_what_stands_out_stands_where_it_is() -> None:
     )
     assert [p.column for p in placed] == [10, 20, 35, 45]
     assert total == pytest.approx(8.0 - 1.0)
-
-
-def test_after_a_word_gap_any_distance_goes() -> None:
-    reward = np.zeros((1, 60), dtype=np.float32)
-    reward[0, [10, 20, 43, 53]] = 2.0
-    total, placed = best_chain(
-        reward,
-        np.array([2]),
-        allowed=np.ones((4, 1), dtype=np.bool_),
-        spacing=even(10.0, free=frozenset({1})),
-        **SPACED,
-    )
-    assert [p.column for p in placed] == [10, 20, 43, 53]
-    assert total == pytest.approx(8.0)
-
-
-def test_spacing_without_a_limit_is_none() -> None:
-    rng = np.random.default_rng(6)
-    reward = rng.normal(size=(1, 40)).astype(np.float32)
-    allowed = np.ones((3, 1), dtype=np.bool_)
-    plain = best_chain(reward, np.array([2]), allowed=allowed, **SPACED)
-    assert best_chain(reward, np.array([2]), allowed=allowed, spacing=even(7.0, limit=0.0), **SPACED) == plain

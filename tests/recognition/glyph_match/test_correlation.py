@@ -30,16 +30,6 @@ def test_correlations_are_those_of_the_formula() -> None:
         assert one == pytest.approx(by_formula(image, template, least_felt=0.2), abs=1e-4)
 
 
-def test_a_template_answers_most_where_it_lies_and_bare_land_answers_nothing() -> None:
-    template = np.random.default_rng(4).normal(size=(9, 7, 4)).astype(np.float32)
-    image = np.zeros((30, 40, 4), dtype=np.float32)
-    image[10:19, 20:27] = 0.5 * template
-    found = correlate(image, [template])[0]
-    assert np.unravel_index(found.argmax(), found.shape) == (10, 20)
-    assert found.max() == pytest.approx(0.98, abs=0.01)
-    assert np.abs(found[:, :10]).max() < 1e-3
-
-
 def test_steps_believe_in_the_character_whose_template_fits_and_in_nothing_where_none_does() -> None:
     cells = np.array([[0.95, 0.6, 0.5], [0.6, 0.93, 0.9], [0.1, 0.05, 0.0]])
     steps = steps_of(cells, "ABC", np.array([20.0, 45.0, 70.0]), chars="ABCD")

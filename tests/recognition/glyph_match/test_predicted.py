@@ -105,29 +105,6 @@ def test_touch_is_free_of_scale(height_mm: float, gothic: Font, touch: Touch, te
         assert correlation(mine, theirs) > 0.99
 
 
-def test_patches_are_odd_and_the_glyph_is_in_the_middle(templates: TemplateSet) -> None:
-    _, directions, rows, cols = templates.patches.shape
-    assert directions == 4
-    assert rows % 2 == cols % 2 == 1
-    for char, patch, half in zip(templates.chars, templates.patches, templates.half_width, strict=True):
-        profile = steps_of(patch)
-        inked = np.flatnonzero(np.abs(profile[0]).max(axis=0) > 0.25 * np.abs(profile[0]).max())
-        # a pixel, and half a bevel
-        assert 0.5 * (inked[0] + inked[-1]) == pytest.approx(cols // 2, abs=1.5), char
-        assert 0.5 * (inked[-1] - inked[0]) == pytest.approx(half * PIXELS, abs=2.5), char
-        across = np.flatnonzero(np.abs(profile[1]).max(axis=1) > 0.25 * np.abs(profile[1]).max())
-        assert across[-1] - across[0] == pytest.approx(PIXELS, abs=3.0), char
-
-
-def test_raised_marks_are_nearly_but_not_simply_the_negative(
-    gothic: Font, touch: Touch, templates: TemplateSet
-) -> None:
-    raised = predict_templates(gothic, "".join(templates.chars), key_of(gothic, touch, raised=True))
-    for sunk, up in zip(templates.patches, raised.patches, strict=True):
-        assert correlation(steps_of(sunk), steps_of(up)) < -0.9
-        assert np.abs(sunk + up).max() > 0.02
-
-
 def test_the_plate_that_is_felt_is_that_of_the_patches(templates: TemplateSet) -> None:
     """Its strip has every character where `middles_mm` says, with edges and heights."""
     strip = templates.view.strip(templates.line)

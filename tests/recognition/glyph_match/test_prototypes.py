@@ -36,9 +36,8 @@ from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN
 from recognition.views.view import View, felt_view, photo_view, relief_of
+from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.scan import trace_scan
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch
 
 TEXT = "HM50R3X8"
@@ -131,9 +130,8 @@ def part_of(dirt: float, *, seed: int = 0) -> Part:
     return stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=seed, dirt=dirt)
 
 
-def felt(part: Part, touch: Touch) -> View:
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm)
-    scan = trace_scan(part.height_map, touch=touch, plan=plan, soil=part.soil)
+def touched(part: Part, touch: Touch) -> View:
+    scan = felt(part.height_map, touch=touch, soil=part.soil)
     edges = edge_map(scan)
     return felt_view(edges, relief_of(scan, edges), touch)
 
@@ -143,7 +141,7 @@ def test_a_dirty_line_is_read_in_the_font_that_is_named(
     dirt: float, touch: Touch, sets: Callable[[str], TemplateSet], stamped_line: Callable
 ) -> None:
     part = part_of(dirt)
-    view, where = felt(part, touch), stamped_line(part.stamped)
+    view, where = touched(part, touch), stamped_line(part.stamped)
     gothic, timesr = (felt_prototypes(sets(name)) for name in ("gothic", "timesr"))
     found = belief_of([view], *where, [[gothic]], even(TEXT))
     assert best_of(found) == TEXT

@@ -1,34 +1,18 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from glyphs.fonts.outlines import load_font
 from recognition.glyph_match.predicted import predict_templates, template_key
 from recognition.learning.alignment import likeness
 from recognition.learning.exemplars import ExemplarError
 from recognition.learning.learned_shapes import learn_font
-from recognition.learning.nearest_hand import Hand
+from tests.recognition.learning.blows import blow, drawn
 
-SIZE = (53, 65)
 GOTHIC = load_font("gothic")
-HAND = Hand(GOTHIC, 1.0, 0.0, 0.0, 0.04, 1.0)
-
-
-def drawn(char, *, seed=None, font=GOTHIC):
-    """A relief of a character; with a seed as a blow leaves it: moved, turned, deeper or not, rough."""
-    relief = replace(HAND, font=font).relief(char, SIZE)
-    if seed is None:
-        return relief
-    rng = np.random.default_rng([ord(char), seed])
-    relief = ndimage.rotate(relief, rng.normal(0.0, 1.2), reshape=False, order=1)
-    relief = ndimage.shift(relief, rng.normal(0.0, 0.8, 2), order=1) * rng.normal(1.0, 0.12)
-    return (relief + rng.normal(0.0, 0.001, SIZE)).astype(np.float32)
 
 
 def learned(text, *, known=(GOTHIC,), more=()):
-    chars, reliefs = list(text), [drawn(c, seed=k) for k, c in enumerate(text)]
+    chars, reliefs = list(text), [blow(c, k, GOTHIC) for k, c in enumerate(text)]
     for char, relief in more:
         chars.append(char)
         reliefs.append(relief)
@@ -62,7 +46,7 @@ def test_characters_never_felt_come_from_the_nearest_font():
     assert made.is_trusted
     assert "Q" in made.never_felt
     assert "K" not in made.never_felt
-    assert likeness(made.font.glyphs["Q"].relief, drawn("Q")) > 0.9
+    assert likeness(made.font.glyphs["Q"].relief, drawn("Q", GOTHIC)) > 0.9
     # blows of the font itself: its other characters are no guesses
     assert not any(g.guessed for g in made.font.glyphs.values())
 
@@ -77,32 +61,32 @@ def test_after_a_font_that_is_only_like_it_they_are_guesses():
 def test_one_wrong_exemplar_among_siblings_is_set_aside(place):
     """Whichever came first: a 3 enrolled as an 8 by a slip of the reviewer changes nothing."""
     chars = ["8"] * 5 + ["3"] * 3
-    reliefs = [drawn(c, seed=k) for k, c in enumerate(chars)]
+    reliefs = [blow(c, k, GOTHIC) for k, c in enumerate(chars)]
     right = learn_font("press", chars, reliefs, known=(GOTHIC,))
     chars.insert(place, "8")
-    reliefs.insert(place, drawn("L", seed=77))
+    reliefs.insert(place, blow("L", 77, GOTHIC))
     slipped = learn_font("press", chars, reliefs, known=(GOTHIC,))
     assert slipped.set_aside == (place,)
     assert likeness(slipped.font.glyphs["8"].relief, right.font.glyphs["8"].relief) > 0.999
 
 
 def test_of_two_that_disagree_the_nearest_font_tells_which():
-    made = learned("888KK7722", more=[("B", drawn("K", seed=1)), ("B", drawn("B", seed=2))])
+    made = learned("888KK7722", more=[("B", blow("K", 1, GOTHIC)), ("B", blow("B", 2, GOTHIC))])
     assert made.set_aside == (9,)
-    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.85
+    assert likeness(made.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.85
 
 
 def test_a_single_exemplar_of_another_character_teaches_nothing():
-    made = learned("888KK7722", more=[("B", drawn("7", seed=1))])
+    made = learned("888KK7722", more=[("B", blow("7", 1, GOTHIC))])
     assert made.set_aside == (9,)
     assert "B" in made.never_felt
-    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.9
+    assert likeness(made.font.glyphs["B"].relief, drawn("B", GOTHIC)) > 0.9
 
 
 def test_what_cannot_be_learned_is_told():
     with pytest.raises(ExemplarError, match="give one for each"):
         learn_font("press", [], [], known=(GOTHIC,))
     with pytest.raises(ExemplarError, match="no known font"):
-        learn_font("press", ["K"], [drawn("K")], known=())
+        learn_font("press", ["K"], [drawn("K", GOTHIC)], known=())
     with pytest.raises(ExemplarError, match="differ in size"):
-        learn_font("press", ["K", "K"], [drawn("K"), drawn("K")[1:]], known=(GOTHIC,))
+        learn_font("press", ["K", "K"], [drawn("K", GOTHIC), drawn("K", GOTHIC)[1:]], known=(GOTHIC,))

@@ -23,10 +23,9 @@ from recognition.marks.depth_sampling import turn_matrix
 from recognition.marks.laid_text import MARGIN_HEIGHTS, LaidText
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
+from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges
-from whisker_array.scan.scan import trace_scan
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
 TEXT = "KR804217"
@@ -111,10 +110,8 @@ def known(depths: tuple[MarkDepth | None, ...]) -> np.ndarray:
     return np.array([(d.min_mm, d.mean_mm, d.max_mm) for d in depths if d is not None])
 
 
-def felt(height_map: HeightMap, height_mm: float) -> Relief:
-    touch = default_touch(height_mm)
-    plan = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm)
-    return relief_from_edges(edge_map(trace_scan(height_map, touch=touch, plan=plan)), touch)
+def relief_felt(height_map: HeightMap, height_mm: float = 5.0) -> Relief:
+    return relief_from_edges(edge_map(felt(height_map, height_mm)), default_touch(height_mm))
 
 
 def exact(height_map: HeightMap, height_mm: float) -> Relief:
@@ -139,7 +136,7 @@ def flat(gothic: Font) -> tuple[StampedPart, Relief]:
 @pytest.mark.parametrize("face", [Face.FLAT, Face.ROUND, Face.SHARP])
 def test_the_depth_felt_is_that_of_the_height_map(face: Face, height_mm: float, gothic: Font) -> None:
     part = stamped("K804217", font=gothic, face=face, height_mm=height_mm)
-    found = known(depths_of(felt(part.height_map, height_mm), part, gothic, face=face))
+    found = known(depths_of(relief_felt(part.height_map, height_mm), part, gothic, face=face))
     truth = true_depth_mm(part)
     error = (found - truth[:, None]) / truth[:, None]
     low, high = FELT_BIAS[face]
@@ -157,19 +154,19 @@ def test_a_tilt_of_the_part_is_no_depth(gothic: Font) -> None:
     slope = np.tan(np.radians(0.5))
     plane = slope * (x - x.mean()) - slope * (y - y.mean())
     tilted = HeightMap(part.height_map.z_mm + plane, part.height_map.pitch_mm)
-    straight = known(depths_of(felt(level(part.height_map), 5.0), part, gothic))[:, :2]
+    straight = known(depths_of(relief_felt(level(part.height_map)), part, gothic))[:, :2]
     # mounted level, as a height map is before it is felt; the plane is 44 micrometres over one character
-    mounted = known(depths_of(felt(level(tilted), 5.0), part, gothic))[:, :2]
+    mounted = known(depths_of(relief_felt(level(tilted)), part, gothic))[:, :2]
     np.testing.assert_allclose(mounted, straight, atol=0.003)
     # felt as it lies: moments count against the land's, so depths grow as the lift of the land d0 + h_land does
     lift = 1.0 + np.abs(plane).max() / default_touch(5.0).preload_mm
-    lying = known(depths_of(felt(tilted, 5.0), part, gothic))[:, :2]
+    lying = known(depths_of(relief_felt(tilted), part, gothic))[:, :2]
     assert np.all(np.abs(lying - straight) < (lift - 1.0) * straight + 0.003)
 
 
 def test_raised_marks_have_a_height(gothic: Font) -> None:
     part = stamped("K7B1", font=gothic, raised=True)
-    found = known(depths_of(felt(part.height_map, 5.0), part, gothic, raised=True))
+    found = known(depths_of(relief_felt(part.height_map), part, gothic, raised=True))
     truth = true_depth_mm(part, raised=True)
     np.testing.assert_allclose(found[:, 1], truth, rtol=0.06)
 
@@ -213,7 +210,7 @@ def test_a_burr_is_measured_beside_the_strokes(burr_mm: float, width_mm: float, 
         variation=calm,
         rng=np.random.default_rng(7),
     )
-    found = [d.burr_mm for d in depths_of(felt(part.height_map, 5.0), part, gothic) if d is not None]
+    found = [d.burr_mm for d in depths_of(relief_felt(part.height_map), part, gothic) if d is not None]
     low, high = BURR_FELT[width_mm]
     assert low * burr_mm < np.mean([b for b in found if b is not None]) < high * burr_mm
 
@@ -250,7 +247,7 @@ def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 
 
 def test_one_shallow_character_among_deep_ones(gothic: Font) -> None:
     part = stamped(font=gothic)
-    found = known(depths_of(felt(shallower(part, 2, floor_mm=0.05), 5.0), part, gothic))
+    found = known(depths_of(relief_felt(shallower(part, 2, floor_mm=0.05)), part, gothic))
     assert found[2, 1] == pytest.approx(0.05, abs=0.008)
     assert found[2, 0] == pytest.approx(0.05, abs=0.012)
     assert np.delete(found, 2, axis=0)[:, 0].min() > 0.12

@@ -18,11 +18,9 @@ from recognition.glyph_match.template_cache import TemplateCache
 from recognition.marks.laid_text import OWN_FIT, FitSearch, LaidText, laid_text, suited_fonts
 from recognition.views.curves import arc_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import View, felt_view
+from recognition.views.view import felt_view
+from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.scan import trace_scan
-from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch
 
 CHARS = "NHOIX"
@@ -30,12 +28,6 @@ CHARS = "NHOIX"
 TOLERANCE_HEIGHTS = 0.03
 Make = Callable[..., StampedPart]
 Lay = Callable[..., LaidText | None]
-
-
-def felt(part: StampedPart, touch: Touch) -> View:
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm)
-    scan = trace_scan(part.height_map, touch=touch, plan=plan, fidelity=Fidelity.CONTACT)
-    return felt_view(edge_map(scan), None, touch)
 
 
 def middles_of(part: StampedPart) -> NDArray[np.float64]:
@@ -61,7 +53,7 @@ def lay(gothic: Font, touch: Touch, stamped_line: Callable) -> Lay:
     ) -> LaidText | None:
         along, columns = line or stamped_line(part)
         columns = columns + HEIGHT_ROWS * np.array(off_heights or [0.0] * len(columns))
-        view = felt(part, touch)
+        view = felt_view(edge_map(felt(part.height_map, touch=touch)), None, touch)
         return laid_text(
             view, touch, along, columns, text or part.text, fonts, cache=cache, chars=chars, raised=raised
         )

@@ -181,13 +181,6 @@ def test_a_real_serial_is_read_with_its_format() -> None:
     assert all(a.box.x0_mm < b.box.x0_mm for a, b in pairwise(found.characters))
 
 
-def test_nothing_written_is_not_accepted() -> None:
-    grey = np.random.default_rng(2).normal(128.0, 4.0, (64, 320)).clip(0, 255).astype(np.uint8)
-    found = VisionReader(ReaderSettings(format="AA99")).read_photo(Photo(grey))
-    assert found.decision is not Decision.ACCEPT
-    assert found.confidence < 0.5
-
-
 def hidden(picture: Photo, part: StampedPart, places: slice) -> Photo:
     """The photograph with a glare over some characters."""
     pixels = np.array(picture.pixels)

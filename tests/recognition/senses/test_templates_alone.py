@@ -12,10 +12,7 @@ from recognition.lines import networks
 from recognition.senses.settings import ReaderSettings
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
-from whisker_array.scan.scan import trace_scan
-from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
+from tests.support.felt import felt
 
 READERS: dict[ReaderSettings, TactileReader] = {}
 
@@ -74,12 +71,7 @@ def test_a_part_that_lies_upside_down_is_read_where_that_may_be() -> None:
 
 def test_a_scan_of_two_directions_is_read() -> None:
     surface = level(stamp("KX47", font="gothic", height_mm=4.0, seed=9).height_map)
-    plan = default_plan(
-        (0.0, 0.0, *surface.size_mm),
-        character_height_mm=4.0,
-        directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y),
-    )
-    scan = trace_scan(surface, touch=default_touch(4.0), plan=plan, fidelity=Fidelity.CONTACT)
+    scan = felt(surface, 4.0, directions=(TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y))
     assert reader(height_mm=4.0).read_scan(scan).text == "KX47"
 
 

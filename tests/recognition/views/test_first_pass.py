@@ -8,9 +8,8 @@ from glyphs import stamp
 from glyphs.surface.maps import HeightMap
 from recognition import Reader
 from recognition.views.first_pass import FIRST_HEIGHT_MM, felt_heights_mm
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
+from tests.support.felt import felt
+from whisker_array.scan.scan import Scan
 
 PART = stamp("K7B2", font="gothic", height_mm=5.0, seed=3)
 
@@ -23,8 +22,7 @@ class Recorder:
 
     def __call__(self, surface: HeightMap, height_mm: float) -> Scan:
         self.heights_mm.append(height_mm)
-        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
-        return trace_scan(surface, touch=default_touch(height_mm), plan=plan)
+        return felt(surface, height_mm)
 
 
 def test_whiskers_are_chosen_by_what_a_pass_of_fixed_scale_has_felt() -> None:
