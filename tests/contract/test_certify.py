@@ -16,27 +16,19 @@ import pytest
 from tests.contract.front_doors import main, start_process
 from tests.support.waiting import PATIENCE_S, wait_until
 
+pytestmark = pytest.mark.usefixtures("empty_folder")
+
 PARTS = 20
 """The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""
-READ_SO = (
-    "--font",
-    "gothic",
-    "--format",
-    "A9",
-    "--height-mm",
-    "4",
-    "--experts",
-    "network",
-    "--jobs",
-    "1",
-)
-MADE_SO = ("--parts", str(PARTS), "--format", "A9", "--height-mm", "4", "--no-photo")
+READ_SO = ["--font", "gothic", "--format", "9", "--height-mm", "4", "--experts", "network", "--jobs", "1"]
+MADE_SO = ["--format", "9", "--height-mm", "4", "--no-photo"]
 
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certify") / "workshop"
-    assert main(["synth", str(folder), "--seed", "1", "--soil", "workshop", "--dirt", "0.2", *MADE_SO]) == 0
+    soiled = f"--seed 1 --soil workshop --dirt 0.2 --parts {PARTS}".split()
+    assert main(["synth", str(folder), *soiled, *MADE_SO]) == 0
     return folder
 
 
@@ -48,11 +40,6 @@ def certificate(workshop: Path) -> Path:
     return path
 
 
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     made = json.loads(certificate.read_text(encoding="utf-8"))
     assert (made["risk"], made["confidence"], made["parts"]) == (0.2, 0.9, PARTS)
@@ -60,7 +47,7 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made["bound"] <= 0.2
     assert made["sources"] == ["tactile"]
     assert made["threshold"] >= 0.9  # what the reader accepts by itself
-    asked = {"font": ["gothic"], "format": ["A9"], "height_mm": 4.0, "experts": ["network"]}
+    asked = {"font": ["gothic"], "format": ["9"], "height_mm": 4.0, "experts": ["network"]}
     assert made["settings"] == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made["data_sha256"] in page
@@ -70,8 +57,10 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
 def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
     workshop: Path, certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # clean ones, which are read soonest
-    assert main(["synth", "clean", "--seed", "2", "--dirt", "0", *MADE_SO]) == 0
+    # one clean part in many files: clean ones are read soonest
+    assert main(["synth", "clean", "--seed", "2", "--dirt", "0", "--parts", "1", *MADE_SO]) == 0
+    for number in range(1, PARTS):
+        shutil.copy("clean/part-000.npz", f"clean/part-{number:03d}.npz")
     vouched = ("--certificate", str(certificate), *READ_SO)
     assert main(["read", "clean", *vouched, "--out", "clean.csv", "--summary", "clean.json"]) == 0
     warning = capsys.readouterr().err
@@ -161,7 +150,7 @@ def test_it_is_refused_with_other_settings(
 
 
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
-    made_so = ("--dirt", "0", "--parts", "1", "--format", "A9", "--height-mm", "4")
+    made_so = ("--dirt", "0", "--parts", "1", "--format", "9", "--height-mm", "4")
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
     assert main(["benchmark", "run", "--out", "b", *made_so, *read_so]) == 0
     with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:

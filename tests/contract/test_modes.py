@@ -53,36 +53,12 @@ def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_part_under_several_lights(tmp_path: Path) -> None:
-    made = [
-        "synth",
-        "lit",
-        "--parts",
-        "2",
-        "--format",
-        FORMAT,
-        "--seed",
-        "11",
-        "--dirt",
-        "0",
-        "--lights",
-        "3",
-    ]
-    assert main(made) == 0
+    made = f"--parts 2 --format {FORMAT} --seed 11 --dirt 0 --lights 3".split()
+    assert main(["synth", "lit", *made]) == 0
     lit = Path("lit")
     assert len(list(lit.glob("part-00?.light-[123].png"))) == 6
     (lit / "part-001.light-2.png").write_bytes(b"no picture")
-    told = [
-        "--mode",
-        "vision",
-        "--format",
-        FORMAT,
-        "--font",
-        "gothic",
-        "--truth",
-        "lit/truth.csv",
-        "--jobs",
-        "1",
-    ]
+    told = f"--mode vision --format {FORMAT} --font gothic --truth lit/truth.csv --jobs 1".split()
     assert main(["read", "lit", *told, "--out", "t.jsonl"]) == 0
     with (lit / "truth.csv").open(newline="", encoding="utf-8") as stream:
         truth = {row["part"]: row["text"] for row in csv.DictReader(stream)}

@@ -22,19 +22,8 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("fidelity", ["pointwise", "contact"])
 def test_stamped_parts_are_read(fidelity: str, parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [
-        "read",
-        str(parts),
-        "--font",
-        "gothic",
-        "--format",
-        "AA99",
-        "--fidelity",
-        fidelity,
-        "--jobs",
-        "1",
-    ]
-    assert main([*arguments, "--truth", str(parts / "truth.csv"), "--out", "t.parquet"]) == 0
+    known = f"--font gothic --format AA99 --fidelity {fidelity} --jobs 1".split()
+    assert main(["read", str(parts), *known, "--truth", str(parts / "truth.csv"), "--out", "t.parquet"]) == 0
     shown = capsys.readouterr().out
     assert "characters 100.00% (0 edits in 8), serials 100.00% (2 of 2)" in shown
     table = pyarrow.parquet.read_table("t.parquet").to_pylist()

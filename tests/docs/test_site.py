@@ -65,17 +65,7 @@ def test_commands_and_flags_of_the_documentation_exist(page: Path) -> None:
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="the extra docs is not installed")
 def test_the_site_builds_strictly(tmp_path: Path) -> None:
     ran = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mkdocs",
-            "build",
-            "--strict",
-            "-f",
-            "docs/mkdocs.yml",
-            "-d",
-            str(tmp_path / "site"),
-        ],
+        [sys.executable, "-m", *f"mkdocs build --strict -f docs/mkdocs.yml -d {tmp_path}/site".split()],
         cwd=ROOT,
         env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)},
         capture_output=True,

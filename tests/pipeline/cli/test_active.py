@@ -51,20 +51,7 @@ def test_the_benchmark_compares_plans(
         touch_plans.TouchPlan("whole", LINES_PER_HEIGHT),
     )
     monkeypatch.setattr(modes, "PLANS", plans)
-    asked = [
-        "benchmark",
-        "run",
-        "--mode",
-        "plans",
-        "--out",
-        str(tmp_path),
-        "--dirt",
-        "0",
-        "--parts",
-        "1",
-        "--format",
-        "AA99",
-    ]
+    asked = f"benchmark run --mode plans --out {tmp_path} --dirt 0 --parts 1 --format AA99".split()
     assert main(asked) == 0
     rows = list(csv.DictReader((tmp_path / "benchmark.csv").open(encoding="utf-8")))
     assert [row["mode"] for row in rows] == [plan.mode for plan in plans]

@@ -18,18 +18,7 @@ from whisker_array.whisker.shapes import LShaped, straight_whisker
 from whisker_array.whisker.touch import Touch
 
 ezdxf = pytest.importorskip("ezdxf")
-ASKED = [
-    "design",
-    "--alpha",
-    "30:60",
-    "--mu",
-    "0.1:0.5",
-    "--depth-mm",
-    "0.2",
-    "--height-mm",
-    "5",
-    "--no-trade-offs",
-]
+ASKED = ["design", "--alpha=30:60", "--mu=0.1:0.5", "--depth-mm=0.2", "--height-mm=5", "--no-trade-offs"]
 
 
 def used(shape: LShaped) -> WhiskerFile:
