@@ -35,6 +35,7 @@ from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
     TableLine,
+    check_serial,
     column_of,
     heading,
     table_lines,
@@ -195,6 +196,8 @@ def _csv_records(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
         if any(line.cells[width:]):
             what = f"line {line.number} has more fields than the first line"
             raise DataError(what, "quote what holds the delimiter")
+        if "expected" in columns:
+            check_serial(line.number, line.cell(columns["expected"]))
         yield line.number, {name: line.cell(place) for name, place in columns.items()}
 
 

@@ -19,12 +19,19 @@ from typing import TextIO
 from pipeline.common.texts import original
 from pipeline.errors import DataError
 
-PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
+PART_HEADINGS = ("part", "file", "filename", "name", "part_id", "teil", "bauteil", "datei", "dateiname")
 """Columns that name a part, the first one found counts."""
-TEXT_HEADINGS = ("text", "serial", "serials", "serial_number", "expected", "truth", "label")
+TEXT_HEADINGS = (
+    *("text", "serial", "serials", "serial_number", "expected", "truth", "label"),
+    *("seriennummer", "seriennr"),
+)
 """Columns that hold the text of a part, the first one found counts."""
 _DELIMITERS = ",;\t"
 _SEPARATOR_LINE = re.compile(r'\s*"?sep=([^"\r\n])"?[\s,;]*', re.IGNORECASE)
+# ="000123" keeps a spreadsheet from taking a serial for a number; 1.23457E+11 is what it makes of one otherwise
+_KEPT_AS_TEXT, _ROUNDED = re.compile(r'="([^"]*)"'), re.compile(r"\d[.,]?\d*[eE]\+\d+")
+# marks of direction and of byte order, and spaces without width
+_INVISIBLE = "\u200b\u200e\u200f\u2060\ufeff"
 # characters; more than any line of a table has, so that a file without line ends is not loaded whole
 _MOST_LINE = 10_000_000
 # bytes from which the encoding is detected, and lines from which the delimiter is
@@ -80,7 +87,7 @@ def table_lines(
             reader = csv.reader(tidy, delimiter=delimiter, skipinitialspace=True, strict=True)
             for row in reader:
                 number = reader.line_num + skipped
-                cells = tuple(original(cell.strip()) for cell in row)
+                cells = tuple(_text_of(cell) for cell in row)
                 if any(cells) and not (comments and cells[0].startswith("#")):
                     yield TableLine(number, cells)
     except UnicodeError as error:
@@ -88,6 +95,25 @@ def table_lines(
     except csv.Error as error:
         what = f"is not a CSV table after line {number} ({error})"
         raise DataError(what, "check its quotes, save it as CSV (UTF-8)") from error
+
+
+def _text_of(written: str) -> str:
+    """The text of a cell, without blanks and invisible signs around it, and of ="000123" what stands in it."""
+    cell = written.strip().strip(_INVISIBLE).strip()
+    kept = _KEPT_AS_TEXT.fullmatch(cell)
+    return original(cell if kept is None else kept[1])
+
+
+def check_serial(line: int, text: str) -> str:
+    """A serial of a table, as it is written.
+
+    Raises:
+        DataError: a spreadsheet has taken it for a number and rounded it.
+    """
+    if _ROUNDED.fullmatch(text):
+        what = f"line {line} holds {text}, a serial that a spreadsheet has rounded"
+        raise DataError(what, "have the column as text there, and save the table again")
+    return text
 
 
 def heading(cell: str) -> str:

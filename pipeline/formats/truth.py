@@ -25,6 +25,7 @@ from pipeline.formats.table_file import (
     PART_HEADINGS,
     TEXT_HEADINGS,
     TableLine,
+    check_serial,
     column_of,
     is_data,
     table_lines,
@@ -148,7 +149,7 @@ def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
         found: list[PartLine] = []
         seen: set[str] = set()
         for line in lines:
-            name, value = line.cell(part), line.cell(text)
+            name, value = line.cell(part), check_serial(line.number, line.cell(text))
             if not name and not value:
                 continue
             if not name or len(line.cells) <= text:
@@ -189,7 +190,7 @@ def read_order(path: Path) -> ProductionOrder:
         serials: set[str] = set()
         ranges = []
         for line in lines:
-            cell = line.cell(column)
+            cell = check_serial(line.number, line.cell(column))
             if not cell or cell.startswith("#"):
                 continue
             if (odd := _ODD.search(cell)) is not None:
@@ -223,7 +224,7 @@ def _serials_column(lines: list[TableLine]) -> tuple[int, list[TableLine]]:
 
 def _range(line: TableLine, first: str, last: str) -> tuple[NumberedSerial, NumberedSerial]:
     low, high = split_serial(first), split_serial(last)
-    if low is None or high is None or low.series != high.series:
+    if low is None or high is None or low.series != high.series or low.number > high.number:
         what = f"line {line.number}: {first}..{last} is not a range of serials"
         raise DataError(what, "write it as KX400000..KX409999")
     return low, high

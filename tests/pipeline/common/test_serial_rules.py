@@ -119,6 +119,7 @@ def test_an_order_is_read_from_a_list_a_table_or_ranges(tmp_path: Path) -> None:
     for text, says in (
         ("# none\n", "holds no serial"),
         ("KX1..AB9\n", "is not a range"),
+        ("KX9..KX1\n", "is not a range"),
         ("A1..A99\n", "is not a range"),
     ):
         path.write_text(text, encoding="utf-8")

@@ -121,6 +121,10 @@ def test_beside_a_table_in_a_store_is_in_the_store() -> None:
         ("part,height_map,formats\nA,a.npz,AA\n", r"'formats'.*call it format"),
         ("parts,height_map\nA,a.npz\n", r"'parts'.*call it part"),
         (
+            "height_map;expected\na.npz;1,2E+07\n",
+            r"line 2 holds 1,2E\+07, a serial that a spreadsheet has rounded",
+        ),
+        (
             "height_map\n\\\\press\\lots\\a.npz\n",
             r"this system has no drive \\\\press; name the files as they lie",
         ),

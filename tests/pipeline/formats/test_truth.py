@@ -23,6 +23,7 @@ def truth_of(tmp_path: Path, content: bytes) -> dict[str, str]:
         b"\xef\xbb\xbfPart, Text\r\na, A1\r\n\r\nb,B2",
         b"file,serial,note\na.npz,A1,x\nb.h5,B2,y\n",
         b"text,part\nA1,a\nB2,b\n",
+        b'Teil;Seriennummer\na;"=""A1"""\nb;B2\xe2\x80\x8b\n',
     ],
 )
 def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
@@ -38,6 +39,10 @@ def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
         (b"part,text\na\n", "line 2 is not complete"),
         (b"part,text\na,A\na,B\n", "line 3 names a a second time"),
         (b"part,text\n\xff\xfe,A\n", "UTF-8"),
+        (
+            b"part,text\na,1.23457E+11\n",
+            r"line 2 holds 1\.23457E\+11, a serial that a spreadsheet has rounded",
+        ),
     ],
 )
 def test_truth_tables_that_are_none(content: bytes, message: str, tmp_path: Path) -> None:
