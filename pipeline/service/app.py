@@ -35,15 +35,13 @@ from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
-from pipeline.service.pages.frame import Frame
-from pipeline.service.pages.routes import pages_router
+from pipeline.service.pages.routes import add_pages
 from pipeline.service.ports import Ports, senders_of
 from pipeline.service.recent_files import GlyphDatabases
 from pipeline.service.reviews import Reviews
 from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.access import Access, Caller
-from pipeline.service.web.door import DoorLayer
-from pipeline.service.web.middleware import RequestLayer
+from pipeline.service.web.door import Door
 from pipeline.service.web.openapi import describe_api
 from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.web.problem_responses import add_problem_handlers
@@ -283,7 +281,7 @@ class Service:
 
 def create_app(service: Service) -> FastAPI:
     """The web application of a service."""
-    settings, intake, access = service.settings, service.intake, service.access
+    settings = service.settings
     app = FastAPI(
         title="tactile-marks",
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
@@ -297,47 +295,19 @@ def create_app(service: Service) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
     )
-    app.include_router(parts_router(intake, service.reviews, access, root_path=settings.root_path))
-    app.include_router(golden_router(service.golden, intake, access))
-    frame = Frame(
-        service.store,
-        service.evidence,
-        access,
-        service.reviews,
-        shadow=settings.shadow,
-        outside_format=intake.calls.outside_format,
-    )
-    app.state.problem_page = frame.refusal
-    for router in (
-        export_router(service.store, access),
-        lookup_router(intake, access, root_path=settings.root_path),
-        jobs_router(service.jobs, access),
-        pages_router(
-            frame,
-            drift=lambda: service.jobs.drift,
-            golden=service.golden.scans,
-            connections=service.ports.connections,
-            jobs=service.jobs,
-            interface=lambda: app.openapi(),
-        ),
-    ):
+    app.include_router(parts_router(service))
+    app.include_router(golden_router(service))
+    for router in (export_router(service), lookup_router(service), jobs_router(service)):
         app.include_router(router, max_body_size=SMALL_BODY)
+    add_pages(app, service)
     app.include_router(_service_router(service))
     add_problem_handlers(app)
-    app.openapi = lambda: describe_api(app, asked=access.required, root_path=settings.root_path)  # type: ignore[method-assign]
+    app.openapi = lambda: describe_api(app, asked=service.access.required, root_path=settings.root_path)  # type: ignore[method-assign]
     # the last one lies outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
-    app.add_middleware(
-        DoorLayer,
-        access=access,
-        proxies=settings.trusted_proxies,
-        busy=lambda: intake.calls.busy,
-        refused=service.metrics.refused.inc,
-        most_bytes=settings.limits.upload_bytes,
-    )
-    app.add_middleware(RequestLayer, metrics=service.metrics, root_path=settings.root_path)
+    app.add_middleware(Door, service=service)
     return app
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
 
 import sqlalchemy as sa
 
@@ -71,7 +70,12 @@ def find_parts(
 
 def queue(tx: Transaction, *, audits: bool = False, limit: int = 50) -> tuple[PartRecord, ...]:
     """Parts that a person is to look at, or to audit, oldest first."""
-    return select_parts(tx, _awaiting(audits).limit(limit))
+    return select_parts(tx, _IDS.where(_awaits(audits)).order_by(parts.c.id).limit(limit))
+
+
+def queue_length(tx: Transaction, *, audits: bool = False) -> int:
+    """Number of parts that a person is to look at, or to audit."""
+    return tx.count(parts, _awaits(audits))
 
 
 def next_in_queue(
@@ -85,7 +89,7 @@ def next_in_queue(
         person: the reader; parts that another person has open or that need another reader are skipped.
         audits: parts to be audited, not those to be reviewed.
     """
-    free = _awaiting(audits).limit(1)
+    free = _IDS.where(_awaits(audits)).order_by(parts.c.id).limit(1)
     if person is not None:
         free = free.where(
             ~sa.func.coalesce(claimed_by_another(tx, person), sa.false()), ~has_opinion_of(person)
@@ -120,5 +124,5 @@ def _page_end(part_id: str) -> str:
     return part_id
 
 
-def _awaiting(audits: bool) -> sa.Select[Any]:
-    return _IDS.where(IS_AUDITED if audits else parts.c.state == PartState.REVIEW).order_by(parts.c.id)
+def _awaits(audits: bool) -> sa.ColumnElement[bool]:
+    return IS_AUDITED if audits else parts.c.state == PartState.REVIEW

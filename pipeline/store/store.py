@@ -96,6 +96,7 @@ class Store(Database):
     # lists of parts, and numbers about them
     parts = _reads(lists.find_parts)
     queue = _reads(lists.queue)
+    queue_length = _reads(lists.queue_length)
     next_in_queue = _reads(lists.next_in_queue)
     reviewed = _reads(lists.reviewed)
     statistics = _reads(figures.statistics)

@@ -19,9 +19,9 @@ from pipeline.common.reading_records import CandidateRecord, CharacterRecord, Re
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.pages.frame import Frame
-from pipeline.service.pages.routes import pages_router
+from pipeline.service.pages.routes import add_pages
 from pipeline.service.review_policy import ReviewPolicy
+from pipeline.service.settings import ServiceSettings
 from pipeline.service.web.access import Access
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -55,20 +55,24 @@ class Shop:
         self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
         self.evidence = EvidenceFolder(folder / "evidence")
         policy = ReviewPolicy(2 if second_reader else 1)
-        frame = Frame(
-            self.store,
-            self.evidence,
-            Access(self.store, required=required),
-            SimpleNamespace(
+        self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
+        service: Any = SimpleNamespace(
+            settings=ServiceSettings(),
+            store=self.store,
+            evidence=self.evidence,
+            access=Access(self.store, required=required),
+            jobs=self.jobs,
+            intake=SimpleNamespace(calls=SimpleNamespace(outside_format=lambda text, job: "")),
+            golden=SimpleNamespace(scans=tuple),
+            ports=SimpleNamespace(connections=tuple),
+            reviews=SimpleNamespace(
                 policy=policy,
                 review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
                 undo=lambda part_id, person: self.store.undo_review(part_id, person=person),
             ),
         )
-        self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
         self.app = FastAPI()
-        self.app.include_router(pages_router(frame, jobs=self.jobs))
-        self.app.state.problem_page = frame.refusal
+        add_pages(self.app, service)
         add_problem_handlers(self.app)
         self.client = self.another()
 

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Form, Header, Path, Request
+from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, ConfigDict, Field
 
 from glyphs.plain_text import HIDDEN
@@ -142,8 +143,10 @@ class SoughtPage(Sought):
 def may(access: Access, scope: Scope) -> Any:
     """The dependency of a route that only callers with a scope may use."""
 
-    def check(request: Request) -> Caller:
-        return access.caller(request, scope)
+    async def check(request: Request) -> Caller:
+        if access.is_known(request):
+            return access.caller(request, scope)
+        return await run_in_threadpool(access.caller, request, scope)
 
     return Depends(check)
 

@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
@@ -14,8 +14,11 @@ from fastapi.responses import StreamingResponse
 from pipeline.common.records import PartRecord, Scope
 from pipeline.common.texts import harmless
 from pipeline.service.api.answers import Sought, may, problems
-from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.access import Caller
 from pipeline.store.store import Store
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
 
 COLUMNS = {
     "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
@@ -27,10 +30,10 @@ COLUMNS = {
 _AT_ONCE = 500
 
 
-def export_router(store: Store, access: Access) -> APIRouter:
+def export_router(service: Service) -> APIRouter:
     """The route of the table."""
     router = APIRouter(prefix="/v1", tags=["parts"], responses=problems(401, 403, 422))
-    Reads = may(access, Scope.READ)
+    Reads, store = may(service.access, Scope.READ), service.store
 
     @router.get(
         "/parts.csv", response_class=StreamingResponse, responses={200: {"content": {"text/csv": {}}}}

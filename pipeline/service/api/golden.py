@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Form, UploadFile
 
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.records import Scope
 from pipeline.service.api.answers import may, problems
-from pipeline.service.golden import GoldenPart
-from pipeline.service.intake import Intake
-from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.access import Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,12 @@ class GoldenAnswer(GoldenRecord):
     worn: tuple[str, ...] = ()
 
 
-def golden_router(golden: GoldenPart, intake: Intake, access: Access) -> APIRouter:
+def golden_router(service: Service) -> APIRouter:
     """The routes of /v1/golden."""
     responses = problems(401, 403)
     router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute, responses=responses)
-    Reads, Writes = may(access, Scope.READ), may(access, Scope.WRITE)
+    Reads, Writes = may(service.access, Scope.READ), may(service.access, Scope.WRITE)
+    golden = service.golden
 
     @router.post("/golden", status_code=201, responses=problems(400, 409, 413, 415, 422))
     async def scan_golden(
@@ -44,7 +46,7 @@ def golden_router(golden: GoldenPart, intake: Intake, access: Access) -> APIRout
 
         It is no part: it is in no list, no figure and no result. The first one is the reference.
         """
-        with intake.work_folder() as folder:
+        with service.intake.work_folder() as folder:
             await golden.measure(await receive(scan, "scan", folder), reference=reference)
         return golden_scans()[0]
 

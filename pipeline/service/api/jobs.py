@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import APIRouter, Path, Response
 from pydantic import SkipValidation
@@ -12,9 +12,11 @@ from pipeline.common.records import Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.service.api.answers import may, problems
 from pipeline.service.job_edit import written_job
-from pipeline.service.job_folder import JobAnswer, JobFolder
-from pipeline.service.web.access import Access, Caller
-from pipeline.service.web.problem import Problem
+from pipeline.service.job_folder import JobAnswer
+from pipeline.service.web.access import Caller
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
 
 JobName = Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])]
 _OVER: dict[int | str, dict[str, Any]] = {
@@ -22,10 +24,11 @@ _OVER: dict[int | str, dict[str, Any]] = {
 }
 
 
-def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
+def jobs_router(service: Service) -> APIRouter:
     """The routes of /v1/jobs."""
     router = APIRouter(prefix="/v1", tags=["jobs"], responses=problems(401, 403))
-    Reads, Reviews = may(access, Scope.READ), may(access, Scope.REVIEW)
+    Reads, Reviews = may(service.access, Scope.READ), may(service.access, Scope.REVIEW)
+    jobs = service.jobs
 
     @router.get("/jobs")
     def list_jobs(caller: Caller = Reads) -> list[JobAnswer]:
@@ -35,10 +38,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
     @router.get("/jobs/{name}", responses=problems(404, 422))
     def one_job(name: JobName, caller: Caller = Reads) -> JobAnswer:
         """One job."""
-        for job in jobs.listed():
-            if job.name == name:
-                return job
-        raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
+        return jobs.answer(name)
 
     @router.delete("/jobs/{name}", status_code=204, responses=problems(404, 409, 422))
     def delete_job(name: JobName, caller: Caller = Reviews) -> None:
@@ -58,6 +58,6 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         """
         if not jobs.save(name, written_job(jobs, body)):
             response.status_code = 200
-        return one_job(name)
+        return jobs.answer(name)
 
     return router

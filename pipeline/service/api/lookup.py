@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path as FilePath
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
@@ -26,10 +26,12 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE, example_answer
-from pipeline.service.intake import Intake
-from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.access import Caller
 from pipeline.service.web.problem import Problem
-from pipeline.store.evidence_folder import FileState
+from pipeline.store.evidence_folder import EvidenceFolder, FileState
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
 
 _LASTING = "private, max-age=31536000, immutable"
 
@@ -45,10 +47,11 @@ class FiguresAnswer(Statistics):
     audits: AuditFigures
 
 
-def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> APIRouter:
-    """The routes that look up /v1/parts; `root_path`: prefix of a proxy, for their links."""
+def lookup_router(service: Service) -> APIRouter:
+    """The routes that look up /v1/parts."""
     router = APIRouter(prefix="/v1", responses=problems(401, 403, 422))
-    Reads, store = may(access, Scope.READ), service.store
+    Reads, store, files = may(service.access, Scope.READ), service.store, service.evidence
+    root_path = service.settings.root_path
 
     @router.get("/parts", tags=["parts"])
     def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = Reads) -> list[PartAnswer]:
@@ -73,7 +76,7 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
         Where two people must agree, what the first has read is left out until the second has read it.
         """
         part, person = store.part(checked_id(part_id)), Person(caller.token, token=caller.token)
-        hidden = service.policy.hidden(part, person, store.opinions(part_id))
+        hidden = service.reviews.policy.hidden(part, person, store.opinions(part_id))
         reviews = tuple(review for review in store.reviews(part_id) if review not in hidden)
         return History(store.history(part_id), store.readings(part_id), reviews, store.evidence(part_id))
 
@@ -88,11 +91,11 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
         part, evidence = store.part(checked_id(part_id)), store.evidence(part_id)
         reading = part.reading
         if picture != "boxes":
-            return _file(service, _last(evidence, PICTURES[picture], part_id))
+            return _file(files, _last(evidence, PICTURES[picture], part_id))
         if reading is None:
             raise Problem(404, f"the part {part_id} has no reading to draw boxes of")
         record = _last(evidence, PICTURES["photo" if reading.source == "vision" else "edges"], part_id)
-        return Response(boxes_picture(_whole(service, record), record.meta, reading), media_type="image/png")
+        return Response(boxes_picture(_whole(files, record), record.meta, reading), media_type="image/png")
 
     @router.get(
         "/parts/{part_id}/evidence/{sha256}",
@@ -107,7 +110,7 @@ def lookup_router(service: Intake, access: Access, *, root_path: str = "") -> AP
         records = [e for e in store.evidence(checked_id(part_id)) if e.sha256 == sha256]
         if not records:
             raise Problem(404, f"the part {part_id} has no such file; its history lists them")
-        return _file(service, records[0], download=True)
+        return _file(files, records[0], download=True)
 
     @router.get("/figures", tags=["service"])
     def figures(
@@ -128,22 +131,22 @@ def _last(evidence: Sequence[EvidenceRecord], kind: EvidenceKind, part_id: str) 
     raise Problem(404, f"the part {part_id} has no such picture")
 
 
-def _file(service: Intake, record: EvidenceRecord, *, download: bool = False) -> Response:
+def _file(files: EvidenceFolder, record: EvidenceRecord, *, download: bool = False) -> Response:
     return FileResponse(
-        _whole(service, record),
+        _whole(files, record),
         media_type="application/octet-stream" if download else record.media_type,
         filename=(record.name or record.sha256) if download else None,
         headers={"Cache-Control": _LASTING, "ETag": f'"{record.sha256}"'},
     )
 
 
-def _whole(service: Intake, record: EvidenceRecord) -> FilePath:
+def _whole(files: EvidenceFolder, record: EvidenceRecord) -> FilePath:
     """Path of a file that holds what was kept; never one that has changed since."""
     what = record.kind.value
     if record.gone:
         raise Problem(404, f"the {what} is no longer kept; its time was up")
-    for path in service.evidence.whole((record.sha256,)):
+    for path in files.whole((record.sha256,)):
         return path
-    if service.evidence.state(record.sha256, read=False) is FileState.MISSING:
+    if files.state(record.sha256, read=False) is FileState.MISSING:
         raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
     raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")

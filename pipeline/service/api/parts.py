@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, File, Form, Query, Request, Response, UploadFile
 
 from pipeline.common.people_records import Person
+from pipeline.common.reading_records import to_json_bytes
 from pipeline.common.records import ReviewAction, Scope
 from pipeline.service.api.answers import (
     Database,
@@ -25,15 +26,16 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE, example_answer
-from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
-from pipeline.service.reviews import Reviews
-from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.access import Caller
 from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receive
 from pipeline.store.parts import IdempotencyKey
+
+if TYPE_CHECKING:
+    from pipeline.service.app import Service
 
 Photos = Annotated[
     list[UploadFile] | None,
@@ -56,18 +58,23 @@ _REPLAYED = {
 }
 
 
-def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path: str = "") -> APIRouter:
-    """The routes that add to /v1/parts; `root_path`: prefix of a proxy, for their links."""
+def parts_router(service: Service) -> APIRouter:
+    """The routes that add to /v1/parts."""
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
-    Writes, Reviews = may(access, Scope.WRITE), may(access, Scope.REVIEW)
+    Writes, Reviews = may(service.access, Scope.WRITE), may(service.access, Scope.REVIEW)
+    intake, root_path = service.intake, service.settings.root_path
     read = example_answer(201, accepted=PART_EXAMPLE, touch_needed=TOUCH_EXAMPLE)
     part_answered = example_answer(200, part=PART_EXAMPLE)
 
-    @router.post("/parts", status_code=201, responses=read | _REPLAYED | problems(400, 413, 415))
+    @router.post(
+        "/parts",
+        status_code=201,
+        response_model=PartAnswer,
+        responses=read | _REPLAYED | problems(400, 413, 415),
+    )
     async def read_part(
         request: Request,
-        response: Response,
         photo: Photos = None,
         scan: Annotated[UploadFile | None, _SCAN] = None,
         name: Name = "",
@@ -77,49 +84,52 @@ def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path
         touch: TouchBy = Touch.ASKED,
         idempotency_key: Key = None,
         caller: Caller = Writes,
-    ) -> PartAnswer:
+    ) -> Response:
         """Read a part from its photograph, its scan, or both.
 
         The answer is the reading, or that touch is needed, with the scan plan.
         """
         new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
-        with service.work_folder() as folder:
+        with intake.work_folder() as folder:
             check_count(len(photo or ()))
             sent = [await receive(one, "photo", folder, number=n) for n, one in enumerate(photo or (), 1)]
             sent += [await receive(scan, "scan", folder)] if scan is not None else []
             key = _idempotency(request, caller, idempotency_key, sent, name, expected, database, job, touch)
-            done = await service.receive(new, sent, idempotency=key)
-        return replied(done, response)
+            done = await intake.receive(new, sent, idempotency=key)
+        return replied(done, 201)
 
-    @router.post("/parts/{part_id}/scan", responses=part_answered | problems(400, 404, 409, 413, 415))
+    @router.post(
+        "/parts/{part_id}/scan",
+        response_model=PartAnswer,
+        responses=part_answered | problems(400, 404, 409, 413, 415),
+    )
     async def add_scan(
         request: Request,
-        response: Response,
         part_id: PartId,
         scan: Scan,
         idempotency_key: Key = None,
         caller: Caller = Writes,
-    ) -> PartAnswer:
+    ) -> Response:
         """Add a scan; the answer is the fused reading."""
         checked_id(part_id)
-        with service.work_folder() as folder:
+        with intake.work_folder() as folder:
             scanned = await receive(scan, "scan", folder)
             key = _idempotency(request, caller, idempotency_key, [scanned], part_id)
-            done = await service.add_scan(part_id, scanned, idempotency=key)
-        return replied(done, response)
+            done = await intake.add_scan(part_id, scanned, idempotency=key)
+        return replied(done, 200)
 
-    def replied(done: Received, response: Response) -> PartAnswer:
-        if done.replayed:
-            response.status_code = 200
-            response.headers["Idempotent-Replayed"] = "true"
-        return answer(done.part, root_path)
+    def replied(done: Received, status: int) -> Response:
+        # made here, for of an answer that it makes FastAPI checks again what the store has checked
+        made = to_json_bytes(answer(done.part, root_path))
+        headers = {"Idempotent-Replayed": "true"} if done.replayed else None
+        return Response(made, 200 if done.replayed else status, headers, media_type="application/json")
 
     @router.post(
         "/parts/{part_id}/touch", max_body_size=SMALL_BODY, responses=part_answered | problems(404, 409)
     )
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> PartAnswer:
         """Have the service's own stage scan a part that waits for touch."""
-        return answer(await service.touch(checked_id(part_id)), root_path)
+        return answer(await intake.touch(checked_id(part_id)), root_path)
 
     @router.post("/parts/{part_id}/review", max_body_size=SMALL_BODY, responses=problems(400, 404, 409))
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
@@ -131,11 +141,11 @@ def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path
             raise Problem(422, "the name is missing; give yours as who")
         standing = service.store.part(checked_id(part_id))
         checked = body.action is not ReviewAction.UNREADABLE and not body.outside_format
-        if checked and (against := service.calls.outside_format(text, standing.job)):
+        if checked and (against := intake.calls.outside_format(text, standing.job)):
             raise Problem(
                 422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
             )
-        part = reviews.review(
+        part = service.reviews.review(
             standing.id,
             action=body.action,
             text=text,
@@ -154,7 +164,7 @@ def parts_router(service: Intake, reviews: Reviews, access: Access, *, root_path
     ) -> PartAnswer:
         """Undo one's own review: the part waits for review again."""
         person = Person(caller.token or who, token=caller.token)
-        return answer(reviews.undo(checked_id(part_id), person), root_path)
+        return answer(service.reviews.undo(checked_id(part_id), person), root_path)
 
     return router
 

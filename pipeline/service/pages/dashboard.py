@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 from fastapi import APIRouter, Depends
 from starlette.responses import Response
 
-from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.records import PartState
 from pipeline.common.shares import share
-from pipeline.service.connections import Connection
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, View
 from pipeline.service.web.problem import Problem
@@ -29,16 +26,9 @@ _GOLDEN_SHOWN = 10
 _AUDITED = timedelta(days=90)
 
 
-def add_dashboard(
-    router: APIRouter,
-    frame: Frame,
-    drift: Callable[[], str],
-    golden: Callable[[], tuple[GoldenRecord, ...]],
-    connections: Callable[[], tuple[Connection, ...]],
-) -> None:
-    """The route of the dashboard; arguments as `pages_router`."""
-
-    looks = Depends(frame.reader_view)
+def add_dashboard(router: APIRouter, frame: Frame) -> None:
+    """The route of the dashboard."""
+    looks, service = Depends(frame.reader_view), frame.service
 
     @router.get("/dashboard")
     def dashboard(span: str = "day", view: View = looks) -> Response:
@@ -46,13 +36,13 @@ def add_dashboard(
             raise Problem(422, f"there is no span {span!r}; choose {', '.join(SPANS)}")
         now, each = datetime.now(UTC), "day" if span == "month" else "hour"
         numbers = frame.store.statistics(now - SPANS[span], step=DAY if each == "day" else HOUR)
-        scans = golden()
+        scans = service.golden.scans()
         shown, reference = scans[:_GOLDEN_SHOWN], [scan for scan in scans if scan.reference][:1]
         return view.page(
             "dashboard.html.j2",
             span=span,
             spans=tuple(SPANS),
-            drift=drift(),
+            drift=service.jobs.drift,
             alerts=[one for one in frame.store.alerts() if not one.name.startswith(DRIFT)],
             numbers=numbers,
             camera=share(numbers.by_camera, numbers.parts),
@@ -63,6 +53,6 @@ def add_dashboard(
             states=tuple(PartState),
             charts=charts_of(numbers.trend, each=each),
             golden=[*shown, *(scan for scan in reference if scan not in shown)],
-            connections=connections(),
+            connections=service.ports.connections(),
             audits=frame.store.audit_figures(now - _AUDITED),
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -22,18 +22,15 @@ from starlette.staticfiles import StaticFiles
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, Scope
 from pipeline.service.pages.places import part_cells, why_not_accepted
-from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.access import Caller
 from pipeline.service.web.addresses import relative, to_root
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
-    from pipeline.service.reviews import Reviews
-    from pipeline.store.evidence_folder import EvidenceFolder
-    from pipeline.store.store import Store
+    from pipeline.service.app import Service
 
 SEAT_COOKIE, WHO_COOKIE = "tactile_marks_seat", "tactile_marks_who"
 MOST_WHO = 80
-MOST_COUNTED = 99
 PARTS_SHOWN = 50
 _A_YEAR_S = 365 * 24 * 3600
 _SEAT = re.compile(r"[A-Za-z0-9_-]{43}")
@@ -50,28 +47,9 @@ _HEADERS = {
 class Frame:
     """Templates and services shared by all pages."""
 
-    def __init__(
-        self,
-        store: Store,
-        evidence: EvidenceFolder,
-        access: Access,
-        reviews: Reviews,
-        *,
-        shadow: bool = False,
-        outside_format: Callable[[str, str], str] = lambda text, job: "",
-    ) -> None:
-        """Load the templates.
-
-        Args:
-            store: store of the parts.
-            evidence: folder of their pictures.
-            access: rights to look and to review.
-            reviews: keeps reviews and takes them back; has the rules of agreement and of blind reading.
-            shadow: whether the service runs in shadow mode.
-            outside_format: why a text does not fit the serial format of a job; empty if it fits.
-        """
-        self.store, self.evidence, self.access = store, evidence, access
-        self.reviews, self.outside_format = reviews, outside_format
+    def __init__(self, service: Service) -> None:
+        """Load the templates for the pages of a service."""
+        self.service, self.store, self.access = service, service.store, service.access
         self.assets = StaticFiles(packages=[(__package__, "static")])
         self.environment = jinja2.Environment(
             loader=jinja2.PackageLoader("pipeline.service.pages", "templates"),
@@ -81,8 +59,7 @@ class Frame:
             undefined=jinja2.StrictUndefined,
         )
         self.environment.globals.update(
-            static=_static,
-            shadow=shadow,
+            shadow=self.service.settings.shadow,
             part_cells=part_cells,
             why_not_accepted=why_not_accepted,
         )
@@ -110,11 +87,10 @@ class Frame:
         **values: Any,
     ) -> Response:
         """A page; a browser without a seat is given one."""
-        waiting = 0 if caller is None else len(self.store.queue(limit=MOST_COUNTED + 1))
         text = self.environment.get_template(template).render(
             caller=caller,
             signed_in=self.access.asked(request) and caller is not None,
-            waiting=format_count(waiting),
+            waiting=0 if caller is None else self.store.queue_length(),
             path=request.url.path,
             up=to_root(request.scope),
             **values,
@@ -202,17 +178,6 @@ def set_cookie(
     answer.set_cookie(
         name, value, max_age=max_age_s, path="/", httponly=True, samesite="strict", secure=secure
     )
-
-
-def format_count(n: int) -> str:
-    """A number of waiting parts; more than 99 are not counted."""
-    return f"{MOST_COUNTED}+" if n > MOST_COUNTED else str(n)
-
-
-@jinja2.pass_context
-def _static(context: jinja2.runtime.Context, name: str) -> str:
-    """The address of a script, a style or an icon."""
-    return _here(context, f"/static/{name}")
 
 
 @jinja2.pass_context

@@ -5,7 +5,7 @@ It loads nothing from elsewhere, so it works without internet.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fastapi import APIRouter
@@ -18,12 +18,12 @@ Described = Mapping[str, Any]
 _KINDS = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
 
 
-def add_interface_page(router: APIRouter, frame: Frame, described: Callable[[], dict[str, Any]]) -> None:
-    """The route of the page; `described` gives the OpenAPI document."""
+def add_interface_page(router: APIRouter, frame: Frame) -> None:
+    """The route of the page."""
 
     @router.get("/docs")
     def interface(request: Request) -> Response:
-        made = described()
+        made = request.app.openapi()
         groups: dict[str, list[Described]] = {}
         for path, methods in made["paths"].items():
             for method, one in methods.items():

@@ -69,9 +69,10 @@ class Lesson(BaseModel):
         return Taught(self.line, self.text, format, (left, top, right, bottom), height_mm, self.database)
 
 
-def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
+def add_job_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of the list, of the text of a job, and of a job to be taught."""
     looks, reviews = Depends(frame.reader_view), Depends(frame.reviewer_view)
+    jobs = frame.service.jobs
 
     @router.get("/jobs")
     def listed(done: str = "", part: str = "", gone: str = "", view: View = looks) -> Response:
@@ -162,10 +163,7 @@ def _edit_page(
     Raises:
         Problem: there is no such job.
     """
-    job = next((one for one in jobs.listed() if one.name == name), None)
-    if job is None:
-        raise Problem(404, "there is no such job; somebody may have deleted it")
-    stands = text_to_edit(jobs, name)
+    job, stands = jobs.answer(name), text_to_edit(jobs, name)
     return view.page(
         "job.html.j2",
         problem=problem,
@@ -183,7 +181,7 @@ def _pictures(frame: Frame, part_id: str, by: str) -> list[PictureView]:
     """
     store = frame.store
     part, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
-    pair = picture_pair(part, readings, evidence, frame.evidence)
+    pair = picture_pair(part, readings, evidence, frame.service.evidence)
     found = [one for one in pair if one.href and one.frame is not None]
     if not found:
         raise Problem(

@@ -60,9 +60,9 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
     @router.get("/parts/{part_id}")
     def part(part_id: str, view: View = looks) -> Response:
         found, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
-        pictures = picture_pair(found, readings, evidence, frame.evidence)
+        pictures = picture_pair(found, readings, evidence, frame.service.evidence)
         places = [places_of(reading) for reading in readings]
-        hidden = frame.reviews.policy.hidden(found, view.person, store.opinions(part_id))
+        hidden = frame.service.reviews.policy.hidden(found, view.person, store.opinions(part_id))
         return view.page(
             "part.html.j2",
             part=found,

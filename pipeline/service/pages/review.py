@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.records import PartRecord, PartState, ReviewAction
-from pipeline.service.pages.frame import MOST_COUNTED, MOST_WHO, Frame, View, format_count
+from pipeline.service.pages.frame import MOST_WHO, Frame, View
 from pipeline.service.pages.passes import passes_view
 from pipeline.service.pages.pictures import picture_pair, without_reading
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
@@ -79,9 +79,9 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             "queue.html.j2",
             parts=store.queue(limit=QUEUE_SHOWN),
             others={part: c.who for part, c in store.claims().items() if c.holder != person.holder},
-            halves=store.half_reviewed() if frame.reviews.policy.readers > 1 else {},
+            halves=store.half_reviewed() if frame.service.reviews.policy.readers > 1 else {},
             free=store.next_in_queue(person=person) is not None,
-            audits=format_count(len(store.queue(audits=True, limit=MOST_COUNTED + 1))),
+            audits=store.queue_length(audits=True),
             **_outcome(frame, done),
         )
 
@@ -103,7 +103,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         part, said = store.part(part_id), said.clean(view.caller.token)
         fault = said.fault()
         if not fault and said.action == "save" and said.mode is not ReviewMode.AUDIT:
-            against = frame.outside_format(said.text, part.job)
+            against = frame.service.intake.calls.outside_format(said.text, part.job)
             if against and said.text != said.outside:
                 todo = "correct it, or save it again if the part reads so"
                 fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
@@ -124,7 +124,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.post("/review/{part_id}/undo")
     def undo(part_id: str, view: View = reviews) -> Response:
-        frame.reviews.undo(part_id, view.person)
+        frame.service.reviews.undo(part_id, view.person)
         return view.redirect(f"/review/{part_id}?undone=1")
 
     @router.post("/review/{part_id}/takeover")
@@ -163,7 +163,7 @@ def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
     before = said.before if said.mode is ReviewMode.OPEN else None
     stands = text == (part.text if before is None else before.strip())
     action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
-    view.frame.reviews.review(
+    view.frame.service.reviews.review(
         part.id,
         action=action,
         text=text if action is ReviewAction.CORRECT else "",
@@ -214,10 +214,10 @@ def _page(
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
     opinions, awaits_audit = store.opinions(part.id), store.awaits_audit(part.id)
-    mode = frame.reviews.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
+    mode = frame.service.reviews.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
     waits = view.may_review and (part.state is PartState.REVIEW or mode is ReviewMode.AUDIT)
     readings = store.readings(part.id)
-    pictures = picture_pair(part, readings, store.evidence(part.id), frame.evidence)
+    pictures = picture_pair(part, readings, store.evidence(part.id), frame.service.evidence)
     # marks without small letters are typed in capitals
     upper = not any(c.char.islower() for r in readings for place in r.characters for c in place.candidates)
     if mode is not ReviewMode.OPEN:  # nothing that was read reaches the template

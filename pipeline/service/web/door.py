@@ -1,97 +1,132 @@
-"""Reject requests by their head, before a byte of the body is read.
+"""The outermost layer of every request: reject by the head, limit the body's time, count, log, answer failures.
 
 head --> from a page of another site?      403
      --> through a proxy not in settings?  403      (where no token is required: the proxy would let everybody in)
      --> from another user of this machine? a token is required
      --> no valid token?                   401, or the page to sign in
      --> too long, or no room for a part?  413, 503
-     --> in
+     --> in; a body that stalls            408
 """
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import re
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+import secrets
+import time
+from typing import TYPE_CHECKING
 
 import anyio.to_thread
-from starlette.datastructures import Headers
+import structlog
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware import body_limit
 from starlette.requests import HTTPConnection
-from starlette.responses import Response
 
-from pipeline.service.web.access import Access
-from pipeline.service.web.middleware import problem_answer
+from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.own_user import is_in, is_own_user
-from pipeline.service.web.problem import Problem, busy
+from pipeline.service.web.problem import Problem, busy, stopping
+from pipeline.service.web.problem_responses import problem_answer
 
 if TYPE_CHECKING:
-    from starlette.types import ASGIApp, Receive, Scope, Send
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+    from pipeline.service.app import Service
+
+REQUEST_ID = "x-request-id"
+BODY_PATIENCE_S = 30.0
+"""Longest pause within an upload, s."""
+BODY_MOST_S = 600.0
+"""Longest time that a whole upload may take, s, even if data keeps arriving."""
+_SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+_METHODS = frozenset({*_SAFE_METHODS, "POST", "PUT", "PATCH", "DELETE"})
 _UPLOADS = re.compile("/v1/(?:golden|parts|parts/.*/scan)")
 _OPEN = ("/healthz", "/readyz", "/metrics")
+_QUIET_ROUTES = (*_OPEN, "/static")
 _FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
+log = structlog.get_logger("tactile-marks")
 
 
-class DoorLayer:
-    """Reject requests before reading the body.
+class Door:
+    """Give each request an id, a log line and its place in the metrics, and reject what needs no look at its body.
 
     A page of another site that the operator has open must not reach the service through the operator's browser: not by
     a form or script, which is caught here, nor by a name of its own that it lets point here, which Starlette's
     TrustedHostMiddleware catches. Where no token is asked for, nor may a proxy on this machine, which makes the whole
     world look as if it called from here.
+
+    HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
     """
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        *,
-        access: Access,
-        proxies: Sequence[str],
-        busy: Callable[[], float | None],
-        refused: Callable[[], Any],
-        most_bytes: int,
-    ) -> None:
-        """Take the rules.
-
-        Args:
-            app: the wrapped application.
-            access: access control.
-            proxies: addresses and networks of proxies that may pass requests on.
-            busy: seconds after which to retry, None while there is room.
-            refused: called for every rejected upload.
-            most_bytes: maximum size of one request, bytes.
-        """
-        self._app, self._access = app, access
-        self._proxies = tuple(ipaddress.ip_network(proxy) for proxy in proxies)
-        self._busy, self._refused = busy, refused
-        self._most_bytes = most_bytes
+    def __init__(self, app: ASGIApp, *, service: Service) -> None:
+        """Wrap the application of a service, whose settings hold the rules."""
+        self._app, self._metrics = app, service.metrics
+        self._access, self._calls, self._settings = service.access, service.intake.calls, service.settings
+        self._proxies = tuple(map(ipaddress.ip_network, service.settings.trusted_proxies))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Turn a request away, or let it in."""
-        if scope["type"] == "http" and (answer := await self._answer(scope)) is not None:
-            return await answer(scope, receive, send)
-        return await self._app(scope, receive, send)
+        """Answer a request."""
+        if scope["type"] != "http":
+            return await self._app(scope, receive, send)
+        given = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = given if _SANE_ID.fullmatch(given) else secrets.token_hex(8)
+        scope.setdefault("state", {})["request_id"] = request_id
+        method = scope["method"]
+        scope = without_prefix(scope, self._settings.root_path)
+        if method == "HEAD":
+            scope = {**scope, "method": "GET"}
+        start, status, begun = time.perf_counter(), 500, False
 
-    async def _answer(self, scope: Scope) -> Response | None:
-        """The answer to a rejected request; None if the request is let in."""
-        state = scope.setdefault("state", {})
-        headers = Headers(scope=scope)
-        try:
-            self._check_origin(scope, headers)
-            if not self._access.required:
-                state["other_user"] = await self._is_other_user(scope, headers)
-            connection, path = HTTPConnection(scope), scope["path"]
-            # pages that are only looked at redirect to the sign-in themselves
-            changes = scope["method"] not in _SAFE_METHODS and path != "/login"
-            if self._access.asked(connection) and (changes or path.startswith("/v1/")):
-                state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
-            self._check_room(scope, headers)
-        except Problem as refused:
-            refused.headers["Connection"] = "close"  # the body stays unread
-            return problem_answer(refused, scope)
+        async def send_with_headers(message: Message) -> None:
+            nonlocal status, begun
+            if message["type"] == "http.response.start":
+                status, begun = message["status"], True
+                headers = MutableHeaders(scope=message)
+                headers[REQUEST_ID] = request_id
+                headers.setdefault("x-content-type-options", "nosniff")
+                headers.setdefault("cache-control", "no-store")
+            elif method == "HEAD":
+                message = {**message, "body": b""}
+            await send(message)
+
+        with structlog.contextvars.bound_contextvars(request=request_id):
+            try:
+                await self._check_head(scope)
+                await self._app(scope, _with_timeouts(receive), send_with_headers)
+            except (Exception, asyncio.CancelledError) as error:
+                if type(error).__module__ == body_limit.__name__:
+                    raise  # the body is over its limit, which starlette answers with 413
+                # a service that stops cancels requests that are not done in time
+                problem = error if isinstance(error, Problem) else stopping()
+                if problem is not error and isinstance(error, Exception):
+                    log.exception("request failed", path=scope["path"])
+                    problem = Problem(500, f"the service failed; its log says why under {request_id}")
+                if begun:
+                    raise
+                problem.headers["Connection"] = "close"  # the body may stay unread
+                await problem_answer(problem, scope)(scope, receive, send_with_headers)
+            finally:
+                self._record(scope, method, status, time.perf_counter() - start)
         return None
+
+    async def _check_head(self, scope: Scope) -> None:
+        """Let a request in.
+
+        Raises:
+            Problem: it is rejected.
+        """
+        state, headers, path = scope["state"], Headers(scope=scope), scope["path"]
+        self._check_origin(scope, headers)
+        if not self._access.required:
+            state["other_user"] = await self._is_other_user(scope, headers)
+        connection = HTTPConnection(scope)
+        # pages that are only looked at redirect to the sign-in themselves
+        changes = scope["method"] not in _SAFE_METHODS and path != "/login"
+        if self._access.asked(connection) and (changes or path.startswith("/v1/")):
+            state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
+        if scope["method"] == "POST" and _UPLOADS.fullmatch(path):
+            self._check_room(headers.get("content-length", "0"))
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
         """Refuse what a page of another site sends (cross-site request forgery), by what browsers say of it.
@@ -119,14 +154,57 @@ class DoorLayer:
             )
         if not self._access.own_user or server is None or scope["path"] in _OPEN:
             return False
-        return not await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
+        connection = scope["state"].get("connection", {})
+        if "other_user" not in connection:  # once for all requests of a connection
+            own = await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
+            connection["other_user"] = not own
+        return bool(connection["other_user"])
 
-    def _check_room(self, scope: Scope, headers: Headers) -> None:
-        if scope["method"] != "POST" or not _UPLOADS.fullmatch(scope["path"]):
-            return
-        length = headers.get("content-length", "0")
-        if length.isdigit() and int(length) > self._most_bytes:
-            raise Problem(413, f"the upload is over the limit of {self._most_bytes / 1e6:.0f} MB; crop it")
-        if (wait_s := self._busy()) is not None:
-            self._refused()
+    def _check_room(self, length: str) -> None:
+        most_bytes = self._settings.limits.upload_bytes
+        if length.isdigit() and int(length) > most_bytes:
+            raise Problem(413, f"the upload is over the limit of {most_bytes / 1e6:.0f} MB; crop it")
+        if (wait_s := self._calls.busy) is not None:
+            self._metrics.refused.inc()
             raise busy(wait_s)
+
+    def _record(self, scope: Scope, method: str, status: int, seconds: float) -> None:
+        # the route's pattern, so that the metrics have few routes whatever path is requested
+        found = scope.get("route")
+        route = str(getattr(found, "path_format", None) or getattr(found, "path", None) or "none")
+        # a caller may invent methods, and each would stay in the metrics for ever
+        method = method if method in _METHODS else "other"
+        self._metrics.requests.labels(method, route, str(status)).inc()
+        self._metrics.request_seconds.labels(route).observe(seconds)
+        if not route.startswith(_QUIET_ROUTES):
+            log.info(
+                "request",
+                method=method,
+                path=scope["path"][:200],
+                status=status,
+                seconds=round(seconds, 4),
+                client=(scope.get("client") or ("",))[0],
+            )
+
+
+def _with_timeouts(receive: Receive) -> Receive:
+    """Limit the wait for each chunk of a body and for all of it; after the last chunk there is no limit."""
+    whole, until_s = False, time.monotonic() + BODY_MOST_S
+
+    async def next_message() -> Message:
+        nonlocal whole
+        if whole:
+            return await receive()  # waits for the end of the connection, which may take long
+        try:
+            async with asyncio.timeout(min(BODY_PATIENCE_S, max(0.0, until_s - time.monotonic()))):
+                message = await receive()
+        except TimeoutError:
+            detail = (
+                f"the upload paused for {BODY_PATIENCE_S:.0f} s or took longer than {BODY_MOST_S:.0f} s; send it "
+                "again, over a faster connection if there is one"
+            )
+            raise Problem(408, detail, headers={"Connection": "close"}) from None
+        whole = message["type"] != "http.request" or not message.get("more_body", False)
+        return message
+
+    return next_message

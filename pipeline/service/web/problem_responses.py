@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
 import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import Response
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from glyphs.errors import FileError
-from pipeline.service.web.middleware import problem_answer
-from pipeline.service.web.problem import OwnProblem, Problem, no_room
+from pipeline.service.web.addresses import relative
+from pipeline.service.web.problem import MEDIA_TYPE, OwnProblem, Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
+
+if TYPE_CHECKING:
+    from starlette.types import Scope
 
 _STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
 # FileError: of the service's own files; faults of files that were sent are Problems already
@@ -52,3 +60,21 @@ def problem_of(error: BaseException, request: Request) -> Problem:
     if error.status_code == 404:
         detail = f"there is nothing at {request.url.path[:200]}; see /docs for the addresses"
     return Problem(error.status_code, detail, headers=dict(error.headers or {}))
+
+
+def problem_answer(problem: Problem, scope: Scope) -> Response:
+    """The answer to a failed request: a problem, a page in a browser, or the sign-in if a token is needed."""
+    if problem.status == 401 and not scope["path"].startswith("/v1/"):
+        path = scope["path"] + (f"?{query}" if (query := scope["query_string"].decode("latin-1")) else "")
+        to = f"/login?to={quote(path, safe='')}" if scope["method"] == "GET" else "/login"
+        return RedirectResponse(relative(scope, to), status_code=303, headers=problem.headers)
+    accepted = Headers(scope=scope).get("accept", "")
+    page = getattr(scope["app"].state, "problem_page", None) if "app" in scope else None
+    if page is not None and "text/html" in accepted and "json" not in accepted:
+        made: Response = page(Request(scope), problem.status, problem.detail)
+        made.headers.update(problem.headers)
+        return made
+    request_id = scope.get("state", {}).get("request_id", "")
+    return JSONResponse(
+        asdict(problem.body(request_id)), problem.status, headers=problem.headers, media_type=MEDIA_TYPE
+    )

@@ -95,6 +95,7 @@ def patient_protocol(
         def connection_made(self, transport: Any) -> None:
             """Count it; one too many is closed."""
             super().connection_made(transport)
+            self.app_state = {**self.app_state, "connection": {}}  # in the state of all its requests
             self.transport = _Lingering(transport, self)  # type: ignore[assignment]
             self._address = self.client[0] if self.client else ""
             open_now[self._address] += 1

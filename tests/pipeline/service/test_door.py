@@ -23,7 +23,7 @@ from pipeline.cli.serve import check_tls, listening
 from pipeline.common.records import PartState, Scope
 from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings, TlsSettings
-from pipeline.service.web import middleware
+from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
 from pipeline.service.web.access import Access
 from pipeline.service.web.own_user import is_own_user, user_of
@@ -503,7 +503,7 @@ async def test_small_answers_do_not_wait_for_acknowledgements() -> None:
 
 
 def test_an_upload_that_drips_has_an_end(open_one: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(middleware, "BODY_MOST_S", 0.05)
+    monkeypatch.setattr(door, "BODY_MOST_S", 0.05)
     head = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="a.png"\r\n\r\n'
 
     class Dripping(Body):

@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from fastapi import FastAPI
@@ -31,7 +32,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture
 def client(store: Store) -> TestClient:
     app = FastAPI()
-    app.include_router(export_router(store, Access(store, required=False)))
+    app.include_router(export_router(SimpleNamespace(store=store, access=Access(store, required=False))))
     add_problem_handlers(app)
     return TestClient(app)
 
@@ -62,7 +63,7 @@ def test_filters(tmp_path: Path) -> None:
     clock = Clock()
     store = Store.open(f"sqlite:///{tmp_path}/store.db", now=clock)
     app = FastAPI()
-    app.include_router(export_router(store, Access(store, required=False)))
+    app.include_router(export_router(SimpleNamespace(store=store, access=Access(store, required=False))))
     add_problem_handlers(app)
     client = TestClient(app)
     first = received(store, job="left", line="north").id
