@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING, Any
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_device import Users, bad, build_device, settings_fit, variant
-from pipeline.service.inputs.opcua_guard import guarded_server
-from pipeline.service.inputs.opcua_model import load_model, require_asyncua, ua_types
+from pipeline.service.inputs.opcua_guard import GuardedServer
+from pipeline.service.inputs.opcua_model import load_model, ua
 from pipeline.service.inputs.opcua_result import (
     DEVICE_FAULT,
     DEVICE_NOT_READY,
@@ -82,11 +82,7 @@ class OpcUaPort:
             name: of the device.
             connections: that have signed in, at once.
             answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
-
-        Raises:
-            MissingExtraError: asyncua is not installed.
         """
-        require_asyncua()  # said at the start
         self.host, self.port = settings.host, settings.port or 0
         self._settings, self._trigger, self._name = settings, trigger, name
         self._connections, self._answer_s = connections, answer_s
@@ -105,9 +101,7 @@ class OpcUaPort:
         Raises:
             OSError: the address cannot be had, a certificate cannot be read.
         """
-        ua = ua_types()
-        server = guarded_server(Users(self._settings.users), sessions=self._connections)
-        server.iserver.allow_remote_admin = False
+        server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
         server.set_server_name(self._name)
         await server.set_application_uri("urn:tactile-marks:server")
@@ -189,7 +183,6 @@ class OpcUaPort:
             return refused
         wait_s = arguments[0].Value.Duration / 1000.0 or self._answer_s
         part, status = await self._wait(self._begin("", BUSY, event=False), min(wait_s, self._answer_s))
-        ua = ua_types()
         results = [ocr_scan_result(part)] if part is not None else []
         return [ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True), variant(status)]
 
@@ -264,4 +257,4 @@ class OpcUaPort:
     async def _write(
         self, name: str, value: str | int | float | datetime, *, at: datetime | None = None
     ) -> None:
-        await self._nodes[name].write_value(ua_types().DataValue(variant(value), SourceTimestamp=at))
+        await self._nodes[name].write_value(ua.DataValue(variant(value), SourceTimestamp=at))

@@ -8,8 +8,11 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server.user_managers import UserManager
+
 from pipeline.common.version import program_version
-from pipeline.service.inputs.opcua_model import Model, ua_types
+from pipeline.service.inputs.opcua_model import Model, ua
 
 
 async def build_device(
@@ -26,7 +29,6 @@ async def build_device(
     Returns:
         Its variables by name, and the generator of its events.
     """
-    ua = ua_types()
     kinds, own = ua.VariantType, model.reader
 
     def named(namespace: int, one: str) -> tuple[Any, Any]:
@@ -81,7 +83,7 @@ async def build_device(
     return nodes, events
 
 
-class Users:
+class Users(UserManager):
     """Users of the server, by name and password; each may read, subscribe and call, but not write.
 
     Attributes:
@@ -96,8 +98,6 @@ class Users:
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> Any:
         """The user, or None if the name or password is wrong."""
-        from asyncua.crypto.permission_rules import User, UserRole
-
         if self._passwords:
             wanted = self._passwords.get(username or "", "")
             same = hmac.compare_digest(wanted.encode(), (password or "").encode("utf-8", "replace"))
@@ -118,12 +118,10 @@ def settings_fit(arguments: tuple[Any, ...], *, endless: bool) -> bool:
 
 def bad(code: str) -> Any:
     """The status code of that name."""
-    ua = ua_types()
     return ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, code)))
 
 
 def variant(value: str | int | float | datetime) -> Any:
     """A value with the type of OPC UA that its nodes have."""
-    ua = ua_types()
     kinds = {str: "String", int: "Int32", float: "Double", datetime: "DateTime"}
     return ua.Variant(value, getattr(ua.VariantType, kinds[type(value)]))

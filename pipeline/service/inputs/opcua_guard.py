@@ -19,9 +19,15 @@ import logging
 import time
 from typing import Any
 
+from asyncua.common.utils import ServiceError
+from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
+from asyncua.server.server import Server
+from asyncua.server.uaprocessor import UaProcessor
+from asyncua.ua.ua_binary import nodeid_from_binary
+
 from glyphs.plain_text import visible
 from pipeline.service.inputs.opcua_device import Users
-from pipeline.service.inputs.opcua_model import require_asyncua, ua_types
+from pipeline.service.inputs.opcua_model import ua
 from pipeline.service.inputs.trigger import one_of_the_busiest
 
 _log = logging.getLogger(__name__)
@@ -42,6 +48,12 @@ MESSAGE_BYTES = 1 << 20
 LOG_EVERY_S = 10.0
 # kinds of lines kept in mind: callers may make addresses up
 _MOST_KINDS = 1000
+_CREATE, _ACTIVATE, _CALL, *_REGISTER = (
+    ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary"))
+    for name in ("CreateSession", "ActivateSession", "Call", "RegisterServer", "RegisterServer2")
+)
+_CODES = ua.StatusCodes
+_WRONG = (_CODES.BadUserAccessDenied, _CODES.BadIdentityTokenInvalid, _CODES.BadIdentityTokenRejected)
 
 
 class SparingLog(logging.Handler):
@@ -68,177 +80,168 @@ class SparingLog(logging.Handler):
         _log.warning("OPC UA: %s", visible(message[:300]))
 
 
-def guarded_server(users: Users, *, sessions: int) -> Any:
+class GuardedServer(Server):
     """An asyncua server behind these limits.
 
-    Args:
-        users: users that may sign in.
+    Attributes:
+        users: that may sign in.
         sessions: maximum number of connections that have signed in.
+        log: of what callers do wrong.
     """
-    asyncua = require_asyncua()
-    from asyncua.server.binary_server_asyncio import BinaryServer
 
-    log = SparingLog()
-    library = logging.getLogger("asyncua")
-    library.handlers[:] = [log]
-    library.propagate = False
-    for name in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
-        logging.getLogger(name).setLevel(logging.ERROR)
-    protocol = _guarded_protocol(users, sessions, log)
+    def __init__(self, users: Users, *, sessions: int) -> None:
+        super().__init__(user_manager=users)
+        self.users, self.sessions, self.log = users, sessions, SparingLog()
+        library = logging.getLogger("asyncua")
+        library.handlers[:] = [self.log]
+        library.propagate = False
+        for name in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
+            logging.getLogger(name).setLevel(logging.ERROR)
+        self.iserver.allow_remote_admin = False
+        self.iserver.max_connections = sessions + MOST_STRANGERS + 1
+        self.iserver.max_pending_activation_seconds = SIGN_IN_S
+        self.iserver.max_subscriptions = 4 * sessions
+        self.limits.max_message_size = MESSAGE_BYTES
+        self.limits.max_chunk_count = max(1, MESSAGE_BYTES // self.limits.max_recv_buffer)
 
-    class GuardedBinaryServer(BinaryServer):
-        """Hands connections to the guarded protocol."""
-
-        def _make_protocol(self) -> Any:
-            return protocol(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)
-
-    class GuardedServer(asyncua.Server):  # type: ignore[name-defined,misc]
-        """As asyncua's, with the guarded protocol."""
-
-        async def start(self) -> None:
-            """Listen."""
-            await self._setup_server_nodes()
-            await self.iserver.start()
-            try:
-                where = (self.endpoint.hostname, self.endpoint.port)
-                self.bserver = GuardedBinaryServer(self.iserver, *where, self.limits)
-                self.bserver.set_policies(self._policies)
-                await self.bserver.start()
-            except BaseException:
-                await self.iserver.stop()
-                raise
-
-    server = GuardedServer(user_manager=users)
-    server.iserver.max_connections = sessions + MOST_STRANGERS + 1
-    server.iserver.max_pending_activation_seconds = SIGN_IN_S
-    server.iserver.max_subscriptions = 4 * sessions
-    server.limits.max_message_size = MESSAGE_BYTES
-    server.limits.max_chunk_count = max(1, MESSAGE_BYTES // server.limits.max_recv_buffer)
-    return server
+    async def start(self) -> None:
+        """Listen."""
+        await self._setup_server_nodes()
+        await self.iserver.start()
+        try:
+            self.bserver = _Listener(self)
+            self.bserver.set_policies(self._policies)
+            await self.bserver.start()
+        except BaseException:
+            await self.iserver.stop()
+            raise
 
 
-def _guarded_protocol(users: Users, sessions: int, log: SparingLog) -> Any:
-    from asyncua.common.utils import ServiceError
-    from asyncua.server.binary_server_asyncio import OPCUAProtocol
-    from asyncua.ua.ua_binary import nodeid_from_binary
+class _Listener(BinaryServer):
+    """Hands connections to the guarded protocol."""
 
-    ua = ua_types()
-    codes = ua.StatusCodes
-    create, activate, call, *registers = (
-        ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary"))
-        for name in ("CreateSession", "ActivateSession", "Call", "RegisterServer", "RegisterServer2")
-    )
-    wrong = (codes.BadUserAccessDenied, codes.BadIdentityTokenInvalid, codes.BadIdentityTokenRejected)
+    def __init__(self, server: GuardedServer) -> None:
+        endpoint: Any = server.endpoint
+        super().__init__(server.iserver, endpoint.hostname, endpoint.port, server.limits)
+        self.server = server
 
-    class GuardedProtocol(OPCUAProtocol):
-        """One connection."""
+    def _make_protocol(self) -> _Connection:
+        return _Connection(self)
 
-        address = ""
-        gone = False
-        _faults = 0
 
-        def connection_made(self, transport: Any) -> None:
-            """Let a caller in, if there is room or another caller can be dropped."""
-            self.address = str((transport.get_extra_info("peername") or ("",))[0])
-            self._calls: set[asyncio.Task[Any]] = set()
-            if not self._has_room():
-                log.say(f"full {self.address}", f"no room for a connection from {self.address}")
-                self.gone = True
-                transport.abort()
-                return
-            super().connection_made(transport)
-            processor: Any = self.processor
-            if processor is not None:
-                self._library: tuple[Any, ...] = (
-                    processor.send_response,
-                    processor.process_message,
-                    processor._process_message,
-                )
-                processor.send_response = self._send
-                processor.process_message = self._hear
-                processor._process_message = self._process
+class _Connection(OPCUAProtocol):
+    """One connection."""
 
-        def connection_lost(self, ex: BaseException | None) -> None:
-            """Cancel the calls of the lost connection."""
+    def __init__(self, listener: _Listener) -> None:
+        super().__init__(
+            listener.iserver, listener._policies, listener.clients, listener.closing_tasks, listener.limits
+        )
+        self.server, self.log = listener.server, listener.server.log
+        self.address, self.gone, self.faults = "", False, 0
+        self.calls: set[asyncio.Task[Any]] = set()
+
+    def connection_made(self, transport: Any) -> None:
+        """Let a caller in, if there is room or another caller can be dropped."""
+        self.address = str((transport.get_extra_info("peername") or ("",))[0])
+        if not self._has_room():
+            self.log.say(f"full {self.address}", f"no room for a connection from {self.address}")
             self.gone = True
-            for task in self._calls:
-                task.cancel()
-            super().connection_lost(ex)
+            transport.abort()
+            return
+        super().connection_made(transport)
+        self.processor = _Processor(self)
 
-        def data_received(self, data: bytes) -> None:
-            """Take bytes, as long as they look like OPC UA."""
-            begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
-            if len(begin) == 3 and begin not in _KINDS:
-                self._let_go("it does not speak OPC UA")
-            elif len(self._buffer) + len(data) > 2 * MESSAGE_BYTES:
-                self._let_go("its message is too large")
-            elif not self.gone:
-                super().data_received(data)
+    def connection_lost(self, ex: BaseException | None) -> None:
+        """Cancel the calls of the lost connection."""
+        self.gone = True
+        for task in self.calls:
+            task.cancel()
+        super().connection_lost(ex)
 
-        @property
-        def signed_in(self) -> bool:
-            """Whether the connection has an activated session."""
-            session = self.processor.session if self.processor is not None else None
-            return session is not None and session.is_activated()
+    def data_received(self, data: bytes) -> None:
+        """Take bytes, as long as they look like OPC UA."""
+        begin = self._buffer[:3] + data[: max(0, 3 - len(self._buffer))]
+        if len(begin) == 3 and begin not in _KINDS:
+            self.let_go("it does not speak OPC UA")
+        elif len(self._buffer) + len(data) > 2 * MESSAGE_BYTES:
+            self.let_go("its message is too large")
+        elif not self.gone:
+            super().data_received(data)
 
-        def _has_room(self) -> bool:
-            clients: list[Any] = self.clients
-            there = [one for one in clients if not one.gone]
-            strangers = [one for one in there if not one.signed_in]
-            if len(there) - len(strangers) >= sessions:
-                return False
-            if len(strangers) >= MOST_STRANGERS:
-                one_of_the_busiest(strangers, lambda one: one.address)._let_go("others wait")
-            return True
+    @property
+    def signed_in(self) -> bool:
+        """Whether the connection has an activated session."""
+        session = self.processor.session if self.processor is not None else None
+        return session is not None and bool(session.is_activated())
 
-        def _let_go(self, why: str) -> None:
-            if not self.gone and self.transport is not None:
-                self.gone = True
-                log.say(f"{why} {self.address}", f"a connection from {self.address} was closed: {why}")
-                self.transport.abort()
+    def let_go(self, why: str) -> None:
+        """Close the connection."""
+        if not self.gone and self.transport is not None:
+            self.gone = True
+            self.log.say(f"{why} {self.address}", f"a connection from {self.address} was closed: {why}")
+            self.transport.abort()
 
-        async def _process_one_msg(self, header: Any, buf: Any) -> bool:
-            try:
-                return await super()._process_one_msg(header, buf)
-            except Exception as error:
-                self._let_go(f"it sends what cannot be understood ({type(error).__name__})")
-                return False
+    def _has_room(self) -> bool:
+        clients: list[Any] = self.clients
+        there = [one for one in clients if not one.gone]
+        strangers = [one for one in there if not one.signed_in]
+        if len(there) - len(strangers) >= self.server.sessions:
+            return False
+        if len(strangers) >= MOST_STRANGERS:
+            one_of_the_busiest(strangers, lambda one: str(one.address)).let_go("others wait")
+        return True
 
-        def _send(self, handle: Any, sequence: Any, response: Any, *more: Any) -> None:
-            if self.gone:
-                return
-            self._library[0](handle, sequence, response, *more)
-            if isinstance(response, ua.ServiceFault) and not self.signed_in:
-                self._faults += 1
-                if self._faults >= MOST_FAULTS:
-                    self._let_go("it sends bad requests without having signed in")
+    async def _process_one_msg(self, header: Any, buf: Any) -> bool:
+        try:
+            return bool(await super()._process_one_msg(header, buf))
+        except Exception as error:
+            self.let_go(f"it sends what cannot be understood ({type(error).__name__})")
+            return False
 
-        async def _hear(self, sequence: Any, body: Any) -> Any:
-            """Process a message; a call in a task of its own."""
-            processing = self._library[1](sequence, body)
-            if not self.signed_in or nodeid_from_binary(body.copy()) != call:
-                return await processing
-            task = asyncio.create_task(processing)
-            self._calls.add(task)
-            task.add_done_callback(self._calls.discard)
-            return True
 
-        async def _process(self, kind: Any, *message: Any) -> bool:
-            if kind in registers:
-                raise ServiceError(codes.BadServiceUnsupported)
-            if kind == create and self.processor is not None and self.processor.session is not None:
-                raise ServiceError(codes.BadTooManySessions)
-            if kind == call and len(self._calls) > MOST_CALLS:
-                raise ServiceError(codes.BadTooManyOperations)
-            if kind == activate:
-                users.denied = ""
-            try:
-                return bool(await self._library[2](kind, *message))
-            except Exception as error:
-                if kind == activate and getattr(error, "code", None) in wrong:
-                    who = f"{users.denied[:40]!r} from {self.address}"
-                    log.say(f"sign-in {who}", f"sign-in denied to {who}: wrong user or password")
-                    await asyncio.sleep(WRONG_PASSWORD_S)
-                raise
+class _Processor(UaProcessor):
+    """Answers the messages of one connection."""
 
-    return GuardedProtocol
+    def __init__(self, connection: _Connection) -> None:
+        super().__init__(connection.iserver, connection.transport, connection.limits)
+        self.set_policies(connection.policies)  # type: ignore[no-untyped-call]
+        self.connection = connection
+
+    def send_response(self, handle: Any, sequence: Any, response: Any, *more: Any) -> None:
+        """Answer; a stranger whose requests keep being bad is let go."""
+        if self.connection.gone:
+            return
+        super().send_response(handle, sequence, response, *more)  # type: ignore[no-untyped-call]
+        if isinstance(response, ua.ServiceFault) and not self.connection.signed_in:
+            self.connection.faults += 1
+            if self.connection.faults >= MOST_FAULTS:
+                self.connection.let_go("it sends bad requests without having signed in")
+
+    async def process_message(self, sequence: Any, body: Any) -> Any:
+        """Process a message; a call in a task of its own."""
+        processing = super().process_message(sequence, body)  # type: ignore[no-untyped-call]
+        if not self.connection.signed_in or nodeid_from_binary(body.copy()) != _CALL:
+            return await processing
+        calls, task = self.connection.calls, asyncio.create_task(processing)
+        calls.add(task)
+        task.add_done_callback(calls.discard)
+        return True
+
+    async def _process_message(self, kind: Any, *message: Any) -> bool:
+        if kind in _REGISTER:
+            raise ServiceError(_CODES.BadServiceUnsupported)
+        if kind == _CREATE and self.session is not None:
+            raise ServiceError(_CODES.BadTooManySessions)
+        if kind == _CALL and len(self.connection.calls) > MOST_CALLS:
+            raise ServiceError(_CODES.BadTooManyOperations)
+        users = self.connection.server.users
+        if kind == _ACTIVATE:
+            users.denied = ""
+        try:
+            return bool(await super()._process_message(kind, *message))  # type: ignore[no-untyped-call]
+        except Exception as error:
+            if kind == _ACTIVATE and getattr(error, "code", None) in _WRONG:
+                who = f"{users.denied[:40]!r} from {self.connection.address}"
+                self.connection.log.say(f"sign-in {who}", f"sign-in denied to {who}: wrong user or password")
+                await asyncio.sleep(WRONG_PASSWORD_S)
+            raise

@@ -6,38 +6,29 @@ http://opcfoundation.org/UA/AutoID/   AutoIdDeviceType <- OcrReaderDeviceType;  
 
 asyncua is untyped here: its modules do not export their names as strict type checking wants it, and the types of a
 companion specification come into being only while a server runs.
+
+Raises:
+    MissingExtraError: on import, asyncua is not installed.
 """
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from glyphs.errors import MissingExtraError
 
+try:
+    from asyncua import ua as _untyped
+except ImportError as error:
+    raise MissingExtraError("OPC UA", "asyncua", "opcua") from error
+
+ua: Any = _untyped
 DI_URI = "http://opcfoundation.org/UA/DI/"
 AUTOID_URI = "http://opcfoundation.org/UA/AutoID/"
 READER_URI = "urn:tactile-marks:reader"
 NODE_SET = Path(__file__).with_name("opcua_autoid.xml")
-
-
-def require_asyncua() -> Any:
-    """The module asyncua.
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
-    try:
-        return importlib.import_module("asyncua")
-    except ImportError as error:
-        raise MissingExtraError("OPC UA", "asyncua", "opcua") from error
-
-
-def ua_types() -> Any:
-    """The module asyncua.ua: types of OPC UA, those of loaded specifications included."""
-    return require_asyncua().ua
 
 
 @dataclass(frozen=True)
@@ -65,4 +56,4 @@ async def load_model(server: Any) -> Model:
     await server.import_xml(NODE_SET)
     await server.load_data_type_definitions()
     ids = ((autoid, 1002), (autoid, 1005), (di, 5001))
-    return Model(di, autoid, reader, *(server.get_node(ua_types().NodeId(id, ns)) for ns, id in ids))
+    return Model(di, autoid, reader, *(server.get_node(ua.NodeId(id, ns)) for ns, id in ids))

@@ -17,7 +17,7 @@ from typing import Any
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.opcua_model import ua_types
+from pipeline.service.inputs.opcua_model import ua
 from pipeline.service.inputs.trigger import NO_READING, LineDecision, decision_of
 
 SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
@@ -40,7 +40,6 @@ def status_of(part: PartRecord) -> int:
 
 def ocr_scan_result(part: PartRecord) -> Any:
     """Convert a part to an OcrScanResult; load the model first (`opcua_model`)."""
-    ua = ua_types()
     reading = part.reading or NO_READING
     data = ua.ScanData()
     data.String = part.text

@@ -365,17 +365,18 @@ def test_threads_may_share_a_client(fresh: tuple[Service, str]) -> None:
 
 
 def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    import importlib
     import sys
 
     from glyphs.errors import MissingExtraError
-    from pipeline.service.inputs.opcua import OpcUaPort
+    from pipeline.service.inputs import opcua_model
     from pipeline.service.outputs.mqtt import MqttSender
-    from pipeline.service.settings import MqttSettings, OpcUaSettings
+    from pipeline.service.settings import MqttSettings
 
     for module, extra, make in (
         ("httpx", "service", lambda: Client("http://127.0.0.1")),
         ("paho.mqtt.client", "mqtt", lambda: MqttSender(MqttSettings(url="mqtt://127.0.0.1"))),
-        ("asyncua", "opcua", lambda: OpcUaPort(OpcUaSettings(), None)),  # type: ignore[arg-type]
+        ("asyncua", "opcua", lambda: importlib.reload(opcua_model)),
     ):
         with monkeypatch.context() as without:
             without.setitem(sys.modules, module, None)
