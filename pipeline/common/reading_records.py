@@ -298,11 +298,17 @@ def to_json(record: Any) -> dict[str, Any]:
     return made
 
 
+def to_json_bytes(record: Any) -> bytes:
+    """The record as JSON in UTF-8."""
+    return _adapter(type(record)).dump_json(record)
+
+
 def from_json(kind: type[T], data: Any) -> T:
-    """The record out of what `to_json` made of it.
+    """The record out of what `to_json` made of it, or out of that as JSON text.
 
     Raises:
         ValueError: data that are no such record.
     """
-    made: T = _adapter(kind).validate_python(data)
+    adapter = _adapter(kind)
+    made: T = adapter.validate_json(data) if isinstance(data, str) else adapter.validate_python(data)
     return made

@@ -14,9 +14,9 @@ _NO_EFFECT = frozenset({"cli", "plots", "service", "report.py", "charts.py", "cu
 """Rooms and files that read command lines, draw and serve: they change no answer."""
 
 
+@cache
 def program_version() -> str:
     """The installed version; "0" where the program runs without having been installed."""
-
     from importlib.metadata import PackageNotFoundError, version
 
     try:

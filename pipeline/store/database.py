@@ -7,6 +7,7 @@ the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked 
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,14 +43,23 @@ _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 _migrating = threading.Lock()
 
 
-def json_text(value: Any) -> str:
-    """Write a value as JSON that every database can hold.
+class JsonText(str):
+    """A value as JSON that every database can hold; it is stored as it is."""
+
+
+def json_text(value: Any) -> JsonText:
+    """Write a value as JSON, once: characters that databases cannot hold are replaced.
 
     Raises:
         UnfitError: it has no form in JSON.
     """
+    if isinstance(value, JsonText):
+        return value
+    dumps = functools.partial(json.dumps, allow_nan=False, separators=(",", ":"))
     try:
-        return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
+        text = dumps(value)
+        # escapes of NUL and of surrogates, most of which are halves of characters that may be kept
+        return JsonText(dumps(cleaned(value)) if "\\u0000" in text or "\\ud" in text else text)
     except (TypeError, ValueError) as error:
         raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error
 
@@ -67,9 +77,9 @@ class Transaction:
     now: datetime
 
     def execute(
-        self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None
+        self, statement: sa.Executable, rows: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None
     ) -> sa.CursorResult[*tuple[Any, ...]]:
-        """Execute one statement."""
+        """Execute one statement; rows that are given beside it, and not in it, need no new look at the statement."""
         return self.connection.execute(statement, rows)
 
     def count(self, table: sa.Table, *where: sa.ColumnElement[bool]) -> int:
@@ -84,8 +94,8 @@ class Transaction:
     def insert_if_new(self, table: sa.Table, row: Mapping[str, Any]) -> bool:
         """Insert a row, unless there is one with its key; waits for a racing transaction with that key."""
         insert = postgresql.insert if self.postgresql else sqlite.insert
-        asked = insert(table).values(**row).on_conflict_do_nothing().returning(*table.primary_key)
-        return self.execute(asked).one_or_none() is not None
+        asked = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
+        return self.execute(asked, row).one_or_none() is not None
 
 
 def utc_now() -> datetime:

@@ -112,7 +112,7 @@ class EvidenceFolder:
             try:
                 with os.fdopen(handle, "wb") as stream:
                     stream.write(content)
-                return self.keep(Path(name))
+                return self.keep(Path(name), sha256=hashlib.sha256(content).hexdigest())
             finally:
                 Path(name).unlink(missing_ok=True)
 

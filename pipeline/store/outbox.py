@@ -17,7 +17,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.records import Delivery, WaitingResults
-from pipeline.store.database import Transaction
+from pipeline.store.database import JsonText, Transaction
 from pipeline.store.errors import cleaned, fit
 from pipeline.store.tables import outbox
 
@@ -29,12 +29,14 @@ _MAX_ERROR = 500
 _FREE = {"owner": None, "leased_until": None}
 
 
-def put_in_outbox(tx: Transaction, part_id: str, targets: Sequence[str], payload: Mapping[str, Any]) -> None:
+def put_in_outbox(
+    tx: Transaction, part_id: str, targets: Sequence[str], payload: Mapping[str, Any] | JsonText
+) -> None:
     """Have a part's record, or something else about it, sent to every target."""
-    row = {"part_id": part_id, "payload": payload, "attempts": 0, "error": ""}
+    row: dict[str, Any] = {"part_id": part_id, "payload": payload, "attempts": 0, "error": ""}
     row |= {"created_at": tx.now, "due_at": AT_ONCE}
     for target in targets:
-        tx.execute(sa.insert(outbox).values(**row, target=fit(target, "the target", limit=32)))
+        tx.execute(sa.insert(outbox), row | {"target": fit(target, "the target", limit=32)})
 
 
 def lease(

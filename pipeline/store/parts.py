@@ -206,7 +206,7 @@ def _keep_files(tx: Transaction, part_id: str, files: Sequence[EvidenceRecord]) 
             raise UnfitError(f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 digits 0-9, a-f")
         texts = {"name": cleaned(file.name), "media_type": cleaned(file.media_type)}
         row = {**vars(file), **texts, "meta": dict(file.meta), "part_id": part_id, "at": tx.now}
-        tx.execute(sa.insert(tables.evidence).values(**row))
+        tx.execute(sa.insert(tables.evidence), row)
 
 
 # ---- parts that wait for touch

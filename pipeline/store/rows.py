@@ -13,8 +13,8 @@ import sqlalchemy as sa
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, from_json, to_json
 from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
-from pipeline.store.database import AnyRow, Transaction
-from pipeline.store.errors import ConflictError, NotFoundError, cleaned
+from pipeline.store.database import AnyRow, Transaction, json_text
+from pipeline.store.errors import ConflictError, NotFoundError
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.tables import events, evidence, parts
 
@@ -103,7 +103,7 @@ def write_part(
     Raises:
         ConflictError: it is not new.
     """
-    record = cleaned(to_json(replace(part, changed_at=tx.now)))
+    record = json_text(to_json(replace(part, changed_at=tx.now)))
     part = from_json(PartRecord, record)
     row = {**search_columns(part), **figures, "record": record}
     if not new:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
@@ -21,24 +22,21 @@ unfinished files look old."""
 log = structlog.get_logger("tactile-marks")
 
 
+@dataclass
 class SweepClock:
     """Plausibility check of the clock before every sweep.
 
     Attributes:
+        file: keeps the time of the last sweep; it need not be there.
+        wall_s, monotonic_s: clocks.
         trouble: why nothing is swept, without paths; empty if sweeping is allowed.
     """
 
-    def __init__(
-        self,
-        file: Path,
-        *,
-        wall_s: Callable[[], float] = time.time,
-        monotonic_s: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Take the file that keeps the time of the last sweep; it need not be there."""
-        self.file, self.trouble = file, ""
-        self._wall_s, self._monotonic_s = wall_s, monotonic_s
-        self._before: tuple[float, float] | None = None
+    file: Path
+    wall_s: Callable[[], float] = time.time
+    monotonic_s: Callable[[], float] = time.monotonic
+    trouble: str = field(default="", init=False)
+    _before: tuple[float, float] | None = field(default=None, init=False)
 
     def may_sweep(self, newest: datetime | None) -> bool:
         """Whether to sweep now; if so, this is the last sweep from now on.
@@ -49,8 +47,8 @@ class SweepClock:
         Raises:
             OSError: the file cannot be written.
         """
-        now_s = self._wall_s()
-        before, self._before = self._before, (now_s, self._monotonic_s())
+        now_s = self.wall_s()
+        before, self._before = self._before, (now_s, self.monotonic_s())
         if not self.file.exists():
             self.file.touch(mode=0o600)
             first_s = now_s if newest is None else min(now_s, newest.timestamp())
