@@ -21,7 +21,7 @@ import contextlib
 import json
 import logging
 import secrets
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
@@ -100,11 +100,10 @@ class TargetState:
 
 @dataclass(frozen=True)
 class Pace:
-    """Batch sizes, waits and timeouts of a dispatcher; times in seconds.
+    """Waits and timeouts of a dispatcher; times in seconds.
 
     Attributes:
-        batch: deliveries to one target leased together.
-        together: deliveries of different parts sent to one target at the same time.
+        together: deliveries of different parts leased and sent to one target at the same time.
         look_s: time between two looks at the outbox when nothing wakes the dispatcher.
         first_wait_s: wait before the second attempt; doubled with every further one.
         longest_wait_s: longest wait between two attempts.
@@ -113,7 +112,6 @@ class Pace:
         lease_s: time for which other services leave a delivery alone; longer than `send_s`.
     """
 
-    batch: int = 100
     together: int = 4
     look_s: float = 1.0
     first_wait_s: float = 1.0
@@ -169,7 +167,7 @@ class Dispatcher:
         self.wake()
         await end_tasks(self._tasks, grace_s=grace_s)
         with contextlib.suppress(Exception):  # else they are the others' when the lease is over
-            await self._release(tuple(self._leased))
+            await asyncio.to_thread(self._outbox.release, self._owner, tuple(self._leased))
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
     async def _run(self, target: str, sender: Sender) -> None:
@@ -184,12 +182,22 @@ class Dispatcher:
             pause_s, wakes = pace.look_s, woken
             try:
                 until_s = loop.time() + pace.lease_s
-                limit = 1 if rests else pace.batch
                 leased = await asyncio.to_thread(
-                    self._outbox.lease, self._owner, [target], lease_s=pace.lease_s, limit=limit
+                    self._outbox.lease,
+                    self._owner,
+                    [target],
+                    lease_s=pace.lease_s,
+                    limit=1 if rests else pace.together,
                 )
+                if loop.time() + pace.send_s > until_s:
+                    leased = ()  # it has stalled; they are given to it again
                 self._leased.update(delivery.id for delivery in leased)
-                rest_s = await self._serve(sender, leased, until_s, rests + 1)
+                sendings = (self._send(sender, delivery, rests + 1) for delivery in leased)
+                done = await asyncio.gather(*sendings, return_exceptions=True)
+                for error in done:
+                    if isinstance(error, BaseException):
+                        raise error
+                rest_s = max((wait_s for wait_s in done if isinstance(wait_s, float)), default=0.0)
                 troubles = 0
                 if rest_s:
                     rests, pause_s, wakes = rests + 1, rest_s, self._stopping
@@ -208,27 +216,6 @@ class Dispatcher:
         waiting = await asyncio.to_thread(self._outbox.waiting_results)
         for target in sorted(set(waiting) - set(self._senders)):
             _log.warning("results wait to be sent to %s, which is not set up here", target)
-
-    async def _serve(
-        self, sender: Sender, deliveries: Sequence[Delivery], until_s: float, failures: int
-    ) -> float:
-        """Send what is leased, while the lease lasts; seconds to rest if the target is away."""
-        waiting = list(reversed(deliveries))
-        rests: list[float] = []
-        loop = asyncio.get_running_loop()
-
-        async def work() -> None:
-            while waiting and not rests and not self._stopping.is_set():
-                if loop.time() + self._pace.send_s > until_s:
-                    return
-                if rest_s := await self._send(sender, waiting.pop(), failures):
-                    rests.append(rest_s)
-
-        done = await asyncio.gather(*(work() for _ in range(self._pace.together)), return_exceptions=True)
-        for error in filter(None, done):
-            raise error
-        await self._release(tuple(delivery.id for delivery in waiting))
-        return max(rests, default=0.0)
 
     async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
         """Send one delivery; seconds to rest if the target is away."""
@@ -281,11 +268,6 @@ class Dispatcher:
             else:
                 _log.info("%s is back", target)
         state.error = error
-
-    async def _release(self, delivery_ids: Collection[int]) -> None:
-        if delivery_ids:
-            await asyncio.to_thread(self._outbox.release, self._owner, delivery_ids)
-        self._leased.difference_update(delivery_ids)
 
 
 def body_of(delivery: Delivery) -> bytes:

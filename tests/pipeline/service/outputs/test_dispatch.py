@@ -103,7 +103,7 @@ async def test_a_target_that_is_away_is_asked_seldom_and_holds_up_no_other() -> 
             raise DeliveryError("away", away=True)
 
     outbox, gone, well = filled(300, 1, ("mqtt", "webhook")), Recorder(trouble), Recorder()
-    pace = Pace(look_s=0.01, first_wait_s=0.05, longest_wait_s=0.3, longest_rest_s=0.2, batch=50)
+    pace = Pace(look_s=0.01, first_wait_s=0.05, longest_wait_s=0.3, longest_rest_s=0.2)
     dispatcher = dispatcher_of(outbox, pace, mqtt=gone, webhook=well)
     dispatcher.start()
     await until(lambda: len(well.arrived) == 300, why="for the target that works")
@@ -171,7 +171,7 @@ async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries_and_is_sai
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     outbox, sender = filled(60, 1, ("mqtt", "webhook")), Recorder()
-    pace = Pace(look_s=0.01, first_wait_s=0.01, longest_wait_s=60.0, batch=20)
+    pace = Pace(look_s=0.01, first_wait_s=0.01, longest_wait_s=60.0)
     dispatcher = dispatcher_of(outbox, pace, webhook=sender)
     dispatcher.start()
     await until(lambda: len(sender.arrived) == 60)
