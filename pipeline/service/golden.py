@@ -57,13 +57,9 @@ class GoldenPart:
         """The line's, the newest first, the reference among them or last."""
         return self._store.golden_scans(self._line)
 
-    def reference(self, scans: tuple[GoldenRecord, ...]) -> GoldenRecord | None:
-        """The reference scan, with which the newest is compared."""
-        return next((scan for scan in scans if scan.reference), None)
-
     def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
-        """Measures of wear that exceed their limit in the newest scan."""
-        reference = self.reference(scans)
+        """Measures of wear that exceed their limit in the newest scan, compared with the reference."""
+        reference = next((scan for scan in scans if scan.reference), None)
         return wear(scans[0], reference) if reference is not None else ()
 
     def faults(self) -> dict[str, str | None]:

@@ -114,7 +114,10 @@ class Intake:
         try:
             yield folder
         finally:
-            shutil.rmtree(folder, ignore_errors=True)
+            try:
+                folder.rmdir()  # what was kept has left it
+            except OSError:
+                shutil.rmtree(folder, ignore_errors=True)
 
     def can_read(self, job: str) -> bool:
         """Whether parts of a job can be read now."""

@@ -148,6 +148,17 @@ class JobFolder:
                 found.append(JobAnswer(name, shown, known.problem))
         return found
 
+    def answer(self, name: str) -> JobAnswer:
+        """A job as the list shows it.
+
+        Raises:
+            Problem: 404, there is none.
+        """
+        for job in self.listed():
+            if job.name == name:
+                return job
+        raise Problem(404, f"there is no job {name[:100]!r}; somebody may have deleted it")
+
     def written(self, name: str) -> dict[str, Any] | None:
         """Content of a job's file, with lines as `ReadSettings.line`; None if there is no file.
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
+from dataclasses import KW_ONLY, dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -37,38 +38,33 @@ NOBODY = "nobody has felt it in time"
 log = structlog.get_logger("tactile-marks")
 
 
+@dataclass
 class TouchQueue:
-    """Has the stage feel what waits for it."""
+    """Has the stage feel what waits for it.
 
-    def __init__(
-        self,
-        store: Store,
-        feel: Callable[[PartRecord], Awaitable[PartRecord]],
-        *,
-        give_up: Callable[[PartRecord, str], Awaitable[object]],
-        line: str = "",
-        wait_s: float = 900.0,
-        retry_s: float = 15.0,
-    ) -> None:
-        """Take what it works with; nothing is felt yet.
+    Attributes:
+        store: where the parts wait.
+        feel: has the stage feel a part, and keeps what was read; raises Problem.
+        give_up: leaves a part to a person, and says why.
+        line: whose parts the stage feels.
+        wait_s: how long a part waits.
+        retry_s: between two attempts at a part.
+    """
 
-        Args:
-            store: where the parts wait.
-            feel: has the stage feel a part, and keeps what was read; raises Problem.
-            give_up: leaves a part to a person, and says why.
-            line: whose parts the stage feels.
-            wait_s: how long a part waits.
-            retry_s: between two attempts at a part.
-        """
-        self._store, self._feel, self._give_up = store, feel, give_up
-        self.line, self._wait_s, self._retry_s = line, wait_s, retry_s
-        self._deadlines: dict[tuple[str, datetime | None], float] = {}
-        self._attempts: dict[str, asyncio.Task[PartRecord]] = {}
-        self._rest_until: dict[str, float] = {}
+    store: Store
+    feel: Callable[[PartRecord], Awaitable[PartRecord]]
+    _: KW_ONLY
+    give_up: Callable[[PartRecord, str], Awaitable[object]]
+    line: str = ""
+    wait_s: float = 900.0
+    retry_s: float = 15.0
+    _deadlines: dict[tuple[str, datetime | None], float] = field(default_factory=dict, init=False)
+    _attempts: dict[str, asyncio.Task[PartRecord]] = field(default_factory=dict, init=False)
+    _rest_until: dict[str, float] = field(default_factory=dict, init=False)
 
     def until(self) -> datetime:
         """Until when a part waits that begins to wait now."""
-        return datetime.now(UTC) + timedelta(seconds=self._wait_s)
+        return datetime.now(UTC) + timedelta(seconds=self.wait_s)
 
     async def attempt(self, part: PartRecord) -> PartRecord:
         """The part once the attempt at it has ended; one that is under way is waited for.
@@ -85,7 +81,7 @@ class TouchQueue:
     async def look(self) -> None:
         """Look once: give up what has waited for too long, and begin attempts at what is due."""
         now = time.monotonic()
-        waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self._store.waiting_for_touch)}
+        waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self.store.waiting_for_touch)}
         self._deadlines = {
             key: self._deadlines[key] if key in self._deadlines else now + self._left_s(one)
             for key, one in waiting.items()
@@ -93,7 +89,7 @@ class TouchQueue:
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
                 await self._given_up(part_id)
-        for part in await asyncio.to_thread(self._store.waiting_for_stage, self.line):
+        for part in await asyncio.to_thread(self.store.waiting_for_stage, self.line):
             if len(self._attempts) >= AT_ONCE:
                 break
             if part.id not in self._attempts and self._rest_until.get(part.id, 0.0) <= now:
@@ -106,9 +102,9 @@ class TouchQueue:
 
     async def _attempt(self, part: PartRecord) -> PartRecord:
         try:
-            felt = await self._feel(part)
+            felt = await self.feel(part)
         except BaseException:
-            self._rest_until[part.id] = time.monotonic() + self._retry_s
+            self._rest_until[part.id] = time.monotonic() + self.retry_s
             raise
         else:
             self._rest_until.pop(part.id, None)
@@ -120,14 +116,14 @@ class TouchQueue:
         """Seconds that a part may still wait; never more than it was given, whatever the clock says."""
         since, until = one.changed_at, one.until
         if until is None:
-            until = since + timedelta(seconds=self._wait_s)
+            until = since + timedelta(seconds=self.wait_s)
         return max(0.0, min((until - datetime.now(UTC)).total_seconds(), (until - since).total_seconds()))
 
     async def _given_up(self, part_id: str) -> None:
         self._rest_until.pop(part_id, None)
         try:
-            part = await asyncio.to_thread(self._store.part, part_id)
-            await self._give_up(part, NOBODY)
+            part = await asyncio.to_thread(self.store.part, part_id)
+            await self.give_up(part, NOBODY)
         except ConflictError:
             return  # it was felt, reviewed or given up by another service meanwhile
         except StoreError:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -37,36 +37,30 @@ MOST_LOST = 2
 """Workers lost in a row after which the service is not ready, until a worker has read a clean part."""
 
 
+@dataclass
 class WorkerCalls:
-    """Functions called in the pool's workers."""
+    """Functions called in the pool's workers.
 
-    def __init__(
-        self,
-        pool: WorkPool,
-        *,
-        databases: Callable[[str], Path | None],
-        settings: Callable[[str], ReadSettings],
-        limits: Limits,
-        metrics: Metrics,
-    ) -> None:
-        """Take the pool.
+    Attributes:
+        pool: of workers.
+        databases: file of the glyph database with a name; raises Problem for an unknown one.
+        settings: settings of reading of the job with a name; raises Problem for an unknown one.
+        limits: of files.
+        metrics: counters.
+    """
 
-        Args:
-            pool: of workers.
-            databases: file of the glyph database with a name; raises Problem for an unknown one.
-            settings: settings of reading of the job with a name; raises Problem for an unknown one.
-            limits: of files.
-            metrics: counters.
-        """
-        self._pool, self._databases, self._settings = pool, databases, settings
-        self._limits, self._metrics = limits, metrics
-        self._troubles: dict[tuple[str, str], str] = {}
-        self._lost: list[str] = []
+    pool: WorkPool
+    databases: Callable[[str], Path | None]
+    settings: Callable[[str], ReadSettings]
+    limits: Limits
+    metrics: Metrics
+    _troubles: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
+    _lost: list[str] = field(default_factory=list, init=False)
 
     @property
     def busy(self) -> float | None:
         """Seconds after which to ask again while the queue is full; None while it has room."""
-        return self._pool.retry_after_s()
+        return self.pool.retry_after_s()
 
     @property
     def troubles(self) -> dict[str, str]:
@@ -80,7 +74,7 @@ class WorkerCalls:
         if len(self._lost) >= MOST_LOST:
             return f"the last {len(self._lost)} workers were lost, the latest so: {self._lost[-1]}"
         try:
-            missing = [path.name for path in files_of(self._settings(job)) if not path.is_file()]
+            missing = [path.name for path in files_of(self.settings(job)) if not path.is_file()]
         except Problem as problem:
             return problem.detail
         return f"{missing[0]} is not there; put it back" if missing else ""
@@ -89,20 +83,20 @@ class WorkerCalls:
         """Check again what was unusable; after lost workers, read a clean part that the program makes."""
         if len(self._lost) >= MOST_LOST:
             with contextlib.suppress(Problem, WorkerLostError):
-                await self._call_once(warm_up, self._settings(""), self._limits)
+                await self._call_once(warm_up, self.settings(""), self.limits)
                 log.info("a clean part is read again: the parts that have lost the workers are to blame")
         for job, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
                 async with self._noted(job, database):
-                    settings = await asyncio.to_thread(self._settings, job)
-                    if (glyphs := self._databases(database)) is not None:
+                    settings = await asyncio.to_thread(self.settings, job)
+                    if (glyphs := self.databases(database)) is not None:
                         settings = settings.model_copy(update={"database": glyphs})
                     await self._call_once(check_settings, settings)
 
     def outside_format(self, text: str, job: str) -> str:
         """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""
         try:
-            return outside_format(text, self._settings(job))
+            return outside_format(text, self.settings(job))
         except (Problem, FileError):
             return ""
 
@@ -128,12 +122,12 @@ class WorkerCalls:
             OwnProblem: an unusable file of the service.
         """
         async with self._noted(job, database):
-            settings = await asyncio.to_thread(self._settings, job)
-            order = replace(order, database=self._databases(database))
+            settings = await asyncio.to_thread(self.settings, job) if job else self.settings(job)
+            order = replace(order, database=self.databases(database))
             if felt_by is None:
-                return await self.call(read_order, order, settings, self._limits)
+                return await self.call(read_order, order, settings, self.limits)
             # a second try would feel the part again
-            return await self.call(read_on_stage, order, settings, self._limits, *felt_by, tries=1)
+            return await self.call(read_on_stage, order, settings, self.limits, *felt_by, tries=1)
 
     async def call(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
         """Call a function in a worker; a lost worker is replaced, and the call repeated.
@@ -157,7 +151,7 @@ class WorkerCalls:
             MarksError: as the function.
         """
         try:
-            found: T = self._pool.submit(function, *arguments, timeout_s=timeout_s).result()
+            found: T = self.pool.submit(function, *arguments, timeout_s=timeout_s).result()
         except BusyError as error:
             raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
@@ -173,12 +167,12 @@ class WorkerCalls:
 
     async def _call_once(self, function: Callable[..., T], *arguments: Any) -> T:
         try:
-            done: T = await asyncio.wrap_future(self._pool.submit(function, *arguments))
+            done: T = await asyncio.wrap_future(self.pool.submit(function, *arguments))
         except BusyError as error:
-            self._metrics.refused.inc()
+            self.metrics.refused.inc()
             raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
-            self._metrics.lost_workers.inc()
+            self.metrics.lost_workers.inc()
             self._lost = [*self._lost[-99:], str(error)]
             log.warning("worker lost", why=str(error))
             raise

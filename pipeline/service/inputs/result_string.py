@@ -21,22 +21,16 @@ from pipeline.common.row import codes_text, fields_text, lines_text
 from pipeline.service.inputs.trigger import NO_READING, decision_of
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
-TEXT_FIELDS: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
-    "name": lambda part, _: part.name,
+# fields of the part, and of its reading
+_OF_PART = ("name", "text", "id", "state", "expected", "database", "job")
+_OF_READING = ("source", "verdict", "font")
+_MADE: dict[str, Callable[[PartRecord, ReadingRecord], str]] = {
     "decision": lambda part, _: decision_of(part).value,
-    "text": lambda part, _: part.text,
-    "source": lambda _, reading: reading.source,
-    "id": lambda part, _: part.id,
-    "state": lambda part, _: part.state.value,
-    "verdict": lambda _, reading: reading.verdict,
-    "expected": lambda part, _: part.expected,
-    "font": lambda _, reading: reading.font,
-    "database": lambda part, _: part.database,
-    "job": lambda part, _: part.job,
     "lines": lambda _, reading: lines_text(reading.lines),
     "codes": lambda _, reading: codes_text(reading.codes),
     "fields": lambda _, reading: fields_text(reading.fields),
 }
+TEXT_FIELDS = (*_OF_PART, *_OF_READING, *_MADE)
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
@@ -79,7 +73,10 @@ class ResultString:
     def of(self, part: PartRecord) -> str:
         """The result string of a part, without the line's end."""
         reading = part.reading or NO_READING
-        texts = {name: self._quoted(value(part, reading)) for name, value in TEXT_FIELDS.items()}
+        texts = {name: str(getattr(part, name)) for name in _OF_PART}
+        texts |= {name: getattr(reading, name) for name in _OF_READING}
+        texts |= {name: make(part, reading) for name, make in _MADE.items()}
+        texts = {name: self._quoted(text) for name, text in texts.items()}
         numbers = {name: getattr(reading, name) or 0.0 for name in NUMBER_FIELDS}
         return self.template.format(**texts, **numbers)
 

@@ -105,8 +105,8 @@ class FolderLooks:
         """
         self.folder, self.took_s = folder, 0.0
         self._journal, self._a_set, self._settle_s = journal, a_set, settle_s
-        self._seen: dict[str, FileState] = {}
-        self._sets: dict[str, tuple[dict[str, FileState], float]] = {}
+        # each file or set as it stood at the last look, and since when it has stood so
+        self._seen: dict[str, tuple[dict[str, FileState], float]] = {}
         self._gone = False
 
     def complete(self) -> list[WatchedPart]:
@@ -119,14 +119,15 @@ class FolderLooks:
         groups: dict[str, dict[str, FileState]] = {}
         for path, state in sorted(now.items()):
             groups.setdefault(set_of(path) or path, {})[path] = state
-        self._sets = {name: kept for name, kept in self._sets.items() if name in groups}
-        found = []
+        before, self._seen, found = self._seen, {}, []
         for name, files in groups.items():
-            still = all(self._seen.get(path) == state and state.n_bytes for path, state in files.items())
-            if still and self._is_new(files) and (name in now or self._is_whole(name, files, began)):
+            stood, since_s = before.get(name, ({}, began))
+            self._seen[name] = files, since_s if stood == files else began
+            still = stood == files and all(state.n_bytes for state in files.values())
+            whole = name in now or len(files) == self._a_set or began - since_s >= self._settle_s
+            if still and whole and self._is_new(files):
                 stem = Path(name).stem if name in now else name
                 found.append(WatchedPart(stem, {Path(path): state for path, state in files.items()}))
-        self._seen = now
         # an empty folder may be a drive that is away
         if now and len(self._journal.done) > 2 * len(now) + _SPARE:
             try:
@@ -138,13 +139,6 @@ class FolderLooks:
     def _is_new(self, files: Mapping[str, FileState]) -> bool:
         known = self._journal.done
         return any(path not in known or known[path].state != state for path, state in files.items())
-
-    def _is_whole(self, name: str, files: dict[str, FileState], now_s: float) -> bool:
-        before, since_s = self._sets.get(name, ({}, now_s))
-        if before != files:
-            since_s = now_s
-        self._sets[name] = (files, since_s)
-        return len(files) == self._a_set or now_s - since_s >= self._settle_s
 
     def _files(self) -> dict[str, FileState] | None:
         """The files that lie there; None if the folder is away.
