@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel
 from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import Box, ReadingRecord
+from pipeline.common.reading_records import Box, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
@@ -30,6 +30,7 @@ _SIDES = ("left", "top", "right", "bottom")
 _WHOLE: Region = (0.0, 0.0, 1.0, 1.0)
 # room about a line that was read, in heights of its characters: lines stand twice as far apart and more
 _ROOM_HEIGHTS = 0.25
+Lines = Annotated[str, AfterValidator(lambda text: text.replace("\r\n", "\n"))]
 Typed = Annotated[str, AfterValidator(lambda text: text.strip()[:MOST_TEXT])]
 
 
@@ -69,6 +70,15 @@ class Lesson(BaseModel):
         return Taught(self.line, self.text, format, (left, top, right, bottom), height_mm, self.database)
 
 
+class Edit(BaseModel):
+    """The form that edits the text of a job; browsers end lines with CR LF."""
+
+    text: Lines = ""
+    before: Lines = ""
+    action: str = "save"
+    sure: str = ""
+
+
 def add_job_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of the list, of the text of a job, and of a job to be taught."""
     looks, reviews = Depends(frame.reader_view), Depends(frame.reviewer_view)
@@ -91,25 +101,17 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
         return _edit_page(view, jobs, name)
 
     @router.post("/jobs/edit/{name}")
-    def save_edit(
-        name: str,
-        action: Annotated[str, Form()] = "save",
-        text: Annotated[str, Form()] = "",
-        before: Annotated[str, Form()] = "",
-        sure: Annotated[str, Form()] = "",
-        view: View = reviews,
-    ) -> Response:
-        text, before = (value.replace("\r\n", "\n") for value in (text, before))
+    def save_edit(name: str, edit: Annotated[Edit, Form()], view: View = reviews) -> Response:
         try:
-            if action == "delete":
-                if not sure:
-                    raise Problem(422, "tick the box beside Delete first")
-                jobs.delete(name)
-                return view.redirect(f"/jobs?{urlencode({'gone': name})}")
-            save_edited(jobs, name, text, before=before)
+            if edit.action != "delete":
+                save_edited(jobs, name, edit.text, before=edit.before)
+                return view.redirect(f"/jobs?{urlencode({'done': name})}")
+            if not edit.sure:
+                raise Problem(422, "tick the box beside Delete first")
+            jobs.delete(name)
         except Problem as problem:
-            return _edit_page(view, jobs, name, text=text, before=before, problem=problem)
-        return view.redirect(f"/jobs?{urlencode({'done': name})}")
+            return _edit_page(view, jobs, name, edit, problem)
+        return view.redirect(f"/jobs?{urlencode({'gone': name})}")
 
     @router.get("/jobs/format")
     def format_of(text: str = "", view: View = looks) -> Response:
@@ -120,7 +122,7 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
         found, (picture, *_) = frame.store.part(part), _pictures(frame, part, by)
         sources = ("vision",) if picture.which == "photo" else TOUCH
         reading = last_reading(frame.store.readings(part), sources)
-        lesson = _another(name, reading, picture) if name else _proposed(found, reading, picture)
+        lesson = _proposed(found, reading, picture.frame, job=name)
         return _teach_page(view, jobs, lesson.model_copy(update={"part": part, "by": by}))
 
     @router.post("/jobs/new")
@@ -150,13 +152,7 @@ def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | 
 
 
 def _edit_page(
-    view: View,
-    jobs: JobFolder,
-    name: str,
-    *,
-    text: str | None = None,
-    before: str | None = None,
-    problem: Problem | None = None,
+    view: View, jobs: JobFolder, name: str, edit: Edit | None = None, problem: Problem | None = None
 ) -> Response:
     """The text of a job, to be saved or deleted.
 
@@ -164,13 +160,8 @@ def _edit_page(
         Problem: there is no such job.
     """
     job, stands = jobs.answer(name), text_to_edit(jobs, name)
-    return view.page(
-        "job.html.j2",
-        problem=problem,
-        job=job,
-        text=stands if text is None else text,
-        before=stands if before is None else before,
-    )
+    edit = edit or Edit(text=stands, before=stands)
+    return view.page("job.html.j2", problem=problem, job=job, text=edit.text, before=edit.before)
 
 
 def _pictures(frame: Frame, part_id: str, by: str) -> list[PictureView]:
@@ -190,27 +181,19 @@ def _pictures(frame: Frame, part_id: str, by: str) -> list[PictureView]:
     return sorted(found, key=lambda one: one.which != by)
 
 
-def _proposed(part: PartRecord, reading: ReadingRecord | None, picture: PictureView) -> Lesson:
-    """The line that was read, with room about it; the whole picture where none was."""
-    # the camera's scale is seldom so well known as touch's
-    by_touch = part.reading is not None and part.reading.source in TOUCH
-    height_mm = part.reading.height_mm if by_touch and part.reading is not None else None
-    return Lesson(
-        name=part.job or name_like(part.name),
-        text=part.text,
-        format=format_like(part.text),
-        height_mm="" if height_mm is None else f"{height_mm:.2f}",
-        **_box([] if reading is None else [c.box for c in reading.characters], picture.frame),
-    )
-
-
-def _another(name: str, reading: ReadingRecord | None, picture: PictureView) -> Lesson:
-    """Another line of a job: one that was read beside the serial and has no name yet, if there is any."""
-    line = next((line for line in (reading.lines if reading is not None else ()) if not line.name), None)
-    text, box = ("", None) if line is None else (line.text, line.box_mm or line.box_px)
-    return Lesson(
-        name=name, text=text, format=format_like(text), **_box([] if box is None else [box], picture.frame)
-    )
+def _proposed(
+    part: PartRecord, reading: ReadingRecord | None, frame: PictureFrame | None, *, job: str
+) -> Lesson:
+    """The line that was read; of a job that has it, one beside the serial that has no name yet, if there is any."""
+    text, height, boxes = part.text, "", [] if reading is None else [c.box for c in reading.characters]
+    if job:
+        others = (line for line in (reading.lines if reading is not None else ()) if not line.name)
+        line = next(others, LineRecord("", "", 0.0))
+        text, boxes = line.text, [box for box in (line.box_mm or line.box_px,) if box is not None]
+    elif part.reading is not None and part.reading.source in TOUCH and part.reading.height_mm is not None:
+        height = f"{part.reading.height_mm:.2f}"  # the camera's scale is seldom so well known as touch's
+    name = job or part.job or name_like(part.name)
+    return Lesson(name=name, text=text, format=format_like(text), height_mm=height, **_box(boxes, frame))
 
 
 def _box(boxes: Sequence[Box], frame: PictureFrame | None) -> dict[str, str]:

@@ -196,7 +196,11 @@ def _with_timeouts(receive: Receive) -> Receive:
         if whole:
             return await receive()  # waits for the end of the connection, which may take long
         try:
-            async with asyncio.timeout(min(BODY_PATIENCE_S, max(0.0, until_s - time.monotonic()))):
+            if (
+                left_s := until_s - time.monotonic()
+            ) <= 0.0:  # a body that never keeps it waiting ends as well
+                raise TimeoutError
+            async with asyncio.timeout(min(BODY_PATIENCE_S, left_s)):
                 message = await receive()
         except TimeoutError:
             detail = (
