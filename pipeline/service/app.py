@@ -31,6 +31,7 @@ from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
+from pipeline.service.connections import Connection
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.job_folder import JobFolder
@@ -167,9 +168,13 @@ class Service:
         gauge(
             "targets_troubled",
             "Targets of results that cannot be reached or refuse results.",
-            lambda: sum(not one.works for one in self.ports.connections()),
+            lambda: sum(not one.works for one in self.connections()),
         )
         gauge("outbox", "Results not yet published.", self.store.undelivered)
+
+    def connections(self) -> tuple[Connection, ...]:
+        """The connections to other systems as they are now."""
+        return self.ports.connections()
 
     def why_not_ready(self) -> str:
         """Why parts cannot be read, without paths, for it is asked without a token; empty if they can."""
@@ -198,7 +203,7 @@ class Service:
 
     def state(self) -> dict[str, str]:
         """Answer of /readyz: targets, drift, bench, and what is unusable."""
-        targets = [one for one in self.ports.connections() if one.is_target]
+        targets = [one for one in self.connections() if one.is_target]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
         found = {
             "status": "ready" if all(one.works for one in targets) else "degraded",
@@ -307,7 +312,13 @@ def create_app(service: Service) -> FastAPI:
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
         app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
-    app.add_middleware(Door, service=service)
+    app.add_middleware(
+        Door,
+        settings=settings,
+        access=service.access,
+        metrics=service.metrics,
+        busy=lambda: service.intake.calls.busy,
+    )
     return app
 
 

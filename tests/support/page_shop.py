@@ -64,7 +64,7 @@ class Shop:
             jobs=self.jobs,
             intake=SimpleNamespace(calls=SimpleNamespace(outside_format=lambda text, job: "")),
             golden=SimpleNamespace(scans=tuple),
-            ports=SimpleNamespace(connections=tuple),
+            connections=tuple,
             reviews=SimpleNamespace(
                 policy=policy,
                 review=partial(self.store.review, targets=("webhook",), readers=policy.readers),

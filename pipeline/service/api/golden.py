@@ -15,7 +15,7 @@ from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
 
 if TYPE_CHECKING:
-    from pipeline.service.app import Service
+    from pipeline.service.service_parts import ServiceParts
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class GoldenAnswer(GoldenRecord):
     worn: tuple[str, ...] = ()
 
 
-def golden_router(service: Service) -> APIRouter:
+def golden_router(service: ServiceParts) -> APIRouter:
     """The routes of /v1/golden."""
     responses = problems(401, 403)
     router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute, responses=responses)

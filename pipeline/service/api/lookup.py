@@ -31,7 +31,7 @@ from pipeline.service.web.problem import Problem
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
 if TYPE_CHECKING:
-    from pipeline.service.app import Service
+    from pipeline.service.service_parts import ServiceParts
 
 _LASTING = "private, max-age=31536000, immutable"
 
@@ -47,7 +47,7 @@ class FiguresAnswer(Statistics):
     audits: AuditFigures
 
 
-def lookup_router(service: Service) -> APIRouter:
+def lookup_router(service: ServiceParts) -> APIRouter:
     """The routes that look up /v1/parts."""
     router = APIRouter(prefix="/v1", responses=problems(401, 403, 422))
     Reads, store, files = may(service.access, Scope.READ), service.store, service.evidence

@@ -35,7 +35,7 @@ from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receiv
 from pipeline.store.parts import IdempotencyKey
 
 if TYPE_CHECKING:
-    from pipeline.service.app import Service
+    from pipeline.service.service_parts import ServiceParts
 
 Photos = Annotated[
     list[UploadFile] | None,
@@ -58,7 +58,7 @@ _REPLAYED = {
 }
 
 
-def parts_router(service: Service) -> APIRouter:
+def parts_router(service: ServiceParts) -> APIRouter:
     """The routes that add to /v1/parts."""
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)

@@ -22,10 +22,10 @@ from pipeline.service.pages.shadow import add_shadow_page
 from pipeline.service.web.uploads import SMALL_BODY
 
 if TYPE_CHECKING:
-    from pipeline.service.app import Service
+    from pipeline.service.service_parts import ServiceParts
 
 
-def add_pages(app: FastAPI, service: Service) -> None:
+def add_pages(app: FastAPI, service: ServiceParts) -> None:
     """Add the routes of all pages of a service, and its page of a problem."""
     frame, router = Frame(service), APIRouter(include_in_schema=False)
     for add in (

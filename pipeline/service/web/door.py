@@ -15,6 +15,7 @@ import ipaddress
 import re
 import secrets
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import anyio.to_thread
@@ -31,7 +32,9 @@ from pipeline.service.web.problem_responses import problem_answer
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-    from pipeline.service.app import Service
+    from pipeline.service.metrics import Metrics
+    from pipeline.service.settings import ServiceSettings
+    from pipeline.service.web.access import Access
 
 REQUEST_ID = "x-request-id"
 BODY_PATIENCE_S = 30.0
@@ -59,11 +62,19 @@ class Door:
     HEAD is answered as GET without the body. A proxy's prefix (`root_path`) is removed from the path.
     """
 
-    def __init__(self, app: ASGIApp, *, service: Service) -> None:
-        """Wrap the application of a service, whose settings hold the rules."""
-        self._app, self._metrics = app, service.metrics
-        self._access, self._calls, self._settings = service.access, service.intake.calls, service.settings
-        self._proxies = tuple(map(ipaddress.ip_network, service.settings.trusted_proxies))
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        settings: ServiceSettings,
+        access: Access,
+        metrics: Metrics,
+        busy: Callable[[], float | None],
+    ) -> None:
+        """Wrap the application; `busy` gives the seconds after which to send a part again, None while there is room."""
+        self._app, self._settings, self._access, self._metrics = app, settings, access, metrics
+        self._busy = busy
+        self._proxies = tuple(map(ipaddress.ip_network, settings.trusted_proxies))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -164,7 +175,7 @@ class Door:
         most_bytes = self._settings.limits.upload_bytes
         if length.isdigit() and int(length) > most_bytes:
             raise Problem(413, f"the upload is over the limit of {most_bytes / 1e6:.0f} MB; crop it")
-        if (wait_s := self._calls.busy) is not None:
+        if (wait_s := self._busy()) is not None:
             self._metrics.refused.inc()
             raise busy(wait_s)
 
