@@ -4,7 +4,7 @@
     marks-exam-2-80, the first
 
 - A floor is a count of these parts, so nothing of chance is in it: the same program gives the same counts. On
-  another processor sums may be rounded otherwise; `SLACK` is what that may cost.
+  another processor sums may be rounded otherwise; `SLACK` and `CAMERA_SLACK` are what that may cost.
 - Characters, serials and accepted may not fall below their floor by more; accepted-wrong may not rise at all.
 - `tighten` only ever raises them. Floors are raised in a commit that changes nothing else; a test reads the history.
 """
@@ -32,6 +32,9 @@ NOT_JUDGED = frozenset({("marks-exam-1-48", "vision")})
 characters and 43 serials; one tuned on others reads 359 and 39."""
 SLACK = {"characters": 3, "serials": 1, "accepted": 1}
 """Parts or characters by which another processor's rounding may fall below a floor."""
+CAMERA_SLACK = {"characters": 8, "serials": 2, "accepted": 2}
+"""The same of the camera alone, whose doubtful lines are found or missed as sums are rounded: one program read 111
+characters and 10 serials of the second exam's 16 parts on one processor, 105 and 8 on another."""
 
 
 class Counts(NamedTuple):
@@ -103,7 +106,7 @@ def objections(found: Floors, floors: Floors) -> list[str]:
         if (floor := floors.get(mode)) is None:
             lines.append(f"{mode}: has no floor yet (give it one with --raise)")
             continue
-        for name, slack in SLACK.items():
+        for name, slack in (CAMERA_SLACK if mode == "vision" else SLACK).items():
             here, least = getattr(counts, name), getattr(floor, name)
             if here < least - slack:
                 lines.append(f"{mode}: {name} {here}, the floor is {least} (less {slack} for rounding)")

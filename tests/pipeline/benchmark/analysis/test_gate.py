@@ -60,6 +60,12 @@ def test_what_is_worse_is_said(found: Counts, said: list[str]) -> None:
     assert objections({"tactile": found}, {"tactile": FLOOR}) == said
 
 
+def test_the_camera_may_lose_a_line_to_rounding() -> None:
+    assert objections({"vision": Counts(82, 7, 3, 1)}, {"vision": FLOOR}) == []
+    (said,) = objections({"vision": Counts(81, 7, 3, 1)}, {"vision": FLOOR})
+    assert said == "vision: characters 81, the floor is 90 (less 8 for rounding)"
+
+
 def test_a_mode_without_a_floor_is_no_pass_and_one_that_is_not_read_is_not_asked() -> None:
     (said,) = objections({"tactile": FLOOR}, {"vision": FLOOR})
     assert said.startswith("tactile: has no floor yet")
