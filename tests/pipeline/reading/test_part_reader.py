@@ -91,8 +91,8 @@ def fused_as(
         seen.append((touch.text, vision.text, settings.format))
         return reading("A1", "fused").with_trace(touch=touch, vision=vision)
 
-    def fused_lattice(touch: Reading, vision: Reading, *, openly: bool = False) -> Any:
-        seen.append((touch.text, vision.text, openly))
+    def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Any:
+        seen.append((touch.text, vision.text, before_format))
         return None if lattice is None else (lattice, contradicted)
 
     monkeypatch.setattr("recognition.decision.fuse.fuse", fuse)
