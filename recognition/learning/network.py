@@ -46,7 +46,7 @@ class Drawn(nn.Module):
         """Blurred, by way of coarser pixels; three layers at most."""
         small = f.avg_pool2d(x, self.coarse)
         bell = self.bell[: x.shape[1]]
-        small = f.conv2d(small, bell.mT, padding=(self.reach, 0), groups=x.shape[1])
+        small = f.conv2d(small, bell.transpose(2, 3), padding=(self.reach, 0), groups=x.shape[1])
         small = f.conv2d(small, bell, padding=(0, self.reach), groups=x.shape[1])
         return f.interpolate(small, scale_factor=self.coarse, mode="bilinear")
 
