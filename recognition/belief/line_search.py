@@ -140,7 +140,11 @@ class LineSearch:
         ]
         # a line fills much of a scan, but may be small in a photograph
         small = [(self._smaller, self.limits.some)]
-        if max((one.score for one in found), default=0.0) < self.limits.clear_heights:
+        # a known height is one scale, which the first of these has searched
+        if (
+            self.height_mm is None
+            and max((one.score for one in found), default=0.0) < self.limits.clear_heights
+        ):
             # a line may be read at twice its height, and say much
             small.append((self._small, self.limits.plain))
         at = 2 if view.kind is ViewKind.PHOTO else len(tries)
