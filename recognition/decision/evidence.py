@@ -83,7 +83,7 @@ def measures_of(
         found[Measure.FINE] = roughness(heights_um, max(1, round(fine_mm / relief.pitch_mm)))
         found[Measure.COARSE] = roughness(heights_um, max(1, round(coarse_mm / relief.pitch_mm)))
         if touch.trace.felt_line is not None:
-            depth_um = 1e3 * touch.trace.felt_line.places.depth_mm()
+            depth_um = 1e3 * touch.trace.felt_line.depth_mm()
             for share, rough in ((Measure.FINE_SHARE, Measure.FINE), (Measure.COARSE_SHARE, Measure.COARSE)):
                 rough_um = found[rough]
                 found[share] = None if rough_um is None else rough_um / max(depth_um, 1.0)

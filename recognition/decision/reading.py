@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from recognition.decision.verify import Verification
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
-    from recognition.marks.strokes_felt import FeltLine, PlaceStrokes
+    from recognition.marks.strokes import FeltLine, PlaceStrokes
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief

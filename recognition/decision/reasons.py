@@ -121,16 +121,16 @@ def _rivals(reading: Reading, *, doubted: float = 0.05, most_places: int = 2) ->
 
 
 def places_text(reading: Reading, places: Sequence[int], *, most_named: int = 3) -> str:
-    """Characters and their places, from 0: "I at place 1, 7 at place 4"; if there are many, only places.
+    """Characters and their places: "I at place 1, 7 at place 4"; if there are many, only places.
 
     Args:
         reading: of the part.
-        places: ascending.
+        places: from 1, ascending.
         most_named: most characters that are named one by one.
     """
     if len(places) > most_named:
-        return _ranges([k + 1 for k in places])
-    return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)
+        return _ranges(places)
+    return ", ".join(f"{reading.characters[k - 1].char} at place {k}" for k in places)
 
 
 def _ranges(places: Sequence[int]) -> str:

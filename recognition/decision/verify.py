@@ -6,15 +6,14 @@
     none r           .00  .01  .01
 
 A dirty place counts neither for nor against; one character that is clearly another refutes the whole. Other
-texts need not fit the format: a wrong serial may break it. At prior 1/2 the lattice's posteriors are used
-unchanged.
+texts need not fit the format: a wrong serial may break it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 
@@ -22,6 +21,8 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Reading
 from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -102,14 +103,44 @@ class Verification:
         return tuple(differences)
 
 
+def with_verification(
+    reading: Reading,
+    lattice: Lattice | None,
+    expected: str,
+    *,
+    grammar: Grammar | None = None,
+    contradicted: bool = False,
+) -> Reading:
+    """The reading with the states of its places for the text expected, and the verdict in its trace.
+
+    Args:
+        reading: as read.
+        lattice, expected, grammar, contradicted: as of `verify`; None where no characters were found.
+
+    Raises:
+        VerifyError: a text that cannot be looked for.
+    """
+    if lattice is None:
+        lattice = Lattice((), np.zeros((0, 0)))
+    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted)
+    flags, characters = reading.flags, reading.characters
+    if contradicted:
+        flags |= ReadingFlag.SENSES_DISAGREE
+    if verification.verdict is Verdict.REFUTED:
+        flags |= ReadingFlag.MISMATCH
+    if verification.places == len(characters):
+        states = {check.place: check.state for check in verification.characters}
+        characters = tuple(replace(c, state=states.get(k, c.state)) for k, c in enumerate(characters))
+    return replace(reading, characters=characters, flags=flags).with_trace(verification=verification)
+
+
 def verify(
     lattice: Lattice,
     expected: str,
     *,
-    prior: float = 0.5,
     grammar: Grammar | None = None,
-    confirm: float = 0.99,
-    refute: float = 0.99,
+    contradicted: bool = False,
+    least: float = 0.99,
 ) -> Verification:
     """Compare the posteriors of a line with the text that is expected.
 
@@ -119,63 +150,17 @@ def verify(
     Args:
         lattice: posteriors of the places.
         expected: the text; blanks are ignored.
-        prior: probability of the text before the part was felt, between 0 and 1.
         grammar: format that the expected text must fit.
-        confirm: least probability of "same" for CONFIRMED; also, no character may contradict the expected one.
-        refute: least probability of "differs" for REFUTED.
+        contradicted: two senses are sure of different characters: nothing is confirmed.
+        least: least probability of "same" for CONFIRMED, where no character may contradict the expected one, and of
+            "differs" for REFUTED.
 
     Raises:
-        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks; or the
-            prior or a limit is out of range.
+        VerifyError: the text is empty, breaks the grammar, or has characters that the lattice lacks.
     """
     text = "".join(expected.split())
-    _check(lattice, text, prior, grammar, confirm, refute)
-    pairs = _align(lattice, text)
-    belief = np.exp(lattice.log_belief)
-    nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
-    whole = lattice.n_places == len(text)
-    same, not_other = float(whole), 1.0
-    checks = []
-    for place, char in pairs:
-        if place is None:
-            checks.append(CharacterCheck(None, PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)))
-            continue
-        beliefs = dict(zip(lattice.chars, belief[place].tolist(), strict=True))
-        checks.append(CharacterCheck(place, state_of(beliefs, expected=char)))
-        if char:
-            known = beliefs[char]
-            same *= known
-            not_other *= min(1.0, known + float(nothing[place]))
-    differs = 1.0 - not_other
-    weights = np.array([2.0 * prior * same, 2.0 * (1.0 - prior) * differs, max(0.0, not_other - same)])
-    total = float(weights.sum())
-    probability, refutation = (float(w) / total if total > 0.0 else 0.0 for w in weights[:2])
-    contradicted = any(c.state.state is CharacterState.MISMATCH for c in checks)
-    verdict = Verdict.UNDECIDED
-    if refutation >= refute:
-        verdict = Verdict.REFUTED
-    elif probability >= confirm and whole and not contradicted:
-        verdict = Verdict.CONFIRMED
-    return Verification(
-        expected=text,
-        verdict=verdict,
-        probability=probability,
-        refutation=refutation,
-        characters=tuple(checks),
-        places=lattice.n_places,
-    )
-
-
-def _check(
-    lattice: Lattice, text: str, prior: float, grammar: Grammar | None, confirm: float, refute: float
-) -> None:
     if not text:
         raise VerifyError("the expected text is empty", hint="give the serial that the part should read")
-    if not 0.0 < prior < 1.0:
-        raise VerifyError(f"prior is {prior}", hint="it must be above 0 and below 1")
-    for name, limit in (("confirm", confirm), ("refute", refute)):
-        if not 0.5 < limit <= 1.0:
-            raise VerifyError(f"{name} is {limit}", hint="it must be above 0.5 and at most 1")
     unknown = sorted(set(text) - set(lattice.chars))
     if unknown and lattice.n_places:
         raise VerifyError(
@@ -187,6 +172,27 @@ def _check(
             f"the expected text {text!r} does not fit the format: {'; '.join(broken)}",
             hint="correct one of them",
         )
+    belief = np.exp(lattice.log_belief)
+    nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
+    whole = lattice.n_places == len(text)
+    same, not_other = float(whole), 1.0
+    checks = []
+    for place, char in _align(lattice, text):
+        if place is None:
+            checks.append(CharacterCheck(None, PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)))
+            continue
+        beliefs = dict(zip(lattice.chars, belief[place].tolist(), strict=True))
+        checks.append(CharacterCheck(place, state_of(beliefs, expected=char)))
+        if char:
+            same *= beliefs[char]
+            not_other *= min(1.0, beliefs[char] + float(nothing[place]))
+    contradicted |= any(c.state.state is CharacterState.MISMATCH for c in checks)
+    verdict = Verdict.UNDECIDED
+    if 1.0 - not_other >= least:
+        verdict = Verdict.REFUTED
+    elif same >= least and not contradicted:
+        verdict = Verdict.CONFIRMED
+    return Verification(text, verdict, same, 1.0 - not_other, tuple(checks), lattice.n_places)
 
 
 def _align(lattice: Lattice, text: str, *, missing: float = 1e-3) -> Sequence[tuple[int | None, str]]:

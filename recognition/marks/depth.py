@@ -33,99 +33,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass as checked
+from scipy import ndimage
 
-from recognition.marks.centre_lines import CentreLine, centre_line
-from recognition.marks.depth_sampling import (
-    DepthField,
-    across,
-    crest,
-    deepest,
-    mean_depths,
-    percentile,
-    robust_plane,
-    turn_matrix,
-)
+from recognition.marks.centre_lines import centre_line
+from recognition.marks.depth_field import DepthField, Floats, mean_depths, turn_matrix
 from recognition.marks.laid_text import LaidText
-from recognition.ranges import Angles, Factors, Percent, ThreeOrMore
 from whisker_array.estimation.relief import Relief
 
-Points = NDArray[np.float64]
-
-
-@checked(frozen=True)
-class SettleSearch:
-    """Poses to try for a character's centre line, about the pose that was read.
-
-    Attributes:
-        shift_heights: greatest shift down and to the right, either way, character heights.
-        shift_steps: number of shifts each way.
-        turns_deg: angles about the one read: cells are turned by 3 degrees or not at all.
-        sizes: factors of the size: heights are right to 5 percent.
-        every: use every so many-th point of the centre line.
-
-    Raises:
-        ValueError: a number out of its range.
-    """
-
-    shift_heights: float = 0.05
-    shift_steps: PositiveInt = 2
-    turns_deg: Angles = (-3.0, -1.5, 0.0, 1.5, 3.0)
-    sizes: Factors = (0.96, 0.98, 1.0, 1.02, 1.04)
-    every: PositiveInt = 3
-
-    @cached_property
-    def turns(self) -> tuple[Points, ...]:
-        """Matrices that turn row vectors."""
-        return tuple(turn_matrix(angle) for angle in self.turns_deg)
-
-
-@checked(frozen=True)
-class DepthRules:
-    """Measures of depth along a centre line, and of the land beside it.
-
-    Lengths are character heights.
-
-    Attributes:
-        shallow_percentile: quantile of the depths along the centre line that counts as the least, percent: a shallow
-            leg of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
-            stroke's end or a bad sample.
-        deep_percentile: the quantile that counts as the greatest, percent.
-        sideways_heights: search radius across a stroke for its middle.
-        sideways_steps: number of places across a stroke.
-        burr_steps: places across the rim, from the stroke's edge to where land begins, of which the highest counts.
-        smoothing_points: points along the stroke over which the middle is looked for together: one bad sample moves
-            nothing.
-        land_reach_heights: search radius for land about the character.
-        burr_reach_heights: least distance of land from any ink; burrs are half as wide.
-        plane_samples: most samples of land that the plane is fitted to.
-        least_land: samples of land that must have been felt for a depth to be given.
-        least_known: share of the centre line that must have been felt for a depth to be given.
-
-    Raises:
-        ValueError: a number out of its range.
-    """
-
-    shallow_percentile: Percent = 10.0
-    deep_percentile: Percent = 90.0
-    sideways_heights: float = 0.03
-    sideways_steps: PositiveInt = 13
-    burr_steps: PositiveInt = 9
-    smoothing_points: PositiveInt = 5
-    land_reach_heights: float = 0.35
-    burr_reach_heights: float = 0.1
-    plane_samples: ThreeOrMore = 400
-    least_land: ThreeOrMore = 30
-    least_known: float = 0.5
-
-
-SETTLE_SEARCH = SettleSearch()
-DEPTH_RULES = DepthRules()
+BURR_REACH_HEIGHTS = 0.1
+"""Least distance of land from any ink, character heights; burrs are half as wide."""
+LEAST_KNOWN = 0.5
+"""Share of the centre line that must have been felt for a depth to be given."""
+SMOOTH_POINTS = 5
+"""Points along a stroke over which its middle is looked for together: one bad sample moves nothing."""
+DEEP_PERCENT = 90.0
+"""The quantile along a centre line that counts as the greatest, percent."""
 
 
 @dataclass(frozen=True)
@@ -159,149 +84,203 @@ class MarkDepth:
             raise ValueError(f"{self} has a least depth above its greatest")
 
 
-def mark_depths(
-    relief: Relief,
-    laid: LaidText,
-    *,
-    search: SettleSearch = SETTLE_SEARCH,
-    rules: DepthRules = DEPTH_RULES,
-) -> tuple[MarkDepth | None, ...]:
+def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
     """Depth of each character of a line; None where too little of it or of the land beside it was felt.
 
     Args:
         relief: the surface as felt.
         laid: the line's text in the templates of a font that has all its characters.
-        search: poses to try for each character's centre line.
-        rules: quantiles, search radii and least numbers of samples.
     """
-    line = _LineDepths(DepthField(relief, raised=laid.raised), laid.line.height_mm, search, rules)
-    places = zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True)
-    marks = [
-        line.settle(line.mark(centre_line(laid.font, char, face=laid.face), place, float(turn)))
-        for char, place, turn in places
-    ]
-    land = line.land(marks)
-    return tuple(line.depth(mark, land) for mark in marks)
+    field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
+    height = height_mm / field.pitch_mm
+    marks = []
+    for char, place, turn_deg in zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True):
+        shape, turn = centre_line(laid.font, char, face=laid.face), turn_matrix(turn_deg)
+        points = field.samples(place + shape.points * height_mm @ turn)
+        mark = _Mark(points, (shape.normals @ turn)[:, ::-1], shape.half_width * height)
+        marks.append(_settle(mark, field.depth_mm, height) if len(points) else mark)
+    land = _land(marks, field.depth_mm, height)
+    return tuple(_depth(mark, field.depth_mm, land, height) for mark in marks)
 
 
 @dataclass(frozen=True, eq=False)
 class _Mark:
-    """A character's centre line in samples of the field: points (n, 2) and normals as (row, col)."""
+    """A character's centre line: points (n, 2) and normals as (row, col), and half its width, samples."""
 
-    points: Points
-    normals: Points
-    half_width_mm: float
-
-
-@dataclass(frozen=True, eq=False)
-class _LineDepths:
-    """The field about a line's characters, and how their depths are measured."""
-
-    field: DepthField
-    height_mm: float
-    search: SettleSearch
-    rules: DepthRules
-
-    def _samples(self, heights: float) -> float:
-        """A length in samples of the field."""
-        return heights * self.height_mm / self.field.pitch_mm
-
-    def mark(self, shape: CentreLine, place_mm: Points, turn_deg: float) -> _Mark:
-        """The centre line of a character where it was read."""
-        pitch_mm, matrix = self.field.pitch_mm, turn_matrix(turn_deg)
-        middle = (place_mm - self.field.origin_mm)[::-1] / pitch_mm
-        points = middle + (shape.points * self.height_mm @ matrix)[:, ::-1] / pitch_mm
-        return _Mark(points, (shape.normals @ matrix)[:, ::-1], shape.half_width * self.height_mm)
-
-    def settle(self, mark: _Mark) -> _Mark:
-        """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
-        if not len(mark.points):
-            return mark
-        search = self.search
-        middle = mark.points.mean(axis=0)
-        thinned = mark.points[:: search.every] - middle
-        step = self._samples(search.shift_heights / search.shift_steps)
-        moves = np.arange(-search.shift_steps, search.shift_steps + 1) * step
-
-        def along(poses: Sequence[Points]) -> NDArray[np.float64]:
-            """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
-            tried = np.stack([thinned @ pose for pose in poses])
-            return np.asarray(mean_depths(self.field.depth_mm, tried, middle, moves))
-
-        turn = search.turns[int(np.argmax(along(search.turns).max(axis=(1, 2))))]
-        poses = [turn * size for size in search.sizes]
-        table = along(poses)
-        best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
-        shift = (
-            moves[i] + step * _vertex(table[best, :, j], int(i)),
-            moves[j] + step * _vertex(table[best, i], int(j)),
-        )
-        points = (mark.points - middle) @ poses[int(best)] + middle + shift
-        return _Mark(points, mark.normals @ turn, mark.half_width_mm)
-
-    def land(self, marks: Sequence[_Mark]) -> NDArray[np.bool_]:
-        """Samples that were felt and lie clear of every character's ink and burr."""
-        from scipy import ndimage
-
-        bare = np.ones(self.field.depth_mm.shape, dtype=np.bool_)
-        half = max((mark.half_width_mm for mark in marks), default=0.0)
-        for mark in marks:
-            at = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1)
-            bare[at[:, 0], at[:, 1]] = False
-        clear = (half + self.rules.burr_reach_heights * self.height_mm) / self.field.pitch_mm
-        return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(self.field.depth_mm))
-
-    def depth(self, mark: _Mark, land: NDArray[np.bool_]) -> MarkDepth | None:
-        """Depth of one character; None where too little of it or of the land beside it was felt."""
-        rules, plane = self.rules, self._plane(mark, land) if len(mark.points) else None
-        if plane is None:
-            return None
-        reach = self._samples(rules.sideways_heights)
-        aside = np.linspace(-reach, reach, rules.sideways_steps)
-        depth = across(self.field.depth_mm, mark.points, mark.normals, aside, plane)
-        known = np.isfinite(depth).all(axis=0)
-        if known.mean() < rules.least_known:
-            return None
-        below = np.maximum(deepest(np.ascontiguousarray(depth[:, known]), rules.smoothing_points), 0.0)
-        low, high = (percentile(below, part) for part in (rules.shallow_percentile, rules.deep_percentile))
-        return MarkDepth(float(below.mean()), low, high, self._burr_mm(mark, plane))
-
-    def _burr_mm(self, mark: _Mark, plane: NDArray[np.float64]) -> float | None:
-        """Height of the rim beside the strokes above the land; None where too little of it was felt."""
-        rules, half = self.rules, mark.half_width_mm / self.field.pitch_mm
-        beside = half + np.linspace(0.0, self._samples(rules.burr_reach_heights), rules.burr_steps)
-        crests = []
-        for side in (-beside, beside):
-            rise = -across(self.field.depth_mm, mark.points, mark.normals, side, plane)
-            rise = np.ascontiguousarray(rise[:, np.isfinite(rise).all(axis=0)])
-            crests.append(crest(rise, rules.smoothing_points) if rise.size else np.empty(0))
-        rim = np.concatenate(crests)
-        if rim.size < rules.least_known * 2 * len(mark.points):
-            return None
-        return max(percentile(rim, rules.deep_percentile), 0.0)
-
-    def _plane(self, mark: _Mark, land: NDArray[np.bool_]) -> NDArray[np.float64] | None:
-        """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
-        reach = self._samples(self.rules.land_reach_heights)
-        low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
-        high = np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1
-        window = (slice(low[0], max(high[0], 0)), slice(low[1], max(high[1], 0)))
-        row, col = np.nonzero(land[window])
-        if row.size < self.rules.least_land:
-            return None
-        thinned = slice(None, None, -(-row.size // self.rules.plane_samples))
-        row, col = row[thinned], col[thinned]
-        level = self.field.depth_mm[window][row, col]
-        middle = mark.points.mean(axis=0)
-        down, right = row + low[0] - middle[0], col + low[1] - middle[1]
-        terms = robust_plane(level, down, right)
-        return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
+    points: Floats
+    normals: Floats
+    half_width: float
 
 
-def _vertex(values: NDArray[np.float64], at: int) -> float:
+def _settle(
+    mark: _Mark,
+    depth: Floats,
+    height: float,
+    *,
+    shift_heights: float = 0.05,
+    turns_deg: Sequence[float] = (-3.0, -1.5, 0.0, 1.5, 3.0),
+    sizes: Sequence[float] = (0.96, 0.98, 1.0, 1.02, 1.04),
+) -> _Mark:
+    """Move, turn and size a character a little, to where its centre line lies deepest as a whole.
+
+    Args:
+        mark: where it was read.
+        depth: of the field.
+        height: of the characters, samples.
+        shift_heights: greatest shift down and to the right, either way, character heights.
+        turns_deg: angles about the one read: cells are turned by 3 degrees or not at all.
+        sizes: factors of the size: heights are right to 5 percent.
+    """
+    middle = mark.points.mean(axis=0)
+    # every third point tells the pose
+    thinned, step = mark.points[::3] - middle, 0.5 * shift_heights * height
+    moves = np.arange(-2, 3) * step
+    turns = np.stack([turn_matrix(angle) for angle in turns_deg])
+    turn = turns[int(np.argmax(mean_depths(depth, thinned @ turns, middle, moves).max(axis=(1, 2))))]
+    poses = np.multiply.outer(sizes, turn)
+    table = mean_depths(depth, thinned @ poses, middle, moves)
+    best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
+    shift = (
+        moves[i] + step * _vertex(table[best, :, j], int(i)),
+        moves[j] + step * _vertex(table[best, i], int(j)),
+    )
+    points = (mark.points - middle) @ poses[best] + middle + shift
+    return _Mark(points, mark.normals @ turn, mark.half_width)
+
+
+def _vertex(values: Floats, at: int) -> float:
     """Where between neighbours the parabola through a maximum has its vertex, in steps."""
     if not 0 < at < values.size - 1:
         return 0.0
     before, here, after = values[at - 1 : at + 2]
     bend = 2.0 * here - before - after
     return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
+
+
+def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:
+    """Samples that were felt and lie clear of every character's ink and burr."""
+    bare = np.ones(depth.shape, dtype=np.bool_)
+    for mark in marks:
+        row, col = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1).T
+        bare[row, col] = False
+    clear = max((mark.half_width for mark in marks), default=0.0) + BURR_REACH_HEIGHTS * height
+    return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(depth))
+
+
+def _depth(
+    mark: _Mark,
+    depth: Floats,
+    land: NDArray[np.bool_],
+    height: float,
+    *,
+    shallow_percent: float = 10.0,
+    sideways_heights: float = 0.03,
+) -> MarkDepth | None:
+    """Depth of one character; None where too little of it or of the land beside it was felt.
+
+    Args:
+        mark: the character where its strokes are deepest.
+        depth: of the field.
+        land: samples that are land.
+        height: of the characters, samples.
+        shallow_percent: quantile of the depths along the centre line that counts as the least, percent: a shallow leg
+            of a character is a quarter or more of its line and shows in full, a tenth is as short as a crossing, a
+            stroke's end or a bad sample.
+        sideways_heights: search radius across a stroke for its middle, character heights.
+    """
+    plane = _plane(mark, depth, land, height) if len(mark.points) else None
+    if plane is None:
+        return None
+    aside = sideways_heights * height * np.linspace(-1.0, 1.0, 13)
+    below = across(depth, mark.points, mark.normals, aside, plane)
+    known = np.isfinite(below).all(axis=0)
+    if known.mean() < LEAST_KNOWN:
+        return None
+    along = np.maximum(deepest(below[:, known]), 0.0)
+    low, high = np.percentile(along, (shallow_percent, DEEP_PERCENT))
+    return MarkDepth(float(along.mean()), float(low), float(high), _burr_mm(mark, depth, plane, height))
+
+
+def _burr_mm(mark: _Mark, depth: Floats, plane: Floats, height: float) -> float | None:
+    """Height of the rim beside the strokes above the land; None where too little of it was felt."""
+    # from the stroke's edge to where land begins
+    beside = mark.half_width + np.linspace(0.0, BURR_REACH_HEIGHTS * height, 9)
+    rises = [-across(depth, mark.points, mark.normals, side, plane) for side in (-beside, beside)]
+    rim = np.concatenate([crest(rise[:, np.isfinite(rise).all(axis=0)]) for rise in rises])
+    if rim.size < LEAST_KNOWN * 2 * len(mark.points):
+        return None
+    return max(float(np.percentile(rim, DEEP_PERCENT)), 0.0)
+
+
+def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane: Floats) -> Floats:
+    """(aside, n) depth below a plane across a stroke at each of (n, 2) points; bilinear, NaN beside what was felt."""
+    at = points.T[:, None] + aside[:, None] * normals.T[:, None]
+    felt = ndimage.map_coordinates(depth, at, order=1, mode="nearest")
+    return np.asarray(felt - plane[0] - (at[0] * plane[1] + at[1] * plane[2]))
+
+
+def deepest(depth: Floats) -> Floats:
+    """(n,) depth where the stroke's middle is, looked for over neighbouring points together."""
+    at = np.argmax(_together(depth), axis=0)
+    return np.asarray(np.take_along_axis(depth, at[None], axis=0)[0])
+
+
+def crest(rise: Floats) -> Floats:
+    """(n,) height of a rim where it is highest across, averaged over neighbouring points: one grain is no rim."""
+    return np.asarray((_together(rise) / _together(np.ones_like(rise))).max(axis=0))
+
+
+def _together(values: Floats) -> Floats:
+    """Sums of (aside, n) values over neighbouring points; 0 beyond the ends."""
+    window = np.ones(min(SMOOTH_POINTS, values.shape[1]))
+    return np.asarray(ndimage.correlate1d(values, window, axis=1, mode="constant") if window.size else values)
+
+
+def _plane(
+    mark: _Mark,
+    depth: Floats,
+    land: NDArray[np.bool_],
+    height: float,
+    *,
+    reach_heights: float = 0.35,
+    most_samples: int = 400,
+    least_samples: int = 30,
+) -> Floats | None:
+    """Level and slopes (per sample, along rows and columns) of the land about a character; None without enough of it.
+
+    Args:
+        mark: the character.
+        depth: of the field.
+        land: samples that are land.
+        height: of the characters, samples.
+        reach_heights: search radius for land about the character, character heights.
+        most_samples: most samples of land that the plane is fitted to.
+        least_samples: samples of land that must have been felt.
+    """
+    reach = reach_heights * height
+    low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
+    high = np.maximum(np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1, 0)
+    at = np.argwhere(land[low[0] : high[0], low[1] : high[1]]) + low
+    if len(at) < least_samples:
+        return None
+    row, col = at[:: -(-len(at) // most_samples)].T
+    middle = mark.points.mean(axis=0)
+    level, down, right = robust_plane(depth[row, col], row - middle[0], col - middle[1])
+    return np.array([level - down * middle[0] - right * middle[1], down, right])
+
+
+def robust_plane(level: Floats, row: Floats, col: Floats, *, rounds: int = 3) -> Floats:
+    """(3,) level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off.
+
+    Of land in a line the least slopes.
+    """
+    design = np.column_stack([np.ones(level.size), row, col])
+    terms = np.array([np.median(level), 0.0, 0.0])
+    for _ in range(rounds):
+        residual = level - design @ terms
+        spread = 1.4826 * np.median(np.abs(residual))
+        if spread <= 0.0:
+            break
+        weighted = design * (np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2)[:, None]
+        terms = np.linalg.lstsq(weighted.T @ design, weighted.T @ level, rcond=None)[0]
+    return terms

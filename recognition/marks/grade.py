@@ -7,69 +7,32 @@ the worst one count; so here, but what is graded is what a whisker feels:
     felt                ..../^\\____.........     completeness   how much of its strokes is felt at all
                           felt   filled  swarf    contamination  how much else is felt in its cell
 
-A shallow mark has low contrast everywhere, a filled one has none in places. The
-limits are ours, chosen for touch; they are not those of the standard, which grades two-dimensional codes by sight.
+A shallow mark has low contrast everywhere, a filled one has none in places. The limits are ours, chosen for touch;
+they are not those of the standard, which grades two-dimensional codes by sight.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
 from glyphs.surface.display import WordedEnum
-from recognition.ranges import GradeValue, Percent, Share
+from recognition.glyph_match.correlation import Image
+from recognition.glyph_match.predicted import PIXELS
+from recognition.marks.laid_text import LaidText
 
-FourShares: TypeAlias = tuple[Share, Share, Share, Share]
-"""Limits of the grades 4, 3, 2 and 1."""
-
-
-@checked(frozen=True)
-class GradeRules:
-    """Measures of a mark and the limits of its grades.
-
-    Attributes:
-        stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
-        contrast_percentile: quantile of the edge response along the strokes: a half-filled mark is judged by its rest.
-        felt_share: share of the contrast from which an edge counts as felt.
-        least_felt: share of the predicted edge that it must reach as well.
-        foreign_share: share of the strongest predicted edge times the contrast that is foreign where nothing is
-            predicted.
-        least_contrast: contrast that contamination is measured against at least: noise about a faint mark is not dirt.
-        passing: least grade that asks for nothing: C, as is usual.
-        contrast: least values for the grades 4, 3, 2 and 1.
-        completeness: least values for the same grades.
-        contamination: greatest values for the same grades.
-
-    Raises:
-        ValueError: limits that are not four in order, or a number out of range.
-    """
-
-    stroke_share: Share = 0.3
-    contrast_percentile: Percent = 75.0
-    felt_share: Share = 0.4
-    least_felt: Share = 0.1
-    foreign_share: Share = 0.5
-    least_contrast: Share = 0.3
-    passing: GradeValue = 2
-    contrast: FourShares = (0.7, 0.55, 0.4, 0.25)
-    completeness: FourShares = (0.92, 0.84, 0.75, 0.6)
-    contamination: FourShares = (0.02, 0.05, 0.08, 0.15)
-
-    def __post_init__(self) -> None:
-        for limits in (self.contrast, self.completeness, self.contamination[::-1]):
-            if list(limits) != sorted(limits, reverse=True):
-                raise ValueError(
-                    "limits of contrast and completeness fall, those of contamination rise from grade 4 to 1"
-                )
-
-
-GRADE_RULES = GradeRules()
+LIMITS = {
+    "contrast": (0.7, 0.55, 0.4, 0.25),
+    "completeness": (0.92, 0.84, 0.75, 0.6),
+    "contamination": (0.02, 0.05, 0.08, 0.15),
+}
+"""Limits of the grades 4, 3, 2 and 1: least values, of contamination greatest ones."""
+PASSING = 2
+"""Least grade that asks for nothing: C, as is usual."""
 LETTERS = "FDCBA"
 
 
@@ -140,12 +103,51 @@ class MarkGrade:
         return next((p.value for p in self.parameters if p.name == name), None)
 
 
+def grades_of(laid: LaidText, *, tall_heights: float = 0.58) -> tuple[MarkGrade | None, ...]:
+    """The grade of every character of a text; None where its font has no template, or it stands beyond the map.
+
+    Args:
+        laid: the text in the templates of a font.
+        tall_heights: rows about a character's middle that are graded with it, character heights either way.
+    """
+    felt = np.abs(laid.image).max(axis=(0, 1)) > 0.0
+    image = np.pad(_steps(laid.image, felt), ((0, 0), (PIXELS, PIXELS), (PIXELS, PIXELS)))
+    templates = dict(zip(laid.glyphs.chars, laid.glyphs.images, strict=True))
+    grades: list[MarkGrade | None] = []
+    for char, row, column in zip(laid.text, laid.rows, laid.columns, strict=True):
+        if char not in templates:
+            grades.append(None)
+            continue
+        middle, side = (n // 2 for n in templates[char].shape[:2])
+        tall = min(middle, round(tall_heights * PIXELS))
+        want = _steps(templates[char][middle - tall : middle + tall + 1], felt)
+        r, c = int(row) + PIXELS - tall, int(column) + PIXELS - side
+        cell = image[:, r : r + want.shape[1], c : c + want.shape[2]]
+        grades.append(grade_character(cell, want) if cell.shape == want.shape else None)
+    return tuple(grades)
+
+
+def is_of_the_part(grade: MarkGrade | None) -> bool:
+    """Whether the strokes of the font that a mark was graded by are the mark's own: hardly any are missing."""
+    return grade is not None and (grade.value("completeness") or 0.0) >= LIMITS["completeness"][1]
+
+
+def _steps(layers: Image, felt: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(2, rows, columns) half differences of opposite directions, which answer steps of the surface; of those felt."""
+    known = np.moveaxis(layers * felt, 2, 0)
+    return np.asarray(0.5 * (known[:2] - known[2:]))
+
+
 def grade_character(
     felt: NDArray[np.floating],
     predicted: NDArray[np.floating],
     *,
     tolerance_px: int = 1,
-    rules: GradeRules = GRADE_RULES,
+    stroke_share: float = 0.3,
+    felt_share: float = 0.4,
+    least_felt: float = 0.1,
+    foreign_share: float = 0.5,
+    least_contrast: float = 0.3,
 ) -> MarkGrade | None:
     """Grade one character; None where the template predicts no edge.
 
@@ -154,49 +156,46 @@ def grade_character(
             the mark is as it should be.
         predicted: the same, of the template in its place.
         tolerance_px: how far an edge may lie from where it is predicted.
-        rules: measures, and limits of their grades.
+        stroke_share: share of the strongest predicted edge that counts as a stroke's edge.
+        felt_share: share of the contrast from which an edge counts as felt.
+        least_felt: share of the predicted edge that it must reach as well.
+        foreign_share: share of the strongest predicted edge times the contrast that is foreign where nothing is
+            predicted.
+        least_contrast: contrast that contamination is measured against at least: noise about a faint mark is not dirt.
     """
     felt, size = felt.astype(np.float64), np.abs(predicted).astype(np.float64)
     peak = float(size.max(initial=0.0))
     if peak == 0.0:
         return None
-    stroke = size >= rules.stroke_share * peak
+    stroke = size >= stroke_share * peak
     near = partial(ndimage.maximum_filter, size=(1, *(2 * tolerance_px + 1,) * 2), mode="nearest")
     along = size[stroke]
     answer = np.clip(np.where(predicted > 0.0, near(felt), near(-felt))[stroke] / along, 0.0, None)
-    contrast = min(1.0, _percentile(answer, along, rules.contrast_percentile))
-    share_felt = answer >= max(rules.felt_share * contrast, rules.least_felt)
-    completeness = float(along[share_felt].sum() / along.sum())
+    # of the upper quarter: a half-filled mark is judged by its rest
+    contrast = min(1.0, float(np.quantile(answer, 0.75, weights=along, method="inverted_cdf")))
+    there = answer >= max(felt_share * contrast, least_felt)
     beside = ~near(size >= 0.1 * peak).any(axis=0)
-    foreign = np.abs(felt).max(axis=0) >= rules.foreign_share * peak * max(contrast, rules.least_contrast)
-    contamination = float((beside & foreign).sum() / beside.size)
-    values = {"contrast": contrast, "completeness": completeness, "contamination": contamination}
-    parameters = tuple(
-        Parameter(name, value, grade_value(name, value, rules=rules)) for name, value in values.items()
-    )
-    return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}, rules.passing))
+    foreign = np.abs(felt).max(axis=0) >= foreign_share * peak * max(contrast, least_contrast)
+    values = {
+        "contrast": contrast,
+        "completeness": float(along[there].sum() / along.sum()),
+        "contamination": float((beside & foreign).mean()),
+    }
+    grades = {name: grade_value(name, value) for name, value in values.items()}
+    parameters = tuple(Parameter(name, value, grades[name]) for name, value in values.items())
+    return MarkGrade(parameters, _action(**grades))
 
 
-def grade_value(name: str, value: float, *, rules: GradeRules = GRADE_RULES) -> int:
+def grade_value(name: str, value: float) -> int:
     """The grade, 4 to 0, of a parameter's value."""
-    if name == "contamination":
-        return sum(value <= limit for limit in rules.contamination)
-    limits = {"contrast": rules.contrast, "completeness": rules.completeness}[name]
-    return sum(value >= limit for limit in limits)
+    return sum(value <= one if name == "contamination" else value >= one for one in LIMITS[name])
 
 
-def _action(grades: dict[str, int], passing: int) -> Action:
-    shallow = grades["contrast"] < passing
-    if grades["contamination"] < passing:
+def _action(*, contrast: int, completeness: int, contamination: int) -> Action:
+    shallow = contrast < PASSING
+    if contamination < PASSING:
         return Action.CLEAN
-    if grades["completeness"] < passing:
+    if completeness < PASSING:
         # dirt beside the strokes, or strokes as deep as they should be where they are felt: likely filled
-        return Action.RE_STRIKE if shallow and grades["contamination"] == 4 else Action.CLEAN_FIRST
+        return Action.RE_STRIKE if shallow and contamination == 4 else Action.CLEAN_FIRST
     return Action.RE_STRIKE if shallow else Action.NONE
-
-
-def _percentile(values: NDArray[np.float64], weights: NDArray[np.float64], percent: float) -> float:
-    order = np.argsort(values)
-    below = np.cumsum(weights[order])
-    k = int(np.searchsorted(below, percent / 100.0 * below[-1]))
-    return float(values[order][min(k, values.size - 1)])

@@ -7,14 +7,14 @@ strip of the felt line          a template about its place          moved to whe
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PositiveInt
-from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.faces import Face
@@ -30,8 +30,7 @@ from recognition.glyph_match.correlation import (
 from recognition.glyph_match.predicted import PIXELS, template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.glyph_match.template_cache import TemplateCache
-from recognition.marks.strokes_felt import PlaceStrokes
-from recognition.ranges import Ratio
+from recognition.marks.strokes import PlaceStrokes
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch
@@ -40,33 +39,10 @@ MARGIN_HEIGHTS = 1.0
 """Margins of the strip along and across the line: room for a template at either end."""
 OWN_FIT = 0.75
 """Mean correlation from which an unnamed font is taken for the part's."""
+STRUCK_FIT = 0.7
+"""Mean correlation with a flat die below which a dotted one is tried."""
 MOST_SAG_HEIGHTS = 0.3
 """A line that bends more has each character turned otherwise than templates, which are straight."""
-
-
-@checked(frozen=True)
-class FitSearch:
-    """Limits of the search for the font, die, height and places of a text.
-
-    Attributes:
-        moved_heights: search radius of a character about its place, character heights.
-        struck_fit: mean correlation with a flat die below which a dotted one is tried.
-        coarse_pixels: pixels to a character height for the choice of the font and of the line's height.
-        size_step: factor between two heights of a line; the next is tried while the text fits better.
-        most_steps: most such steps either way: turned lines are found too high, by 16 % at 8 degrees.
-
-    Raises:
-        ValueError: a number out of its range.
-    """
-
-    moved_heights: float = 0.15
-    struck_fit: float = 0.7
-    coarse_pixels: PositiveInt = 20
-    size_step: Ratio = 1.04
-    most_steps: int = 5
-
-
-FIT_SEARCH = FitSearch()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +82,7 @@ class LaidText:
         """Rotation of the line through the middles of the characters."""
         if len(self.fits) < 2:
             return self.line.turned_deg
-        along = TextLine(self.places_mm(), self.line.height_mm)
-        return along.turned_deg
+        return TextLine(self.places_mm(), self.line.height_mm).turned_deg
 
     def correlations(self) -> list[NDArray[np.float64]]:
         """Return for every place the (T,) best correlations of the font's templates with its cell."""
@@ -145,7 +120,7 @@ def laid_text(
     cache: TemplateCache,
     chars: str,
     raised: bool | None,
-    search: FitSearch = FIT_SEARCH,
+    coarse_pixels: int = 20,
 ) -> LaidText | None:
     """The text in the font and the kind of die that suits it best; None where no font has any of its characters.
 
@@ -159,10 +134,9 @@ def laid_text(
         cache: of template sets.
         chars: characters that may occur.
         raised: whether the marks stand out; whatever fits better where that is not known.
-        search: limits of the search for font, die, height and places.
+        coarse_pixels: pixels to a character height for the choice of the font and of the line's height.
     """
-
-    place = _Placing(view, line, columns, tuple(text), search)
+    lay = partial(_lay, view, line, columns, text)
 
     def best(face: Face) -> LaidText | None:
         tried = []
@@ -172,79 +146,88 @@ def laid_text(
                 continue
             key = template_key(font, touch, height_mm=line.height_mm, raised=out, face=face)
             templates = cache.get(font, own, key)
-            rough = glyph_images(templates, pixels=search.coarse_pixels)
-            tried.append((*place.fit_size(rough), templates, font, out))
+            rough = glyph_images(templates, pixels=coarse_pixels)
+            tried.append((*_fit_size(partial(lay, rough)), templates, font, out))
         if not tried:
             return None
         _, size, templates, font, out = max(tried, key=lambda one: one[0])
         glyphs = glyph_images(templates, pixels=PIXELS)
-        sized, image, rows, at, fits = place.lay(glyphs, size)
-        return LaidText(place.text, font, face, out, glyphs, sized, image, at, rows, fits)
+        return LaidText(tuple(text), font, face, out, glyphs, *lay(glyphs, size))
 
     flat = best(Face.FLAT)
-    if flat is not None and flat.fit >= search.struck_fit:
+    if flat is not None and flat.fit >= STRUCK_FIT:
         return flat
     either = [one for one in (flat, best(Face.DOTTED)) if one is not None]
     return max(either, key=lambda one: one.fit, default=None)
 
 
-@dataclass(frozen=True, eq=False)
-class _Placing:
-    """A text along a line of a view, in which the templates of fonts are tried."""
+_Laid: TypeAlias = tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
 
-    view: View
-    line: TextLine
-    columns: NDArray[np.float64]
-    text: tuple[str, ...]
-    search: FitSearch
 
-    def fit_size(self, glyphs: GlyphImages) -> tuple[float, float]:
-        """Return the best fit of the text over heights, and that height in units of the line's."""
+def _fit_size(
+    lay: Callable[[float], _Laid], *, size_step: float = 1.04, most_steps: int = 5
+) -> tuple[float, float]:
+    """The best mean correlation of a text over the heights of its line, and that height in units of the line's.
 
-        def fit(size: float) -> float:
-            return float(self.lay(glyphs, size)[-1].mean())
+    Args:
+        lay: lays the text at a height.
+        size_step: factor between two heights; the next is tried while the text fits better.
+        most_steps: most such steps either way: turned lines are found too high, by 16 % at 8 degrees.
+    """
 
-        best = (fit(1.0), 1.0)
-        for step in (1.0 / self.search.size_step, self.search.size_step):
-            for k in range(1, self.search.most_steps + 1):
-                other = (fit(step**k), step**k)
-                if other <= best:
-                    break
-                best = other
-            if best[1] != 1.0:
+    def fit(size: float) -> float:
+        return float(lay(size)[-1].mean())
+
+    best = (fit(1.0), 1.0)
+    for step in (1.0 / size_step, size_step):
+        for k in range(1, most_steps + 1):
+            other = (fit(step**k), step**k)
+            if other <= best:
                 break
-        return best
+            best = other
+        if best[1] != 1.0:
+            break
+    return best
 
-    def lay(
-        self, glyphs: GlyphImages, size: float
-    ) -> tuple[TextLine, Image, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """The line of another size, its image, and rows, columns and correlations of the text's characters on it."""
-        sized = TextLine(self.line.centre_mm, size * self.line.height_mm)
-        high = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
-        image = image_of(self.view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=glyphs.pixels)
-        along = ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
-        believed = np.rint(along * glyphs.pixels - 0.5).astype(np.int64)
-        placed = np.array(
-            [self._best_place(image, glyphs, *one) for one in zip(self.text, believed, strict=True)]
-        )
-        rows, at = placed[:, :2].astype(np.int64).T
-        return sized, image, rows, at, placed[:, 2]
 
-    def _best_place(
-        self, image: Image, glyphs: GlyphImages, char: str, column: int
-    ) -> tuple[int, int, float]:
-        """Row and column of an image where a character fits best about a column of the line, and how well."""
-        row = image.shape[0] // 2
-        if char not in glyphs.chars:
-            return row, column, 0.0
-        template = glyphs.images[glyphs.chars.index(char)]
-        move = round(self.search.moved_heights * glyphs.pixels)
-        high, wide = template.shape[0] // 2 + move, template.shape[1] // 2 + move
-        padded = np.pad(image, ((high, high), (wide, wide), (0, 0)))
-        at = min(max(column, 0), image.shape[1] - 1)
-        answer = correlate(padded[row : row + 2 * high + 1, at : at + 2 * wide + 1], [template])[0]
+def _lay(
+    view: View,
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    glyphs: GlyphImages,
+    size: float,
+    *,
+    moved_heights: float = 0.15,
+) -> _Laid:
+    """The line of another size, its image, and columns, rows and correlations of the text's characters on it.
+
+    Args:
+        view, line, columns, text: as of `laid_text`.
+        glyphs: templates of a font.
+        size: height in units of the line's.
+        moved_heights: search radius of a character about its place, character heights.
+    """
+    sized, pixels = TextLine(line.centre_mm, size * line.height_mm), glyphs.pixels
+    high = (1.0 + 2.0 * MARGIN_HEIGHTS) * HEIGHT_ROWS
+    image = image_of(view, sized, rows=high, margin=MARGIN_HEIGHTS, pixels=pixels)
+    along = ((columns + 0.5) / HEIGHT_ROWS - MARGIN) / size + MARGIN_HEIGHTS
+    at = np.rint(along * pixels - 0.5).astype(np.int64)
+    rows, fits = np.full(at.size, image.shape[0] // 2), np.zeros(at.size)
+    move, templates = round(moved_heights * pixels), dict(zip(glyphs.chars, glyphs.images, strict=True))
+    for k, char in enumerate(text):
+        if char not in templates:
+            continue
+        up, side = (n // 2 + move for n in templates[char].shape[:2])
+        padded = np.pad(image, ((up, up), (side, side), (0, 0)))
+        at[k] = min(max(at[k], 0), image.shape[1] - 1)
+        window = padded[rows[k] : rows[k] + 2 * up + 1, at[k] : at[k] + 2 * side + 1]
+        answer = correlate(window, [templates[char]])[0]
         down, aside = np.unravel_index(int(answer.argmax()), answer.shape)
-        return row + int(down) - move, at + int(aside) - move, float(answer[down, aside])
+        rows[k] += down - move
+        at[k] += aside - move
+        fits[k] = answer[down, aside]
+    return sized, image, at, rows, fits
 
 
 def suited_fonts(fonts: Sequence[Font], places: Sequence[PlaceStrokes]) -> tuple[Font, ...]:

@@ -35,10 +35,9 @@ from recognition.glyph_match.template_cache import MOST_SETS, TemplateCache
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
 from recognition.marks.depth import MarkDepth, mark_depths
-from recognition.marks.grading import grades_of, is_of_the_part
+from recognition.marks.grade import grades_of, is_of_the_part
 from recognition.marks.laid_text import MOST_SAG_HEIGHTS, OWN_FIT, laid_text, suited_fonts
-from recognition.marks.other_lines import felt_others
-from recognition.marks.strokes_felt import FeltLine
+from recognition.marks.strokes import FeltLine, felt_others
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.first_pass import Feel, felt_heights_mm, virtual_feel

@@ -6,7 +6,6 @@ import pytest
 
 from recognition.belief.correlation_search import CorrelationLimits
 from recognition.belief.line_search import SearchLimits
-from recognition.decision.stroke_doubts import RivalLimits
 
 
 @pytest.mark.parametrize(
@@ -17,7 +16,6 @@ from recognition.decision.stroke_doubts import RivalLimits
         (SearchLimits, {"sure": 0.95}, "ascend"),
         (CorrelationLimits, {"size_step": 1.0}, "greater than 1"),
         (CorrelationLimits, {"smallest": 0.0}, "greater than 0"),
-        (RivalLimits, {"left": 0.0}, "greater than 0"),
     ],
 )
 def test_limits_that_do_harm_are_refused(limits: type, wrong: dict, why: str) -> None:

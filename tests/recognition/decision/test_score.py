@@ -28,7 +28,7 @@ from recognition.decision.score import (
     with_score,
 )
 from recognition.language.box import Box
-from recognition.marks.strokes_felt import PlaceStrokes, RivalStrokes
+from recognition.marks.strokes import PlaceStrokes, RivalStrokes
 from recognition.senses.settings import ReaderSettings
 
 PLACE = CharacterReading((Candidate("A", 0.999, 0.999),), Box(0.0, 0.0, 1.0, 1.0))

@@ -1,16 +1,22 @@
-"""A known serial against a line: confirmed, refuted, or left open."""
+"""A known serial against a line, and of a reading: confirmed, refuted, or left open."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.decision.verify import Verdict, VerifyError, verify
+from recognition.decision.decide import Decision
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decision.verify import Verdict, Verification, VerifyError, verify, with_verification
+from recognition.language.box import Box
 from recognition.language.confusions import CharacterState
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -60,40 +66,28 @@ def test_a_doubtful_character_leaves_it_open() -> None:
     doubted = verify(line("AB123456", beliefs={3: {"2": 0.6, "Z": 0.39}}), "AB123456")
     assert doubted.verdict is Verdict.UNDECIDED
     assert doubted.characters[3].state.state is CharacterState.CONFUSED
-    # known beforehand almost for sure, it is confirmed: nothing contradicts
-    clear_else = line("AB123456", beliefs={3: {"2": 0.6, "Z": 0.39}}, belief=0.99999)
-    known = verify(clear_else, "AB123456", prior=0.999)
-    assert known.verdict is Verdict.CONFIRMED
     assert doubted.messages() == ("place 4: 2 or Z (the bow of 2 has a corner in narrow fonts)",)
 
 
-def test_no_prior_confirms_against_a_clear_other_character() -> None:
-    found = verify(line("AB123457"), "AB123456", prior=1.0 - 1e-9)
-    assert found.verdict is not Verdict.CONFIRMED
-
-
 @settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
-def test_as_by_writing_every_case_out(seed: int, prior: float) -> None:
-    """Same, differing and unknown against all combinations of characters and nothing at three places."""
+@given(st.integers(0, 2**32 - 1))
+def test_as_by_writing_every_case_out(seed: int) -> None:
+    """Same and differing against all combinations of characters and nothing at three places."""
     rng = np.random.default_rng(seed)
     p = rng.dirichlet(np.full(4, 0.3), size=3) + 1e-12
     p /= p.sum(axis=1, keepdims=True)
     lattice = Lattice(tuple("ABC"), np.log(p[:, :3]))
-    same = differs = unknown = 0.0
+    same = differs = 0.0
     for line_ in itertools.product("ABC.", repeat=3):
         weight = math.prod(p[k, "ABC.".index(c)] for k, c in enumerate(line_))
         if any(c not in (e, ".") for c, e in zip(line_, "CAB", strict=True)):
             differs += weight
-        elif "." in line_:
-            unknown += weight
-        else:
+        elif "." not in line_:
             same += weight
-    total = 2 * prior * same + 2 * (1 - prior) * differs + unknown
-    found = verify(lattice, "CAB", prior=prior)
+    found = verify(lattice, "CAB")
     # absolute: differences of products near 1
-    assert found.probability == pytest.approx(2 * prior * same / total, abs=1e-9)
-    assert found.refutation == pytest.approx(2 * (1 - prior) * differs / total, abs=1e-9)
+    assert found.probability == pytest.approx(same, abs=1e-9)
+    assert found.refutation == pytest.approx(differs, abs=1e-9)
 
 
 @given(st.floats(0.0, 0.9), st.floats(0.0, 0.09))
@@ -149,13 +143,67 @@ def test_a_wrong_serial_may_break_the_format() -> None:
     [
         (" ", {}, "is empty"),
         ("AB12-456", {}, "not looked for"),
-        ("AB123456", {"prior": 1.0}, "prior"),
-        ("AB123456", {"prior": 0.0}, "prior"),
-        ("AB123456", {"confirm": 0.3}, "confirm"),
-        ("AB123456", {"refute": 1.1}, "refute"),
         ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit mask:AA999999"),
     ],
 )
 def test_what_cannot_be_looked_for_is_said(expected: str, options: dict[str, object], said: str) -> None:
     with pytest.raises(VerifyError, match=said):
         verify(line("AB123456"), expected, **options)  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------------------------------- of a reading
+
+
+FEW = "AB18"
+
+
+def lattice_of(*places: dict[str, float]) -> Lattice:
+    with np.errstate(divide="ignore"):
+        return Lattice(tuple(FEW), np.log([[place.get(c, 0.0) for c in FEW] for place in places]))
+
+
+def reading(text: str) -> Reading:
+    characters = tuple(CharacterReading((Candidate(c, 0.9, 0.99),), Box(0.0, 0.0, 1.0, 1.0)) for c in text)
+    return Reading(characters, 0.9)
+
+
+SURE_B1 = lattice_of({"B": 0.998, "8": 0.001}, {"1": 0.998})
+SURE_81 = lattice_of({"8": 0.998, "B": 0.0001}, {"1": 0.998})
+
+
+def verdict(
+    read: Reading, beliefs: Lattice | None, text: str, **options: Any
+) -> tuple[Reading, Verification]:
+    found = with_verification(read, beliefs, text, **options)
+    assert found.trace.verification is not None
+    return found, found.trace.verification
+
+
+def test_a_reading_bears_the_states_of_what_is_expected() -> None:
+    read, found = verdict(reading("81"), SURE_81, "B1")
+    assert found.verdict is Verdict.REFUTED
+    assert ReadingFlag.MISMATCH in read.flags
+    assert (reading("81").decision, read.decision) == (Decision.ACCEPT, Decision.REVIEW)
+    states = [c.state for c in read.characters if c.state is not None]
+    assert [s.state for s in states] == [CharacterState.MISMATCH, CharacterState.READ]
+    assert (states[0].rival, states[0].expected) == ("8", "B")
+    read, found = verdict(reading("81"), SURE_81, "8 1")
+    assert found.verdict is Verdict.CONFIRMED
+    assert read.flags is ReadingFlag.NONE
+    assert read.text == "81"
+
+
+def test_without_characters_nothing_is_known() -> None:
+    read, found = verdict(replace(reading("B1"), characters=()), None, "B1")
+    assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
+    assert read.flags is ReadingFlag.NONE
+    assert "0 characters were found where 2 are expected" in found.messages()[0]
+
+
+def test_senses_that_contradict_each_other_confirm_nothing() -> None:
+    read, found = verdict(reading("B1"), SURE_B1, "B1", contradicted=True)
+    assert found.verdict is Verdict.UNDECIDED
+    assert read.flags is ReadingFlag.SENSES_DISAGREE
+    read, found = verdict(reading("81"), SURE_81, "B1", contradicted=True)
+    assert found.verdict is Verdict.REFUTED
+    assert read.flags is ReadingFlag.SENSES_DISAGREE | ReadingFlag.MISMATCH

@@ -19,7 +19,7 @@ from glyphs.surface.maps import HeightMap
 from recognition.glyph_match.correlation import GlyphImages
 from recognition.glyph_match.predicted import PIXELS
 from recognition.marks.depth import MarkDepth, mark_depths
-from recognition.marks.depth_sampling import turn_matrix
+from recognition.marks.depth_field import turn_matrix
 from recognition.marks.laid_text import MARGIN_HEIGHTS, LaidText
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine

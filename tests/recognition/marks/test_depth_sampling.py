@@ -8,28 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from recognition.marks.depth_sampling import across, bilinear, deepest, mean_depths, robust_plane
+from recognition.marks.depth import across, deepest, robust_plane
+from recognition.marks.depth_field import mean_depths
 
 DOUBLE = 1e-9
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=20, deadline=None)
-@given(seeds)
-def test_look_ups_are_bilinear(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    depth = rng.normal(size=(9, 14))
-    row, col = rng.uniform(0, 7.9, 20), rng.uniform(0, 12.9, 20)
-    expected = ndimage.map_coordinates(depth, [row, col], order=1)
-    np.testing.assert_allclose(bilinear(depth, row, col), expected, atol=DOUBLE)
-
-
 def test_places_off_the_map_are_moved_onto_its_rim() -> None:
     depth = np.arange(20.0).reshape(4, 5)
     depth[1, 1] = np.nan
-    found = bilinear(depth, np.array([-3.0, 9.0, 0.5]), np.array([2.0, 9.0, 0.5]))
-    np.testing.assert_allclose(found, [2.0, 19.0, np.nan], atol=0.01)
+    points = np.array([(-3.0, 2.0), (9.0, 9.0), (0.5, 0.5)])
+    found = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
+    np.testing.assert_allclose(found, [[2.0, 19.0, np.nan]])
 
 
 @settings(max_examples=10, deadline=None)
@@ -62,7 +54,7 @@ def test_the_deepest_is_looked_for_over_neighbours(seed: int, n: int) -> None:
     np.testing.assert_allclose(found, expected, atol=DOUBLE)
     smooth = np.stack([np.convolve(row, np.ones(min(5, n)), mode="same") for row in expected])
     below = expected[np.argmax(smooth, axis=0), np.arange(n)]
-    np.testing.assert_allclose(deepest(found, 5), below, atol=DOUBLE)
+    np.testing.assert_allclose(deepest(found), below, atol=DOUBLE)
 
 
 def weighted_least_squares(level: np.ndarray, row: np.ndarray, col: np.ndarray, rounds: int) -> np.ndarray:

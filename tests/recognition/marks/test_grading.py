@@ -13,8 +13,7 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.glyph_match.correlation import Image
 from recognition.glyph_match.predicted import PIXELS
 from recognition.glyph_match.template_cache import TemplateCache
-from recognition.marks.grade import Action, MarkGrade
-from recognition.marks.grading import grades_of, is_of_the_part
+from recognition.marks.grade import Action, MarkGrade, grades_of, is_of_the_part
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch

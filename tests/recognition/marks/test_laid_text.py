@@ -15,7 +15,7 @@ from glyphs.stamping.faces import Face
 from glyphs.stamping.layouts import Layout
 from glyphs.stamping.stamp import StampedPart
 from recognition.glyph_match.template_cache import TemplateCache
-from recognition.marks.laid_text import OWN_FIT, FitSearch, LaidText, laid_text, suited_fonts
+from recognition.marks.laid_text import OWN_FIT, STRUCK_FIT, LaidText, laid_text, suited_fonts
 from recognition.views.curves import arc_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import felt_view
@@ -109,7 +109,7 @@ def test_the_kind_of_die_is_found(face: Face, make_part: Make, lay: Lay) -> None
     laid = lay(part)
     assert laid is not None
     assert laid.face is face
-    assert laid.fit > FitSearch().struck_fit
+    assert laid.fit > STRUCK_FIT
     np.testing.assert_allclose(laid.places_mm(), middles_of(part), atol=TOLERANCE_HEIGHTS * part.height_mm)
 
 

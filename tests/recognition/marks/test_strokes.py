@@ -15,19 +15,13 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.stroke_doubts import RivalLimits, add_stroke_findings
+from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
 from recognition.marks.grade import Action, MarkGrade, Parameter
-from recognition.marks.strokes_felt import (
-    LIVE,
-    FeltLine,
-    PlaceStrokes,
-    RivalStrokes,
-    StrokeEvidence,
-)
+from recognition.marks.strokes import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief, Route
 
@@ -95,7 +89,7 @@ def rival(places: tuple[PlaceStrokes, ...], place: int, char: str) -> RivalStrok
 def test_a_stroke_that_was_felt_excludes_who_lacks_it(part: StampedPart) -> None:
     found = felt_line(part, relief_of(part)).strokes(TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
     for place, char in ((0, "P"), (3, "F")):
-        assert rival(found, place, char).margin > RivalLimits().hidden_margin
+        assert rival(found, place, char).margin > HIDDEN_MARGIN
     assert all(place.felt is not None and place.felt > 0.95 for place in found)
 
 
@@ -103,8 +97,8 @@ def test_the_wrong_claim_is_refuted_by_the_stroke_that_it_lacks(part: StampedPar
     found = felt_line(part, relief_of(part)).strokes(
         "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05))
     )
-    assert rival(found, 0, "R").margin < -RivalLimits().hidden_margin
-    assert rival(found, 3, "E").margin < -RivalLimits().hidden_margin
+    assert rival(found, 0, "R").margin < -HIDDEN_MARGIN
+    assert rival(found, 3, "E").margin < -HIDDEN_MARGIN
 
 
 def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) -> None:
@@ -116,7 +110,7 @@ def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) 
         worn = filled(worn, part, which, window=(-0.1, 0.5, 1.1, 1.1))
     dirty = rival(felt_line(part, worn).strokes("PJ3E8", beliefs), 0, "R")
     assert 0.0 < dirty.margin < 0.7 * clean.margin
-    assert clean.margin <= StrokeEvidence().most_absent
+    assert clean.margin <= MOST_ABSENT
     assert dirty.hidden == clean.hidden == 0.0
 
 
@@ -127,7 +121,7 @@ def test_what_is_covered_excludes_nobody_whatever_is_believed(part: StampedPart)
         found = rival(felt_line(part, surface).strokes("PJ3E8", lattice("PJ3E8")), 0, "R")
         assert found.belief < LIVE  # declared to be taken for P
         assert found.hidden > 0.5
-        assert found.margin < RivalLimits().hidden_margin
+        assert found.margin < HIDDEN_MARGIN
 
 
 def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
@@ -183,8 +177,8 @@ def stands(**changed: float) -> RivalStrokes:
         (stands(), "may be filled"),
         (stands(margin=-2.0), "fit both"),
         (stands(belief=0.5 * LIVE), ""),
-        (stands(margin=np.log(0.01 / RivalLimits().left) + 0.1), ""),
-        (stands(margin=np.log(0.01 / RivalLimits().left) - 0.1), "may be filled"),
+        (stands(margin=np.log(0.01 / LEFT) + 0.1), ""),
+        (stands(margin=np.log(0.01 / LEFT) - 0.1), "may be filled"),
         (stands(apart_heights=0.1, margin=0.0), ""),
         (stands(apart_heights=0.1, belief=0.05), "hardly"),
         (stands(hidden=1.0, more_heights=0.05, belief=0.0), ""),
