@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from glyphs.atomic import check_writable, replacing
 from glyphs.errors import FileError
 from pipeline.common.texts import same_text
-from recognition.decision.panels import edge_panel, height_panel
+from recognition.decision.picture import edge_panel, height_panel
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading

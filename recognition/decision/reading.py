@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from html import escape
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -255,9 +256,22 @@ class Reading:
         return ", ".join(facts)
 
     def _repr_html_(self) -> str:
-        from recognition.decision.reading_html import table_html
-
-        return table_html(str(self), self.characters, self.messages())
+        """One column a character: what it is, how surely, and what else it may be."""
+        cell = "text-align:center;padding:1px 8px"
+        columns = [
+            (
+                f"<b style='font-size:150%'>{escape(c.char)}</b>",
+                f"{c.confidence:.3f}",
+                "<br>".join(f"{escape(o.char)} {o.probability:.3f}" for o in c.candidates[1:3]),
+            )
+            for c in self.characters
+        ]
+        body = "".join(
+            f"<tr><th style='{cell}'>{name}</th>{''.join(f'<td style={cell!r}>{v}</td>' for v in row)}</tr>"
+            for name, row in zip(("character", "confidence", "or"), zip(*columns, strict=True), strict=False)
+        )
+        notes = "".join(f"<li>{escape(message)}</li>" for message in self.messages())
+        return f"<div><p>{escape(str(self))}</p><table>{body}</table><ul>{notes}</ul></div>"
 
     def plot(self, *, title: str = "") -> Figure:
         """All that is known of the part as a matplotlib figure: what was measured, the boxes, the candidates.

@@ -16,8 +16,7 @@ from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.panels import moment_image
-from recognition.decision.picture import reading_figure
+from recognition.decision.picture import moment_image, reading_figure
 from recognition.decision.reading import Box, Candidate, CharacterReading, MarkDepth, Reading, ReadingTrace
 from whisker_array.estimation.relief import Route, relief_from_edges
 from whisker_array.scan.scan import Scan, trace_scan
