@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from glyphs.errors import MarksError
@@ -46,15 +46,14 @@ class DepthWindow:
     heights_mm: tuple[float, float] = (0.0, math.inf)
 
     def __post_init__(self) -> None:
-        low, high = self.heights_mm
-        if not (0.0 <= self.least_mm < self.most_mm and math.isfinite(self.least_mm)):
+        unlimited = self.least_mm == 0.0 and math.isinf(self.most_mm)
+        if unlimited or not 0.0 <= self.least_mm < self.most_mm:
             raise DepthRuleError(
                 f"a depth window reaches from {self.least_mm} to {self.most_mm} mm",
-                hint="the least depth is not negative, and below the greatest",
+                hint="give a least or a greatest depth; the least is not negative, and below the greatest",
             )
-        if self.least_mm == 0.0 and math.isinf(self.most_mm):
-            raise DepthRuleError("a depth window limits nothing", hint="give a least or a greatest depth")
-        if not (0.0 <= low < high and math.isfinite(low)):
+        low, high = self.heights_mm
+        if not 0.0 <= low < high:
             raise DepthRuleError(
                 f"a depth window is for heights from {low} to {high} mm",
                 hint="the least height is not negative, and below the greatest",
@@ -96,14 +95,10 @@ class DepthRule:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.least_height_mm) and self.least_height_mm >= 0.0):
+        if not (0.0 <= self.least_height_mm < math.inf and self.most_burr_mm > 0.0):
             raise DepthRuleError(
-                f"least_height_mm of {self.name} is {self.least_height_mm}",
-                hint="it must be zero or positive",
-            )
-        if not self.most_burr_mm > 0.0:
-            raise DepthRuleError(
-                f"most_burr_mm of {self.name} is {self.most_burr_mm}", hint="it must be positive"
+                f"the rule {self.name} asks for {self.least_height_mm} mm of height, {self.most_burr_mm} of burr",
+                hint="give positive numbers",
             )
         if not (self.windows or self.least_height_mm or math.isfinite(self.most_burr_mm)):
             raise DepthRuleError(f"the rule {self.name} limits nothing", hint="give a depth: 0.1:0.25")
@@ -140,8 +135,8 @@ DEPTH_RULES: tuple[DepthRule, ...] = (
 """The rules known by name, in short: check the original, in the edition that binds you, before you rely on one. The
 United States' 49 CFR 565 asks for a height of vehicle identification numbers and for no depth."""
 
-_SIZE = r"\d*\.?\d*"
-_WINDOW = re.compile(rf"({_SIZE}):({_SIZE})(?:@({_SIZE}):({_SIZE}))?")
+_MM = r"(\d+\.?\d*|\.\d+)"
+_WORD = re.compile(rf"(burr|height)={_MM}|{_MM}?:{_MM}?(?:@{_MM}?:{_MM}?)?")
 _HOW = "write it as press-7=0.05:0.15@0.8:2 burr=0.05 height=1.6, in mm"
 
 
@@ -162,30 +157,21 @@ def depth_rule(text: str) -> DepthRule:
 
 
 def _parse_rule(text: str) -> DepthRule:
-    name, windows, limits = "own rule", [], {"burr": math.inf, "height": 0.0}
-    for k, word in enumerate(text.split()):
-        key, sign, value = word.partition("=")
-        if sign and key in limits:
-            limits[key] = _size(value, text, math.nan)
-            continue
-        if sign and k == 0 and key:
-            name, word = key, value
-        found = _WINDOW.fullmatch(word)
+    named = re.fullmatch(r"\s*(?!burr=|height=)([^=\s]+)=(.*)", text)
+    name, written = named.groups() if named else ("own rule", text)
+    windows, limits = [], {"burr": math.inf, "height": 0.0}
+    for word in written.split():
+        found = _WORD.fullmatch(word)
         if found is None:
             raise DepthRuleError(f"{word!r} is no limit of the depth rule {text!r}", hint=_HOW)
-        open_ended = (0.0, math.inf, 0.0, math.inf)
-        least, most, low, high = (
-            _size(one or "", text, default) for one, default in zip(found.groups(), open_ended, strict=True)
-        )
+        limit, mm, *window = found.groups()
+        if limit:
+            limits[limit] = float(mm)
+            continue
+        least, low = (float(one or 0.0) for one in window[::2])
+        most, high = (float(one or math.inf) for one in window[1::2])
         windows.append(DepthWindow(least, most, (low, high)))
     return DepthRule(name, tuple(windows), least_height_mm=limits["height"], most_burr_mm=limits["burr"])
-
-
-def _size(written: str, text: str, default: float) -> float:
-    try:
-        return float(written) if written else default
-    except ValueError:
-        raise DepthRuleError(f"{written!r} is no length in the depth rule {text!r}", hint=_HOW) from None
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:
@@ -206,43 +192,34 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
 
 def _violations(reading: Reading, rule: DepthRule) -> Iterator[Finding]:
     """Return the limits that a mark breaks; a limit that could not be measured is broken."""
-    marks = {k: (c.char, c.depth) for k, c in enumerate(reading.characters, start=1)}
-    depths = {k: depth for k, (_, depth) in marks.items() if depth is not None}
     height, window = reading.height_mm, rule.window(reading.height_mm)
-
-    def broken(
-        flag: ReadingFlag, what: str, at_mm: Mapping[int, float | None], hint: str
-    ) -> Iterator[Finding]:
-        """One finding about all places, with what was measured there."""
-        where = [
-            f"{marks[k][0]} at place {k}{'' if mm is None else f' {mm:.3f} mm'}" for k, mm in at_mm.items()
-        ]
-        if where:
-            yield Finding(flag, f"{what} for {rule.name}: {', '.join(where)} ({hint})", tuple(at_mm))
-
-    if window is not None:
-        least, most = window.least_mm, window.most_mm
-        shallow = {k: depth.min_mm for k, depth in depths.items() if depth.min_mm < least}
-        yield from broken(ReadingFlag.TOO_SHALLOW, "too shallow", shallow, f"at least {least:g}")
-        deep = {k: depth.max_mm for k, depth in depths.items() if depth.max_mm > most}
-        yield from broken(ReadingFlag.TOO_DEEP, "too deep", deep, f"at most {most:g}")
-    elif rule.windows:
+    if window is None and rule.windows:
         known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
         yield Finding(
             ReadingFlag.NO_DEPTH_RULE,
             f"{rule.name} has no depth for characters {height:.2f} mm high (only for {known} mm)",
         )
-    burrs = {k: depth.burr_mm for k, depth in depths.items()}
-    high = {k: mm for k, mm in burrs.items() if mm is not None and mm > rule.most_burr_mm}
-    yield from broken(ReadingFlag.BURR_TOO_HIGH, "burr too high", high, f"at most {rule.most_burr_mm:g}")
-    needed: Mapping[int, object] = marks
-    if math.isfinite(rule.most_burr_mm):
-        needed = burrs
-    elif window is not None:
-        needed = depths
-    unknown = dict.fromkeys(k for k in marks if needed.get(k) is None)
+    least, most = (0.0, math.inf) if window is None else (window.least_mm, window.most_mm)
+    rim = rule.most_burr_mm
+    marks = [(k, c.depth) for k, c in enumerate(reading.characters, start=1)]
+    felt = [(k, depth) for k, depth in marks if depth is not None]
+    burrs = {k: depth.burr_mm for k, depth in felt if depth.burr_mm is not None}
+    shallow = {k: f" {depth.min_mm:.3f} mm" for k, depth in felt if depth.min_mm < least}
+    deep = {k: f" {depth.max_mm:.3f} mm" for k, depth in felt if depth.max_mm > most}
+    high = {k: f" {mm:.3f} mm" for k, mm in burrs.items() if mm > rim}
+    lacking = {k: "" for k, depth in marks if depth is None and window is not None}
+    if math.isfinite(rim):
+        lacking = {k: "" for k, _ in marks if k not in burrs}
     todo = "scan it again" if reading.font else "name the font"
-    yield from broken(ReadingFlag.DEPTH_UNKNOWN, "depth not measured", unknown, todo)
+    for flag, what, places, hint in (
+        (ReadingFlag.TOO_SHALLOW, "too shallow", shallow, f"at least {least:g}"),
+        (ReadingFlag.TOO_DEEP, "too deep", deep, f"at most {most:g}"),
+        (ReadingFlag.BURR_TOO_HIGH, "burr too high", high, f"at most {rim:g}"),
+        (ReadingFlag.DEPTH_UNKNOWN, "depth not measured", lacking, todo),
+    ):
+        if places:
+            where = [f"{reading.characters[k - 1].char} at place {k}{mm}" for k, mm in places.items()]
+            yield Finding(flag, f"{what} for {rule.name}: {', '.join(where)} ({hint})", tuple(places))
     size = print_size_mm(reading)
     if size < rule.least_height_mm:
         yield Finding(
