@@ -98,8 +98,9 @@ def _touch_panels(touch: ReadingTrace, reading: Reading) -> Iterator[Callable[[A
         # slower than the reader needs, walls truer
         steep = relief if scan is None or edges is None else estimate_relief(scan, edges)
         yield partial(steepness_panel, relief=steep, reading=reading)
-    for layer in range(0 if edges is None else len(edges.directions)):
-        yield partial(edge_panel, edges=edges, layer=layer, reading=reading)
+    if edges is not None:
+        for layer in range(len(edges.directions)):
+            yield partial(edge_panel, edges=edges, layer=layer, reading=reading)
     if scan is not None and surface is None:
         yield partial(moment_panel, sweep=only(scan).sweeps[0])
 
