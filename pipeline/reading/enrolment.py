@@ -26,7 +26,7 @@ from recognition.learning.exemplars import Cut, ExemplarError
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
     from pipeline.common.settings import ReadSettings
-    from recognition.learning.learned_shapes import Learned
+    from recognition.learning.learned_font import Learned
 
 MOST_EXEMPLARS = 30
 """Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
@@ -224,7 +224,7 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Revi
     """Cut the characters of a part with a known text; none of a part that was enrolled before."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
-    from recognition.learning.tactile_part import cut_height_map, cut_scan
+    from recognition.learning.exemplars import cut_height_map, cut_scan
 
     text, height_mm, path = without_blanks(part.text), settings.height_mm, part.scan or part.height_map
     try:
@@ -260,7 +260,7 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
 
 
 def _learn(font: str, taught: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned:
-    from recognition.learning.learned_shapes import learn_font
+    from recognition.learning.learned_font import learn_font
 
     return learn_font(
         font, [e.char for e in taught], [e.relief for e in taught], known=bases, vouching=vouching

@@ -6,7 +6,8 @@ parts that are read (`recognition.decision.likeness`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ from recognition.decision.reading import Reading
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from recognition.marks.strokes import FeltLine, PlaceStrokes
+    from whisker_array.estimation.relief import Relief
 
 _NORMAL = 1.4826
 """Standard deviation of normal noise whose median absolute deviation is 1."""
@@ -47,54 +50,80 @@ class Measure(StrEnum):
     PATCHES = "patches of the photograph"
 
 
-def measures_of(
-    reading: Reading, *, fine_mm: float = 0.1, coarse_mm: float = 0.4, fine_px: int = 1, coarse_px: int = 4
-) -> Mapping[Measure, float]:
-    """Return the measures that are known of the part.
-
-    Args:
-        reading: of the part.
-        fine_mm: between places of the land whose heights are compared for fine roughness: grains.
-        coarse_mm: the same for coarse roughness: lumps.
-        fine_px: the same as `fine_mm` on a photograph.
-        coarse_px: the same as `coarse_mm` on a photograph.
-    """
+def measures_of(reading: Reading) -> Mapping[Measure, float]:
+    """Return the measures that are known of the part."""
+    trace, touch, vision = reading.trace, reading.touch, reading.vision
     found: dict[Measure, float | None] = {
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
-        Measure.ODDS: _within(reading.trace.odds),
-        Measure.CAMERA: _within(reading.trace.camera_odds),
-        Measure.FORMAT: reading.trace.evidence,
-        Measure.LEAST_STROKES: min(
-            (p.felt for p in reading.trace.strokes if p.felt is not None), default=None
-        ),
-        Measure.COVERED: _greatest_cover(reading),
+        Measure.ODDS: _within(trace.odds),
+        Measure.CAMERA: _within(trace.camera_odds),
+        Measure.FORMAT: trace.evidence,
         Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
-        Measure.BELIEF: _belief(reading),
-        Measure.EVIDENCE: reading.evidence_margin,
-        Measure.STROKES: reading.strokes_felt,
-        Measure.UNLIKENESS: reading.unlikeness,
         Measure.HEIGHT: reading.height_mm if reading.scaled and reading.height_mm > 0.0 else None,
         Measure.DEPTH: reading.depth_mean_mm,
+        **_of_strokes(trace.strokes),
     }
-    touch, vision = reading.touch, reading.vision
+    first = touch or vision
+    openly = None if first is None else first.trace.open_lattice
+    if openly is not None and openly.n_places:
+        found[Measure.BELIEF] = float(np.exp(openly.log_belief.max(axis=1)).mean())
     if touch is not None and touch.trace.relief is not None:
-        relief = touch.trace.relief
-        heights_um = 1e3 * relief.height_mm.astype(np.float64)
-        found[Measure.FINE] = roughness(heights_um, max(1, round(fine_mm / relief.pitch_mm)))
-        found[Measure.COARSE] = roughness(heights_um, max(1, round(coarse_mm / relief.pitch_mm)))
-        if touch.trace.felt_line is not None:
-            depth_um = 1e3 * touch.trace.felt_line.depth_mm()
-            for share, rough in ((Measure.FINE_SHARE, Measure.FINE), (Measure.COARSE_SHARE, Measure.COARSE)):
-                rough_um = found[rough]
-                found[share] = None if rough_um is None else rough_um / max(depth_um, 1.0)
+        found |= _of_land(touch.trace.relief, touch.trace.felt_line)
     if vision is not None and vision.trace.photo is not None:
         grey = _evenly_lit(vision.trace.photo)
-        found[Measure.GRAIN], found[Measure.PATCHES] = roughness(grey, fine_px), roughness(grey, coarse_px)
+        found |= {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
     return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
 
 
-def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float | None:
-    """Roughness of the land, in the unit of the surface; marks and edges hardly count.
+def _of_strokes(
+    places: Sequence[PlaceStrokes], *, deciding_heights: float = 0.25
+) -> Mapping[Measure, float | None]:
+    """Measures of what was felt of the strokes at all places.
+
+    Args:
+        places: of the text.
+        deciding_heights: length from which strokes that only a rival has decide between two characters, character
+            heights.
+    """
+    felt = [place.felt for place in places if place.felt is not None]
+    unlike = [1.0 - place.score for place in places if place.felt is not None]
+    rivals = [rival for place in places for rival in place.rivals]
+    covered = (rival.hidden for rival in rivals if rival.more_heights >= deciding_heights)
+    return {
+        Measure.EVIDENCE: min((rival.excluded_nats for rival in rivals), default=None),
+        Measure.STROKES: float(np.mean(felt)) if felt else None,
+        Measure.LEAST_STROKES: min(felt, default=None),
+        Measure.UNLIKENESS: float(np.mean(unlike)) if felt else None,
+        Measure.COVERED: max(covered, default=0.0) if places else None,
+    }
+
+
+def _of_land(
+    relief: Relief, line: FeltLine | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
+) -> Mapping[Measure, float]:
+    """Roughness of the land, by itself and in parts of the marks' depth.
+
+    Args:
+        relief: as felt.
+        line: the serial's, if known.
+        fine_mm: between places of the land whose heights are compared for fine roughness: grains.
+        coarse_mm: the same for coarse roughness: lumps.
+    """
+    heights_um = 1e3 * relief.height_mm.astype(np.float64)
+    depth_um = math.nan if line is None else max(1e3 * line.depth_mm(), 1.0)
+    fine, coarse = (
+        roughness(heights_um, max(1, round(far / relief.pitch_mm))) for far in (fine_mm, coarse_mm)
+    )
+    return {
+        Measure.FINE: fine,
+        Measure.COARSE: coarse,
+        Measure.FINE_SHARE: fine / depth_um,
+        Measure.COARSE_SHARE: coarse / depth_um,
+    }
+
+
+def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 100_000) -> float:
+    """Roughness of the land, in the unit of the surface; marks and edges hardly count. NaN where nothing is known.
 
     The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
 
@@ -111,34 +140,12 @@ def roughness(surface: NDArray[np.float64], step: int, *, enough_samples: int = 
         if z.shape[1] > 2 * step
     ]
     known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
-    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else None
+    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else math.nan
 
 
 def _within(odds: float | None, *, most_odds: float = 50.0) -> float | None:
     """Log odds as a number: certainty is no missing value, but `most_odds`."""
     return None if odds is None else min(max(odds, -most_odds), most_odds)
-
-
-def _greatest_cover(reading: Reading, *, deciding_heights: float = 0.25) -> float | None:
-    """Greatest share of the strokes that only a rival has where nothing could be felt; None where none were asked.
-
-    Args:
-        reading: with the strokes in its trace.
-        deciding_heights: length from which strokes that only one of two characters has decide between them, character
-            heights.
-    """
-    places = reading.trace.strokes
-    hidden = (r.hidden for place in places for r in place.rivals if r.more_heights >= deciding_heights)
-    return max(hidden, default=0.0) if places else None
-
-
-def _belief(reading: Reading) -> float | None:
-    """Mean over places of the belief in the likeliest character, before the format has its say."""
-    first = reading.touch or reading.vision
-    lattice = None if first is None else first.trace.open_lattice
-    if lattice is None or lattice.n_places == 0:
-        return None
-    return float(np.exp(lattice.log_belief.max(axis=1)).mean())
 
 
 def _evenly_lit(photo: Photo, *, darkest: float = 1.0 / 255.0) -> NDArray[np.float64]:

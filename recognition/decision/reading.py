@@ -304,17 +304,6 @@ class Reading:
         return math.fsum(known) / len(known) if known else None
 
     @property
-    def evidence_margin(self) -> float | None:
-        """Nats by which beliefs and strokes speak for the text against its strongest rival; None without any."""
-        return min((r.excluded_nats for place in self.trace.strokes for r in place.rivals), default=None)
-
-    @property
-    def unlikeness(self) -> float | None:
-        """Share of the depth that strokes of known fonts leave unexplained, mean of the places."""
-        scores = [1.0 - place.score for place in self.trace.strokes if place.felt is not None]
-        return math.fsum(scores) / len(scores) if scores else None
-
-    @property
     def strokes_felt(self) -> float | None:
         """Share of the characters' strokes that was felt, mean of the places; None where that is not known."""
         known = [place.felt for place in self.trace.strokes if place.felt is not None]

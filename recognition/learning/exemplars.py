@@ -1,8 +1,8 @@
 """Characters cut out of a part whose text is known, for the glyph database.
 
-The text is forced on the recogniser's alignment: it says where the characters stand, not which. What was felt there
-is then sampled to one size, upright, 40 pixels to the height, the middle of the ink across and half the height up
-in the middle::
+The part is felt as the reader feels it, and its text is forced on the recogniser's alignment: it says where the
+characters stand, not which. What was felt there is then sampled to one size, upright, 40 pixels to the height, the
+middle of the ink across and half the height up in the middle::
 
           plate frame                      cut, in the line's frame
        _____________________                +-----------+
@@ -12,22 +12,35 @@ in the middle::
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from glyphs.errors import MarksError
-from glyphs.surface.maps import EdgeMap
+from glyphs.fonts.glyph import RELIEF_PIXELS
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader
-from recognition.belief.line_search import LineSearch
+from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.experts.recogniser import CHARACTERS
 from recognition.language.grammar import Grammar
-from recognition.learning.tactile_cell import ACROSS, DOWN, Cell, Layer, Place, felt_cell, ink_box
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.views.first_pass import felt_heights_mm, virtual_feel
+from recognition.views.levelling import level
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.views.view import HEIGHTS, KNOWN, Layers, felt_view, relief_of
+from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief
+from whisker_array.scan.scan import Scan
+
+Floats = NDArray[np.float64]
+
+DOWN, ACROSS = np.arange(-26, 27) / RELIEF_PIXELS, np.arange(-32, 33) / RELIEF_PIXELS
+"""Rows and columns of a cell from its middle, character heights: a W of a wide font and some land."""
+DEEP_PERCENT = 97.0
+"""Share of a cell's samples that lie above the depth of its mark."""
 
 
 class ExemplarError(MarksError):
@@ -56,57 +69,96 @@ class Cut:
     score: float
 
 
-def cut_line(
-    edges: EdgeMap,
-    relief: Relief,
+def cut_height_map(
+    height_map: HeightMap,
     text: str,
     *,
+    soil: Soil | None = None,
     height_mm: float | None = None,
-    line: TextLine | None = None,
-    least_likely: float = 0.15,
+    good_score: float = 0.7,
 ) -> tuple[Cut, ...]:
-    """The characters of a part's line.
+    """The characters of a height map, scanned with the virtual array as for reading; see `cut_scan`.
 
     Args:
-        edges: of the part.
-        relief: the surface as felt.
+        height_map: of the part.
+        text, height_mm: as of `cut_scan`.
+        soil: dirt into which the tip sinks, if known.
+        good_score: belief a character from which no other scale is tried.
+
+    Raises:
+        ExemplarError: as `cut_scan`, or no characters to be seen.
+        MapError: a map that cannot be scanned, a soil on another grid.
+    """
+    levelled, feel = level(height_map), virtual_feel(soil=soil)
+    heights = felt_heights_mm(LineSearch(None, ALPHANUMERIC, height_mm=height_mm), levelled, soil=soil)
+    found: list[tuple[Cut, ...]] = []
+    problems: list[ExemplarError] = []
+    for height in heights[:MOST_SCANS]:
+        try:
+            found.append(cut_scan(feel(levelled, height), text, height_mm=height_mm))
+        except ExemplarError as error:
+            problems.append(error)
+            continue
+        if _score(found[-1]) > good_score:
+            break
+    if not found:
+        problems.append(ExemplarError("no characters found", hint="look at the part, or give its height"))
+        raise problems[0]
+    return max(found, key=_score)
+
+
+def _score(cuts: tuple[Cut, ...]) -> float:
+    return cuts[0].score if cuts else 0.0
+
+
+def cut_scan(
+    scan: Scan, text: str, *, height_mm: float | None = None, least_likely: float = 0.15
+) -> tuple[Cut, ...]:
+    """The characters of a recorded scan.
+
+    Args:
+        scan: of the part.
         text: what stands there; blanks do not count.
         height_mm: character height, if known.
-        line: where it stands, if known.
         least_likely: posterior of a character, mean of the text, below which it does not fit the marks.
 
     Returns:
         A cut a character, in order; those of which too little was felt are left out.
 
     Raises:
-        ExemplarError: no text, or no marks that it fits.
+        ExemplarError: no text, no heights, or no marks that it fits.
+        MapError: a scan that makes no edge map.
     """
-    plain = "".join(text.split())
+    edges = edge_map(scan)
+    relief, plain = relief_of(scan, edges), "".join(text.split())
+    if relief is None:
+        raise ExemplarError(
+            "the scan gives no heights", hint="record it with the default whisker, all directions"
+        )
     if not plain:
         raise ExemplarError("the text is empty", hint="only parts whose text is known can be enrolled")
     chars = "".join(sorted({*CHARACTERS, *plain} - {" "}))
-    reader = LineReader(LineSearch(Grammar(sets=tuple(plain)), chars, height_mm=height_mm))
     view = felt_view(edges, relief)
-    found = reader.read(view, about=line).main
+    search = LineSearch(Grammar(sets=tuple(plain)), chars, height_mm=height_mm)
+    found = LineReader(search).read(view).main
     if found is None:
         raise ExemplarError(
             "no line of marks as long as the text was found", hint="look at the part and its text"
         )
-    likely = np.exp(found.belief.evidence / len(plain))
+    likely = float(np.exp(found.belief.evidence / len(plain)))
     if likely < least_likely:
         raise ExemplarError(
             f"the text does not fit the marks (belief {likely:.2f} a character)", hint="see that it is right"
         )
     raised = _stands_out(view.strip(found.line))
-    middles = ((found.belief.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
-    line_at, places = _fit_size(relief, found.line, [(float(u), 0.0) for u in middles], raised=raised)
-    bounds = _bounds(relief, line_at, places, raised=raised)
-    cells = [felt_cell(relief, line_at, place, raised=raised) for place in places]
-    return tuple(
-        Cut(char, shape, line_at.height_mm, line_at.turned_deg, raised, float(likely))
-        for char, cell, reach in zip(plain, cells, bounds, strict=True)
-        if (shape := _own_shape(cell, line_at.height_mm, reach)) is not None
-    )
+    along = ((found.belief.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
+    line, places = _fit_size(relief, found.line, np.column_stack([along, np.zeros(along.size)]), raised)
+    made = []
+    for char, place, reach in zip(plain, places, _bounds(relief, line, places, raised), strict=True):
+        shape = _own_shape(felt_cell(relief, line, place, raised), line.height_mm, reach)
+        if shape is not None:
+            made.append(Cut(char, shape, line.height_mm, line.turned_deg, raised, likely))
+    return tuple(made)
 
 
 def _stands_out(strip: Layers) -> bool:
@@ -120,49 +172,41 @@ def _stands_out(strip: Layers) -> bool:
 
 
 def _fit_size(
-    relief: Relief, line: TextLine, places: Sequence[Place], *, raised: bool, tolerance: float = 0.1
-) -> tuple[TextLine, list[Place]]:
+    relief: Relief, line: TextLine, places: Floats, raised: bool, *, tolerance: float = 0.1
+) -> tuple[TextLine, Floats]:
     """The line with the height of its own ink, whatever font found it, and the middle of every character.
 
     Args:
         relief: as felt.
         line: as found.
-        places: of its characters.
+        places: (n, 2) of its characters, along the line from its start and down from it, mm.
         raised: whether its marks stand out.
         tolerance: share of the line's height by which a character of full height may differ; others are placed by
             the line.
     """
-    places = list(places)
     for _ in range(2):
         height = line.height_mm
-        bounds = _bounds(relief, line, places, raised=raised)
-        cells = (felt_cell(relief, line, place, raised=raised) for place in places)
-        boxes = [ink_box(cell, height, bounds=reach) for cell, reach in zip(cells, bounds, strict=True)]
-        inked = [box for box in boxes if box is not None]
-        if not inked:
+        cells = (felt_cell(relief, line, place, raised) for place in places)
+        reaches = _bounds(relief, line, places, raised)
+        boxes = np.array([_ink_box(*one, height) for one in zip(cells, reaches, strict=True)])
+        inked = np.isfinite(boxes[:, 0])
+        if not inked.any():
             raise ExemplarError(
                 "nothing is sunk or raised where the text should stand", hint="look at the scan"
             )
-        typical = float(np.median([box[3] - box[1] for box in inked]))
-
-        def is_full(box: Cell) -> bool:
-            return abs(box[3] - box[1] - typical) < tolerance * height  # noqa: B023
-
-        shift = float(np.median([0.5 * (box[1] + box[3]) for box in inked if is_full(box)] or [0.0]))
-        places = [
-            (u, v)
-            if box is None
-            else (u + 0.5 * (box[0] + box[2]), v + (0.5 * (box[1] + box[3]) if is_full(box) else shift))
-            for (u, v), box in zip(places, boxes, strict=True)
-        ]
+        high = boxes[:, 3] - boxes[:, 1]
+        typical = float(np.median(high[inked]))
+        full = np.abs(high - typical) < tolerance * height
+        across, down = 0.5 * (boxes[:, :2] + boxes[:, 2:]).T
+        shift = float(np.median(down[full])) if full.any() else 0.0
+        moved = places + np.column_stack([across, np.where(full, down, shift)])
+        places = np.where(inked[:, None], moved, places)
         line = TextLine(line.centre_mm, float(np.clip(typical, 0.8 * height, 1.25 * height)))
     return line, places
 
 
-def _bounds(
-    relief: Relief, line: TextLine, places: Sequence[Place], *, raised: bool, gap_pull: float = 2.0
-) -> list[tuple[float, float]]:
-    """Return the reach of each character's cell to its left and right, mm: to the least ink between two.
+def _bounds(relief: Relief, line: TextLine, places: Floats, raised: bool, *, gap_pull: float = 2.0) -> Floats:
+    """(n, 2) reach of each character's cell to its left and right, mm: to the least ink between two.
 
     Args:
         relief, line, places, raised: as of `_fit_size`.
@@ -170,22 +214,19 @@ def _bounds(
             middle.
     """
     u = ACROSS * line.height_mm
-    far = float(u[-1])
-    left, right = [far] * len(places), [far] * len(places)
-    for k in range(len(places) - 1):
-        (u0, v0), (u1, v1) = places[k], places[k + 1]
-        apart = u1 - u0
-        felt = felt_cell(relief, line, (0.5 * (u0 + u1), 0.5 * (v0 + v1)), raised=raised)
+    apart, gaps = np.diff(places[:, 0]), []
+    for between, wide in zip(0.5 * (places[:-1] + places[1:]), apart, strict=True):
+        felt = felt_cell(relief, line, between, raised)
         ink = np.clip(-np.nan_to_num(felt), 0.0, None).sum(axis=0)
         # the gap lies about half way; between the legs of a U there is little ink, too
-        cost = ink / max(float(ink.max()), 1e-12) + gap_pull * (u / max(apart, 1e-9)) ** 2
-        gap = float(u[np.argmin(np.where(np.abs(u) < 0.4 * apart, cost, np.inf))])
-        right[k], left[k + 1] = min(far, 0.5 * apart + gap), min(far, 0.5 * apart - gap)
-    return list(zip(left, right, strict=True))
+        cost = ink / max(float(ink.max()), 1e-12) + gap_pull * (u / max(wide, 1e-9)) ** 2
+        gaps.append(float(u[np.argmin(np.where(np.abs(u) < 0.4 * wide, cost, np.inf))]))
+    reach = np.stack([np.r_[np.inf, 0.5 * apart - gaps], np.r_[0.5 * apart + gaps, np.inf]], axis=1)
+    return np.asarray(np.minimum(reach, u[-1]))
 
 
 def _own_shape(
-    felt: Layer, height_mm: float, bounds: tuple[float, float], *, least_known: float = 0.7
+    felt: Floats, height_mm: float, bounds: Floats, *, least_known: float = 0.7
 ) -> NDArray[np.float32] | None:
     """Return a cell within its bounds, in character heights; None where less than a share of its middle was felt."""
     middle = felt[np.ix_(np.abs(DOWN) < 0.5, np.abs(ACROSS) < 0.3)]
@@ -194,3 +235,68 @@ def _own_shape(
     own = (ACROSS * height_mm > -bounds[0]) & (ACROSS * height_mm < bounds[1])
     # sixteen bits are more than was felt, and pack well
     return np.asarray(np.where(own, felt / height_mm, np.nan).astype(np.float16), dtype=np.float32)
+
+
+def felt_cell(relief: Relief, line: TextLine, place: Floats, raised: bool) -> Floats:
+    """(rows, columns) heights about a place over their land, mm, negative in the mark; NaN where not known."""
+    along, down = place / line.height_mm
+    columns = (along + MARGIN + ACROSS) * HEIGHT_ROWS - 0.5
+    rows = (down + DOWN) * HEIGHT_ROWS + 0.5 * ROWS - 0.5
+    at = (line.grid_mm(columns, rows) - relief.origin_mm) / relief.pitch_mm
+    z = relief.height_mm.astype(np.float64)
+    felt = ndimage.map_coordinates(z, (at[..., 1], at[..., 0]), order=1, mode="constant", cval=np.nan)
+    return _over_land(-felt if raised else felt)
+
+
+def _over_land(
+    felt: Floats,
+    *,
+    land_share: float = 0.35,
+    rounds: int = 4,
+    least_land: int = 60,
+) -> Floats:
+    """Heights over a bowl fitted to what is not ink: the plate's waves may be as deep as a worn mark.
+
+    A bold character covers more of its cell than it leaves, which a fit by Tukey's weights does not survive.
+
+    Args:
+        felt: cell.
+        land_share: of a mark's depth down to which a sample is land.
+        rounds: of separation.
+        least_land: samples of land needed.
+    """
+    known = np.isfinite(felt)
+    if known.sum() < least_land:
+        return felt
+    v, u = np.meshgrid(DOWN, ACROSS, indexing="ij")
+    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    # at first the upper half is held for land
+    land, over = known & (felt >= np.median(felt[known])), felt
+    for _ in range(rounds):
+        if land.sum() < least_land:
+            break
+        over = felt - terms @ np.linalg.lstsq(terms[land], felt[land], rcond=None)[0]
+        deep = float(np.percentile(-over[known], DEEP_PERCENT))
+        land = known & ~ndimage.binary_dilation(np.nan_to_num(over) < -land_share * deep, iterations=2)
+    return over
+
+
+def _ink_box(felt: Floats, bounds: Floats, height_mm: float, *, ink_share: float = 0.5) -> Floats:
+    """Box (u0, v0, u1, v1) of a mark at the land, mm from the cell's middle; NaN without ink.
+
+    Args:
+        felt: cell.
+        bounds: reach of the cell to its left and right, mm.
+        height_mm: of the characters.
+        ink_share: of a character's depth from which a sample is ink.
+    """
+    u, v = ACROSS * height_mm, DOWN * height_mm
+    depth = np.where((u > -bounds[0]) & (u < bounds[1]), -np.nan_to_num(felt), 0.0)
+    deep = float(np.percentile(depth[np.abs(DOWN) < 0.5], DEEP_PERCENT))
+    ink = depth > max(ink_share * deep, 0.0)
+    across, down = np.flatnonzero(ink.sum(axis=0) >= 2), np.flatnonzero(ink.sum(axis=1) >= 2)
+    if deep <= 0.0 or not across.size or not down.size:
+        return np.full(4, np.nan)
+    # from half the depth up a wall of 45 degrees to the land
+    wall = ink_share * deep + 0.5 * height_mm / RELIEF_PIXELS
+    return np.array([u[across[0]] - wall, v[down[0]] - wall, u[across[-1]] + wall, v[down[-1]] + wall])

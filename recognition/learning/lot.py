@@ -87,9 +87,9 @@ def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
 
     Args:
         chars: what each exemplar is.
-        used: by character, indices of those that agree (`recognition.learning.learned_shapes.Learned.used`).
+        used: by character, indices of those that agree (`recognition.learning.learned_font.Learned.used`).
     """
-    from recognition.learning.learned_shapes import FEWEST_SIBLINGS  # slow to import
+    from recognition.learning.learned_font import FEWEST_SIBLINGS  # slow to import
 
     many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
     if not many:

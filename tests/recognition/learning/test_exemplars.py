@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from recognition.learning.alignment import align_relief, likeness
-from recognition.learning.exemplars import ExemplarError
-from recognition.learning.tactile_part import cut_height_map
+from recognition.learning.exemplars import ExemplarError, cut_height_map
+from recognition.learning.learned_font import align_relief, likeness
 
 
 def cut(part, text):

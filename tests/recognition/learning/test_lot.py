@@ -11,7 +11,7 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.learned_shapes import Learned, learn_font
+from recognition.learning.learned_font import Learned, learn_font
 from recognition.learning.lot import (
     EXEMPLARS_EACH,
     LEAST_AGREEMENT,

@@ -3,9 +3,8 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from recognition.glyph_match.predicted import predict_templates, template_key
-from recognition.learning.alignment import likeness
 from recognition.learning.exemplars import ExemplarError
-from recognition.learning.learned_shapes import learn_font
+from recognition.learning.learned_font import learn_font, likeness
 from tests.recognition.learning.blows import blow, drawn
 
 GOTHIC = load_font("gothic")

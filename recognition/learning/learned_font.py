@@ -1,0 +1,400 @@
+"""A font learned by touch: the relief of its characters as they were felt, and a guess at those that were not.
+
+    exemplars of K --laid over each other, odd ones set aside, median--> relief of K --contour--> outline of K
+    no exemplar of Q --the known font that comes nearest, widened, emboldened, struck as deep, softened--> a guess at Q
+
+The relief is what templates are predicted from, by the same physics as for any other font: other whiskers, turned
+lines and raised marks follow by themselves. The outline serves whatever draws the font.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph, signed_distance
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.faces import default_die, relief_mm
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM
+from recognition.learning.exemplars import ExemplarError
+
+FEWEST_SIBLINGS = 3
+"""Exemplars that agree, from which on they need no known font to vouch for them."""
+TRUSTED_LIKENESS = 0.94
+"""From this likeness on the nearest font is the die's own, worn or not, and characters never felt are no guesses:
+gothic worn to a third of its depth reaches 0.97, another maker's letters 0.9."""
+OUTLINE_SHARE = 0.3
+"""Share of the depth at which the outline is drawn."""
+RIM_HEIGHTS = 0.1
+"""Land about the ink that is kept, burr and all, before the relief fades; what lies further off is the plate's."""
+SPECK_HEIGHTS = 0.05
+"""Side of a patch too small to be ink."""
+AGREEMENT, FALL = 0.75, 0.08
+"""Correlation with its siblings that a relief must have, and by how much it may fall short of their usual one: blows
+of one die reach 0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0.9 at most."""
+SHIFT_PIXELS, TURNS_DEG = 3, (-3.0, -1.5, 0.0, 1.5, 3.0)
+WIDTHS = (0.8, 0.9, 1.0, 1.1, 1.2, 1.3)
+GROWTHS, SOFTNESSES = (-0.03, -0.015, 0.0, 0.015, 0.03, 0.045, 0.06), (0.0, 0.015, 0.03, 0.05, 0.08)
+FIRST_GROWTHS, FIRST_SOFTNESSES = (-0.015, 0.03), (0.02, 0.07)
+"""Changes of a known font that are tried, character heights except the widths; few of them find font and width."""
+LEAST_DEPTH_HEIGHTS = 0.002
+
+Patch = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """A known font as a die might cut it.
+
+    Attributes:
+        font: the known font.
+        width: its characters are widened by this.
+        grow: its outlines are moved outwards by this, character heights.
+        soften: standard deviation of the Gaussian that rounds it, character heights.
+        depth: of its marks, character heights.
+        likeness: median correlation with the characters that were felt: some of them are broken or badly struck;
+            one that the font lacks counts as 0.
+        gain: what its relief is multiplied by, so that softening does not make it shallower than what was felt.
+    """
+
+    font: Font
+    width: float
+    grow: float
+    soften: float
+    depth: float
+    likeness: float
+    gain: float = 1.0
+
+    def relief(self, char: str, size: tuple[int, ...]) -> Patch | None:
+        """Relief of a character, in character heights; None if the font lacks it or it has no ink."""
+        glyph = self.font.glyphs.get(char)
+        if glyph is None or not glyph.inked:
+            return None
+        distance = _distance(self.font, char, size, width=self.width, depth=self.depth)
+        relief = _struck(distance, depth=self.depth, grow=self.grow, soften=self.soften)
+        return np.asarray(relief * np.float32(self.gain), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A font made of exemplars.
+
+    Attributes:
+        font: the learned font.
+        used: by character, indices of the exemplars that its shape is made of.
+        set_aside: indices of those that disagree with their siblings, or with what the character looks like.
+        hand: the known font that stands for characters never felt.
+    """
+
+    font: Font
+    used: Mapping[str, tuple[int, ...]]
+    set_aside: tuple[int, ...]
+    hand: Hand
+
+    @property
+    def never_felt(self) -> str:
+        """Characters that it has from the known font alone."""
+        return "".join(sorted(c for c, g in self.font.glyphs.items() if g.inked and not self.used.get(c)))
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether those are the die's own as well, not guesses."""
+        return self.hand.likeness >= TRUSTED_LIKENESS
+
+
+def learn_font(
+    name: str,
+    chars: Sequence[str],
+    reliefs: Sequence[NDArray[np.float32]],
+    *,
+    known: Sequence[Font],
+    vouching: bool = True,
+) -> Learned:
+    """A font of these exemplars.
+
+    Args:
+        name: its name.
+        chars: (n,) what each exemplar is.
+        reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
+            not known (`recognition.learning.exemplars.Cut.relief`).
+        known: fonts of which the nearest stands for characters never felt.
+        vouching: whether it may vouch for exemplars with fewer than `FEWEST_SIBLINGS` that agree; else these teach
+            nothing.
+
+    Raises:
+        ExemplarError: no exemplar or no known font, exemplars of different sizes, or none with a mark on it; without
+            vouching, no character with enough exemplars that agree.
+    """
+    if not len(chars) or len(chars) != len(reliefs):
+        raise ExemplarError(
+            f"{len(chars)} characters and {len(reliefs)} reliefs", hint="give one for each, at least one"
+        )
+    if not known:
+        raise ExemplarError("no known font is given", hint="name one for the characters never felt")
+    if len({np.shape(r) for r in reliefs}) > 1:
+        raise ExemplarError("the exemplars differ in size", hint="enrol them again")
+    patches = [_trim(np.nan_to_num(np.asarray(r, dtype=np.float32))) for r in reliefs]
+    groups = {c: [k for k, other in enumerate(chars) if other == c] for c in sorted(set(chars))}
+    shapes: dict[str, Patch] = {}
+    used: dict[str, tuple[int, ...]] = {}
+    for char, own in groups.items():
+        shapes[char], used[char] = common_relief(patches, own)
+    few = [char for char in groups if len(used[char]) < FEWEST_SIBLINGS]
+    if not vouching:
+        for char in few:
+            del shapes[char], used[char]
+        if not shapes:
+            raise ExemplarError(
+                f"no character has {FEWEST_SIBLINGS} exemplars that agree", hint="enrol more parts"
+            )
+    hand = nearest_hand(shapes, known)
+    for char in few if vouching else ():
+        own = groups[char]
+        vouched = [k for k in own if _is_credible(char, patches[k], hand, shapes)]
+        if not vouched:
+            del shapes[char], used[char]
+        elif len(vouched) < len(own) or len(used[char]) < len(own):
+            guess = hand.relief(char, patches[0].shape)
+            if guess is not None:
+                # the one most like the nearest font's character leads
+                vouched.sort(key=lambda k: -align_relief(patches[k], guess)[0])
+            shapes[char], used[char] = common_relief(patches, vouched)
+    if not shapes:
+        raise ExemplarError("no exemplar has a mark on it", hint="enrol other parts")
+    glyphs = dict(_glyphs(shapes, hand, patches[0].shape))
+    kept = {k for own in used.values() for k in own}
+    source = f"learned from {len(kept)} exemplars of {''.join(sorted(shapes))}; other characters after {hand.font.name}"
+    aside = tuple(k for k in range(len(chars)) if k not in kept)
+    return Learned(Font(name, glyphs, 0.0, source), used, aside, hand)
+
+
+def _glyphs(shapes: Mapping[str, Patch], hand: Hand, size: tuple[int, ...]) -> Iterator[tuple[str, Glyph]]:
+    """The characters that were felt, and of the others what the known font has."""
+    for char in dict.fromkeys([*hand.font.glyphs, *shapes]):
+        base, patch = hand.font.glyphs.get(char), shapes.get(char)
+        guess = patch is None and hand.likeness < TRUSTED_LIKENESS
+        if patch is None:
+            patch = hand.relief(char, size)
+        made = None if patch is None else _glyph(char, patch, base, guessed=guess)
+        if made is not None:
+            yield char, made
+        elif base is not None and not base.inked:
+            yield char, base
+
+
+def _is_credible(
+    char: str,
+    patch: Patch,
+    hand: Hand,
+    shapes: Mapping[str, Patch],
+    *,
+    other_character: float = 0.1,
+    worn_fall: float = 0.05,
+    foreign_fall: float = 0.3,
+) -> bool:
+    """Whether an exemplar without siblings is to be believed.
+
+    It must be about as like the nearest font's character as others are, and not more like another one.
+
+    Args:
+        other_character: by how much an exemplar without siblings may be more like another character of the nearest
+            font than like its own.
+        worn_fall, foreign_fall: by how much its likeness to the nearest font's may fall short of the usual: where
+            that is the die's own font, a single faint blow teaches nothing, and a broken corner is believed of three.
+    """
+    guess = hand.relief(char, patch.shape)
+    if guess is None:
+        return True
+    own = align_relief(guess, patch)[0]
+    if own < hand.likeness - (worn_fall if hand.likeness >= TRUSTED_LIKENESS else foreign_fall):
+        return False
+    rivals = (hand.relief(c, patch.shape) for c in shapes if c != char)
+    return (
+        own
+        > max((align_relief(g, patch)[0] for g in rivals if g is not None), default=-1.0) - other_character
+    )
+
+
+def _trim(patch: Patch, *, floor_share: float = 0.6) -> Patch:
+    """The relief of a character alone: what lies far from its ink is land.
+
+    Args:
+        floor_share: share of the depth that a stroke reaches somewhere.
+    """
+    ink = patch < -OUTLINE_SHARE * depth_of(patch)
+    labels, _ = ndimage.label(ink)
+    sizes = np.bincount(labels.ravel())
+    deepest = ndimage.maximum(-patch, labels, np.arange(sizes.size))
+    # shallow hollows beside the character are the plate's
+    ink &= (sizes >= (SPECK_HEIGHTS * RELIEF_PIXELS) ** 2)[labels] & (
+        deepest >= floor_share * depth_of(patch)
+    )[labels]
+    if not ink.any():
+        return patch
+    far = ndimage.distance_transform_edt(~ink) / RELIEF_PIXELS
+    return np.asarray(patch * np.clip(2.0 - far / RIM_HEIGHTS, 0.0, 1.0), dtype=np.float32)
+
+
+def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Glyph | None:
+    """The character of a relief, with its outline; None where nothing is sunk."""
+    from skimage.measure import find_contours
+
+    closed = np.pad(-patch[1:-1, 1:-1], 1)
+    middle_row, middle_col = patch.shape[0] // 2, patch.shape[1] // 2
+    lines = find_contours(closed, OUTLINE_SHARE * depth_of(patch))  # type: ignore[no-untyped-call,unused-ignore]
+    outlines = [
+        np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / RELIEF_PIXELS + (0.0, 0.5)
+        for line in lines
+    ]
+    outlines = [line for line in outlines if len(line) > 2 and abs(_area(line)) > SPECK_HEIGHTS**2]
+    if not outlines:
+        return None
+    across = np.concatenate(outlines)[:, 0]
+    middle, half = 0.5 * float(across.max() + across.min()), 0.5 * float(across.max() - across.min())
+    centred = ndimage.shift(patch, (0.0, -middle * RELIEF_PIXELS), order=1, mode="constant")
+    # side bearings are the known font's
+    box = base.ink_box if base is not None and base.inked else (0.05, 0.0, 0.05, 1.0)
+    before = max(0.0, box[0])
+    after = max(0.0, base.advance - box[2]) if base is not None else before
+    return Glyph(
+        char,
+        contours=tuple(line + np.array([before + half - middle, 0.0]) for line in outlines),
+        advance=before + 2.0 * half + after,
+        relief=centred,
+        guessed=guessed,
+    )
+
+
+def _area(line: NDArray[np.float64]) -> float:
+    """Signed area of a closed polygon (shoelace)."""
+    x, y = line.T
+    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def depth_of(patch: Patch) -> float:
+    """Depth of a mark's floor, character heights: of the deepest twentieth, less than the strokes of a character."""
+    return max(-float(np.percentile(patch, 5.0)), LEAST_DEPTH_HEIGHTS)
+
+
+def nearest_hand(shapes: Mapping[str, Patch], fonts: Sequence[Font], *, compared: int = 10) -> Hand:
+    """The font and its changes that come nearest to what was felt.
+
+    Args:
+        shapes: reliefs by character, all of one size.
+        fonts: known ones, at least one.
+        compared: characters, at most, by which font and width are found.
+    """
+    depth = float(np.median([depth_of(p) for p in shapes.values()]))
+    few = {c: shapes[c] for c in sorted(shapes)[:: -(-len(shapes) // compared)]}
+    found = [
+        _best_stroke(font, width, few, depth, FIRST_GROWTHS, FIRST_SOFTNESSES)
+        for font, width in product(fonts, WIDTHS)
+    ]
+    _, first = max(found, key=lambda pair: pair[0])
+    _, hand = _best_stroke(first.font, first.width, shapes, depth, GROWTHS, SOFTNESSES)
+    pairs = [(patch, hand.relief(c, patch.shape)) for c, patch in shapes.items()]
+    gains = [depth_of(felt) / depth_of(drawn) for felt, drawn in pairs if drawn is not None]
+    return replace(hand, gain=float(np.median(gains)) if gains else 1.0)
+
+
+def _best_stroke(
+    font: Font,
+    width: float,
+    shapes: Mapping[str, Patch],
+    depth: float,
+    growths: Sequence[float],
+    softnesses: Sequence[float],
+) -> tuple[float, Hand]:
+    """The boldness and softness with which a font of that width comes nearest, and how near on the mean."""
+    distances = {
+        c: _distance(font, c, patch.shape, width=width, depth=depth)
+        for c, patch in shapes.items()
+        if c in font.glyphs and font.glyphs[c].inked
+    }
+    best: tuple[float, Hand] = (-2.0, Hand(font, width, 0.0, 0.0, depth, 0.0))
+    for grow, soften in product(growths, softnesses):
+        scores = [
+            likeness(_struck(distance, depth=depth, grow=grow, soften=soften), shapes[c])
+            for c, distance in distances.items()
+        ]
+        scores += [0.0] * (len(shapes) - len(scores))
+        if float(np.mean(scores)) > best[0]:
+            hand = Hand(font, width, grow, soften, depth, float(np.median(scores)))
+            best = (float(np.mean(scores)), hand)
+    return best
+
+
+def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, depth: float) -> Patch:
+    """Distance from the ink of a known character, widened, on the grid of a cut; character heights."""
+    height = CANONICAL_HEIGHT_MM
+    die = default_die(height, font=font, depth_mm=depth * height)
+    shape = die_glyph(font.glyph(char), die, height_mm=height)
+    box = shape.ink_box
+    x = (np.arange(size[1]) - size[1] // 2) / RELIEF_PIXELS / width + 0.5 * (box[0] + box[2])
+    y = 0.5 - (np.arange(size[0]) - size[0] // 2) / RELIEF_PIXELS
+    return signed_distance(shape, x[None, :], y[:, None], stroke=shape.stroke)
+
+
+def _struck(distance: Patch, *, depth: float, grow: float, soften: float) -> Patch:
+    """Relief of that ink, its outline moved outwards, its edges softened; character heights."""
+    relief = relief_mm(distance - np.float32(grow), default_die(1.0, depth_mm=depth))
+    return ndimage.gaussian_filter(relief, soften * RELIEF_PIXELS) if soften else relief
+
+
+def likeness(one: Patch, other: Patch) -> float:
+    """Correlation of two reliefs as they lie."""
+    a, b = one - one.mean(), other - other.mean()
+    return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-12))
+
+
+def align_relief(patch: Patch, reference: Patch) -> tuple[float, Patch]:
+    """Best correlation of a relief with another over small shifts and turns, and the relief so moved."""
+    from glyphs.opencv import cv2
+
+    n = SHIFT_PIXELS
+    inner = np.ascontiguousarray(reference[n:-n, n:-n], dtype=np.float32)
+    best = (-2.0, 0, 0)
+    moved = patch
+    for turn in TURNS_DEG:
+        turned = ndimage.rotate(patch, turn, reshape=False, order=1, mode="constant") if turn else patch
+        score = cv2.matchTemplate(np.asarray(turned, dtype=np.float32), inner, cv2.TM_CCOEFF_NORMED)
+        down, right = divmod(int(np.argmax(score)), 2 * n + 1)
+        if score[down, right] > best[0]:
+            best, moved = (float(score[down, right]), down, right), turned
+    score_, down, right = best
+    moved = ndimage.shift(moved, (n - down, n - right), order=0, mode="constant")
+    return score_, np.asarray(moved, dtype=np.float32)
+
+
+def common_relief(
+    patches: Sequence[Patch], which: Sequence[int], *, rounds: int = 2, most_leaders: int = 7
+) -> tuple[Patch, tuple[int, ...]]:
+    """The median of those reliefs that agree, and which these are; of two that do not, the first alone.
+
+    Args:
+        patches: reliefs.
+        which: of them.
+        rounds: of setting aside.
+        most_leaders: siblings, at most, among which the one most like the others is sought.
+    """
+    first = (patches[which[0]], (which[0],))
+    if len(which) == 1:
+        return first
+    leaders = [patches[k] for k in which[:most_leaders]]
+    table = [[align_relief(q, p)[0] if p is not q else np.nan for q in leaders] for p in leaders]
+    reference = leaders[int(np.argmax(np.nanmedian(table, axis=1)))]
+    agree: list[int] = []
+    for _ in range(rounds):
+        laid = {k: align_relief(patches[k], reference) for k in which}
+        usual = float(np.median([score for score, _ in laid.values()]))
+        agree = [k for k, (score, _) in laid.items() if score >= max(AGREEMENT, usual - FALL)]
+        if len(agree) < 2:
+            return first
+        # of two the median is the mean
+        reference = np.asarray(np.median([laid[k][1] for k in agree], axis=0), dtype=np.float32)
+    return reference, tuple(sorted(agree))
