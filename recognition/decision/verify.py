@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 
@@ -21,8 +21,6 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Reading
 from recognition.language.confusions import CharacterState, PlaceState, state_of
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -101,37 +99,6 @@ class Verification:
                 where = f"place {at}" if check.expected else f"after place {at}" if at else "before place 1"
                 differences.append(f"{where}: {check.message}")
         return tuple(differences)
-
-
-def with_verification(
-    reading: Reading,
-    lattice: Lattice | None,
-    expected: str,
-    *,
-    grammar: Grammar | None = None,
-    contradicted: bool = False,
-) -> Reading:
-    """The reading with the states of its places for the text expected, and the verdict in its trace.
-
-    Args:
-        reading: as read.
-        lattice, expected, grammar, contradicted: as of `verify`; None where no characters were found.
-
-    Raises:
-        VerifyError: a text that cannot be looked for.
-    """
-    if lattice is None:
-        lattice = Lattice((), np.zeros((0, 0)))
-    verification = verify(lattice, expected, grammar=grammar, contradicted=contradicted)
-    flags, characters = reading.flags, reading.characters
-    if contradicted:
-        flags |= ReadingFlag.SENSES_DISAGREE
-    if verification.verdict is Verdict.REFUTED:
-        flags |= ReadingFlag.MISMATCH
-    if verification.places == len(characters):
-        states = {check.place: check.state for check in verification.characters}
-        characters = tuple(replace(c, state=states.get(k, c.state)) for k, c in enumerate(characters))
-    return replace(reading, characters=characters, flags=flags).with_trace(verification=verification)
 
 
 def verify(

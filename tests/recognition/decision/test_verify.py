@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.verify import Verdict, Verification, VerifyError, verify, with_verification
+from recognition.decision.verified import with_verification
+from recognition.decision.verify import Verdict, Verification, VerifyError, verify
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState
 from recognition.language.grammar import Grammar
