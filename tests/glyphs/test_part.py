@@ -8,10 +8,6 @@ import sys
 import numpy as np
 import pytest
 
-import glyphs
-import pipeline
-import recognition
-import whisker_array
 from glyphs import Camera, FontError, Light, Soiling, StampingVariation, soil_part, stamp
 from glyphs.fonts.serials import FormatError
 from glyphs.stamping.errors import StampError
@@ -69,16 +65,6 @@ def test_light_and_camera_may_be_given() -> None:
 def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dict[str, object]) -> None:
     with pytest.raises(error, match=message):
         stamp(**{"text": "A", "height_mm": 3.0, **wrong})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("package", [glyphs, whisker_array, recognition, pipeline])
-def test_a_package_lists_its_vocabulary(package: object) -> None:
-    names = package.__all__  # type: ignore[attr-defined]
-    assert len(names) > 15
-    for name in names:
-        assert getattr(package, name) is not None
-    with pytest.raises(AttributeError, match="nothing_of_that_name"):
-        package.nothing_of_that_name  # type: ignore[attr-defined]  # noqa: B018
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,6 @@ def pictures() -> dict[str, NDArray[np.float64]]:
         "noise": noise,
         "grating": np.sin(x / 6.0),
         "landscape": sky + 2.0 * ndimage.gaussian_filter(noise, 3.0),
-        "nothing": np.zeros(x.shape),
     }
 
 

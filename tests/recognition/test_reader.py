@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.glyph import FontError
-from glyphs.fonts.serials import FormatError
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import PlateVariation
@@ -109,20 +108,6 @@ def test_candidates_are_sorted_and_their_shares_are_beliefs(
         assert character.margin >= 0.0
 
 
-def test_the_same_input_gives_the_same_reading(plain: tuple[StampedPart, Reading]) -> None:
-    part, found = plain
-    # once with a reader that has just made its templates, once more with the same one
-    fresh = Reader(ReaderSettings(fonts=("gothic",)))
-    first, second = (fresh.read(part.height_map) for _ in range(2))
-    for reading in (first, second):
-        assert reading.characters == found.characters
-        assert (reading.confidence, reading.height_mm, reading.rotation_deg) == (
-            found.confidence,
-            found.height_mm,
-            found.rotation_deg,
-        )
-
-
 @pytest.mark.parametrize(
     ("made", "known"),
     [
@@ -213,14 +198,6 @@ def test_fewer_directions_still_read(
     check(reader().read(felt(part.height_map, directions=directions)), part)
 
 
-def test_a_scan_reads_as_the_plate_it_came_from(plain: tuple[StampedPart, Reading], reader: Readers) -> None:
-    part, found = plain
-    assert found.trace.scan is not None
-    again = reader().read(found.trace.scan)
-    assert again.characters == found.characters
-    check(again, part)
-
-
 def test_a_format_with_a_literal(make_part: Make, reader: Readers) -> None:
     part = make_part("AB-123")
     reading = reader(format="AA-999").read(part.height_map)
@@ -271,18 +248,6 @@ def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str
         ReaderSettings(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("format", ["", "  ", "A\t9"])
-def test_formats_that_cannot_be_met_are_refused(format: str) -> None:
-    with pytest.raises(FormatError):
-        Reader(ReaderSettings(fonts=("gothic",), format=format))
-
-
-@pytest.mark.parametrize("name", ["comic", "nowhere/letters.ttf"])
-def test_fonts_that_are_not_there_are_refused(name: str) -> None:
-    with pytest.raises(FontError, match=name.split("/")[-1].split(".")[0]):
-        Reader(ReaderSettings(fonts=(name,)))
-
-
 @pytest.mark.parametrize("format", ["A9~99", "ä9A99", "€"])
 def test_a_font_that_lacks_what_the_format_needs_is_refused(format: str) -> None:
     with pytest.raises(FontError, match="gothic"):
@@ -304,13 +269,6 @@ def test_maps_too_small_for_characters_are_rejected(
 ) -> None:
     rough = HeightMap(np.random.default_rng(0).normal(size=shape), 0.1)
     assert reader(height_mm=height_mm).read(rough).decision is Decision.REJECT
-
-
-def test_a_format_sets_the_places() -> None:
-    made = Repertoire(ReaderSettings(fonts=("gothic",), format="A 9-9"))
-    assert made.places is not None
-    assert [len(p) for p in made.places] == [26, 10, 1, 10]
-    assert set(made.chars) == set("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
 
 # ------------------------------------------------------------------------------------------------------ depth

@@ -5,7 +5,6 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.path import Path as PlotPath
 from scipy.spatial import cKDTree
@@ -88,19 +87,6 @@ def _points_along(line, apart):
         np.linspace(p, q, int(np.ceil(np.hypot(*(q - p)) / apart)) + 1) for p, q in itertools.pairwise(line)
     ]
     return np.concatenate(parts)
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    char=letters, shift=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), p=st.tuples(coordinates, coordinates)
-)
-def test_signed_distance_moves_with_the_glyph(char, shift, p):
-    glyph = load_font("gothic").glyph(char)
-    moved = Glyph(char, strokes=tuple(s + shift for s in glyph.strokes), advance=1.0)
-    here = signed_distance(glyph, p[0], p[1], stroke=0.15)
-    there = signed_distance(moved, p[0] + shift[0], p[1] + shift[1], stroke=0.15)
-    assert float(there) == pytest.approx(float(here), abs=1e-5)
-    assert here.shape == ()
 
 
 def square(x0, y0, side):

@@ -163,6 +163,7 @@ def test_a_failed_save_leaves_the_old_file_and_no_litter(full, tmp_path, monkeyp
     ("make", "message"),
     [
         (lambda: exemplar(char="AB"), "one character"),
+        (lambda: exemplar(relief=np.zeros(3, dtype=np.float32)), "no rows and columns"),
         (lambda: exemplar(enrolled_at="yesterday"), "ISO 8601"),
         (lambda: GlyphDatabase({"other": load_font("gothic")}), "own name"),
         (lambda: GlyphDatabase(dies={"": default_die(5.0)}), "name"),
@@ -195,11 +196,6 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     assert np.array_equal(twin.relief, felt, equal_nan=True)
     assert (twin.height_mm, twin.rotation_deg, twin.raised) == (5.0, -2.5, True)
     assert (twin.part, twin.evidence) == ("part-7", "ab" * 32)
-
-
-def test_an_exemplar_without_rows_and_columns_is_refused():
-    with pytest.raises(DatabaseError, match="no rows and columns"):
-        exemplar(relief=np.zeros(3, dtype=np.float32))
 
 
 def never_written(file):

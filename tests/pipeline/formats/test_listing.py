@@ -248,16 +248,6 @@ def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
     assert Path(part.height_map).read_bytes() == b"x"
 
 
-def test_photographs_beside_thousands_of_files_are_found_by_their_stems(tmp_path: Path) -> None:
-    files = [tmp_path / f"{n}.npz" for n in range(3000)]
-    for number, file in enumerate(files):
-        file.write_bytes(b"x")
-        if number % 2:
-            file.with_suffix(".jpg").write_bytes(b"x")
-    photos = [p.photo for p in discover(files, beside=True)]
-    assert photos == [str(f.with_suffix(".jpg")) if n % 2 else "" for n, f in enumerate(files)]
-
-
 def test_links_that_lead_nowhere_are_parts_to_be_refused_later(folder: Path) -> None:
     (folder / "lost.npz").symlink_to("none.npz")
     (folder / "loop.npz").symlink_to("loop.npz")

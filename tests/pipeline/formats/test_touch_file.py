@@ -16,10 +16,8 @@ import x3pio
 from numpy.typing import NDArray
 
 from glyphs.errors import FileError
-from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
-from pipeline.formats.npz import write_npz
-from pipeline.formats.touch_file import read_height_map, read_scan
+from pipeline.formats.touch_file import read_height_map
 
 ROOT = Path(__file__).parents[3]
 
@@ -35,15 +33,6 @@ def relief() -> NDArray[np.float64]:
 def save_npz(path: Path, **arrays: object) -> Path:
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
     return path
-
-
-def test_npz_round_trip(tmp_path: Path) -> None:
-    height_map = HeightMap(relief().astype(np.float32), 0.05)
-    write_npz(tmp_path / "a.npz", height_map)
-    loaded = read_height_map(tmp_path / "a.npz")
-    np.testing.assert_array_equal(loaded.z_mm, height_map.z_mm)
-    assert loaded.pitch_mm == 0.05
-    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
 
 
 @pytest.mark.parametrize(
@@ -111,14 +100,6 @@ def test_bad_points_of_instruments_become_dropouts(tmp_path: Path) -> None:
     assert np.isfinite(loaded.z_mm).sum() == loaded.z_mm.size - 2
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "tests/data").rglob("*.npz")), ids=lambda p: p.stem)
-def test_measured_strips_are_read(path: Path) -> None:
-    loaded = read_height_map(path)
-    with np.load(path) as raw:
-        np.testing.assert_array_equal(loaded.z_mm, raw["z_mm"])
-        assert loaded.pitch_mm == float(raw["pitch_mm"])
-
-
 def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.sur").write_bytes(b"DIGITAL SURF")
     for name in [n for n in sys.modules if n.partition(".")[0] == "SurfaceTopography"]:
@@ -126,12 +107,3 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     with pytest.raises(FileError, match=r"tactile-marks\[formats\]"):
         read_height_map(tmp_path / "a.sur")
-
-
-def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
-    for path in (tmp_path / "none.npz", tmp_path / "none.h5", tmp_path / "none.sur"):
-        with pytest.raises(FileError, match="is not there"):
-            read_scan(path) if path.suffix == ".h5" else read_height_map(path)
-    (tmp_path / "folder.npz").mkdir()
-    with pytest.raises(FileError, match="is not a file"):
-        read_height_map(tmp_path / "folder.npz")

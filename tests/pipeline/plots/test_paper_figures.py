@@ -72,35 +72,6 @@ def test_any_factor_is_read_off_a_made_trace(
     assert reading.land_n_mm == pytest.approx(-2.5)
 
 
-@pytest.mark.parametrize("fidelity", Fidelity)
-@pytest.mark.parametrize(
-    ("k", "mu", "factors"),
-    [
-        (0.033, 0.0, (1.029, 1.052, 1.094)),
-        (0.083, 0.1, (1.073, 1.127, 1.225)),
-        (0.117, 0.0, (1.113, 1.213, 1.437)),
-        (0.117, 0.3, (1.098, 1.163, 1.261)),
-        (0.117, 0.5, (1.099, 1.155, 1.230)),
-    ],
-)
-def test_the_step_read_off_is_the_known_answer(
-    fidelity: Fidelity, k: float, mu: float, factors: tuple[float, ...]
-) -> None:
-    for alpha, factor in zip((30.0, 45.0, 60.0), factors, strict=True):
-        step = feel_step(k, alpha, mu, fidelity)
-        assert step.predicted == pytest.approx(factor, abs=6e-4)  # three printed digits
-        assert step.reading.factor == pytest.approx(step.predicted, rel=SAMPLE)
-
-
-@pytest.mark.parametrize("fidelity", Fidelity)
-@pytest.mark.parametrize("mu", [0.0, 0.2, 0.5])
-def test_a_straight_whisker_shows_no_step(fidelity: Fidelity, mu: float) -> None:
-    step = feel_step(0.0, 60.0, mu, fidelity)
-    assert step.predicted == pytest.approx(1.0, abs=1e-9)
-    assert step.reading.factor == pytest.approx(1.0, rel=SAMPLE)
-    assert step.reading.peak == pytest.approx(1.0, abs=1e-4)
-
-
 @pytest.mark.parametrize(("k", "alpha", "mu"), [(0.083, 45.0, 0.2), (0.083, 60.0, 0.0), (0.117, 60.0, 0.2)])
 def test_in_contact_the_tip_slides_off_the_edge_and_the_peak_is_lower_than_f(
     k: float, alpha: float, mu: float
@@ -198,6 +169,7 @@ def test_the_table_has_every_step_the_paper_asks_for(made: Made) -> None:
     for row in made.rows:
         predicted, read_off = float(row["f_predicted"]), float(row["f_read_off"])
         assert read_off == pytest.approx(predicted, rel=SAMPLE)
+        assert float(row["k"]) > 0.0 or float(row["peak"]) == pytest.approx(1.0, abs=1e-4)
         assert float(row["error"]) == pytest.approx(
             read_off / predicted - 1.0, abs=1e-5
         )  # six printed digits

@@ -170,24 +170,6 @@ def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: s
     )
 
 
-@settings(deadline=None, max_examples=50)
-@given(cases(), st.data())
-def test_no_chain_earns_more_for_being_spaced(case: Case, data: st.DataObject) -> None:
-    reward, half, rules = case
-    spacing = data.draw(spacings(len(half)))
-    allowed = np.ones((3, len(half)), dtype=np.bool_)
-    total, placed = best_chain(reward, half, allowed=allowed, spacing=spacing, **rules)
-    plain, _ = best_chain(reward, half, allowed=allowed, **rules)
-    if not placed:
-        return
-    assert total <= plain + 1e-9
-    # at worst two steps are as wrong as can be
-    assert total >= plain - 2 * spacing.limit - 1e-9
-    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(
-        total, abs=1e-9
-    )
-
-
 def even(apart: float) -> Spacing:
     return Spacing(np.zeros(1), np.full(1, apart), cost=0.1, limit=1.0, free_after=frozenset())
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from stdnum import luhn
 from stdnum.iso7064 import mod_11_2, mod_37_36, mod_97_10
 
-from recognition.language.automaton import Strings
 from recognition.language.constrained_decoding import ROUNDING, blind_warnings, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -210,42 +209,3 @@ def test_very_small_beliefs_do_not_vanish() -> None:
     assert choice.text == "BBBB"
     assert choice.rivals[0].probability == pytest.approx(choice.probability / 2.0, rel=1e-6)
     assert choice.valid_mass == 0.0
-
-
-def even_draw(strings: Strings, rng: np.random.Generator) -> str:
-    """A string drawn evenly: place by place, by how many strings go on from there."""
-    log = np.zeros((8, len(strings.chars)))
-    for place in range(8):
-        count = np.exp(strings.log_marginals(log)[place])
-        drawn = rng.choice(count.size, p=count / count.sum())
-        log[place, np.arange(count.size) != drawn] = -np.inf
-    return "".join(strings.chars[k] for k in log.argmax(axis=1))
-
-
-@pytest.mark.parametrize("text", ["AA999999", "mask:********+check=iso7064mod37_2", r"re:[A-Z]{1,2}\d{6,7}"])
-def test_probabilities_are_those_with_which_the_choice_is_right(text: str) -> None:
-    """Serials drawn evenly from the format, felt through noise whose posteriors are known exactly.
-
-    The mean probability then is the share of choices that are right, and of places the share of right characters.
-    """
-    rng = np.random.default_rng(11)
-    grammar, lead, trials = Grammar.parse(text), 3.2, 300
-    chars = tuple(ALPHABET)
-    strings = grammar.strings(8, chars)
-    right, promised, spread, places, places_right = 0, 0.0, 0.0, 0.0, 0
-    for _ in range(trials):
-        truth = even_draw(strings, rng)
-        score = rng.normal(size=(8, len(chars)))
-        score[np.arange(8), [ALPHABET.index(c) for c in truth]] += lead
-        log = lead * score - np.logaddexp.reduce(lead * score, axis=1)[:, None]
-        choice = choose(Lattice(chars, log - 1e-12), grammar)
-        right += choice.text == truth
-        promised += choice.probability
-        spread += choice.probability * (1.0 - choice.probability)
-        places += float(choice.places.max(axis=1).sum())
-        best = choice.places.argmax(axis=1)
-        places_right += sum(chars[k] == c for k, c in zip(best, truth, strict=True))
-    assert 0.2 * trials < right < 0.98 * trials
-    # four standard deviations of a sum of independent trials
-    assert abs(right - promised) < 4.0 * math.sqrt(spread)
-    assert abs(places_right - places) < 4.0 * math.sqrt(8.0 * trials * 0.05)

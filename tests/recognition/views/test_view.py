@@ -226,22 +226,6 @@ def test_a_strip_does_not_know_how_the_part_lay(quarters: int, turned_deg: float
     np.testing.assert_allclose(there, view.strip(line), atol=2 * PIXEL_SHARE * steepest + 1e-6)
 
 
-def test_a_strip_of_a_line_reversed_is_that_of_the_part_upside_down() -> None:
-    view, line = random_view(4), TextLine.straight(4.0, 6.0, length_mm=6.0, height_mm=1.5, turned_deg=4.0)
-    upright, over = view.strip(line), view.strip(line.reversed)
-    steepest = max(np.abs(np.diff(view.layers, axis=axis)).max() for axis in (1, 2))
-    # the strip turned over, and forward has become back
-    expected = upright[:, ::-1, ::-1].copy()
-    expected[EDGES:KNOWN] = np.roll(expected[EDGES:KNOWN], 2, axis=0)
-    # the line ends within a column, where its reverse begins
-    shift = line.columns() / HEIGHT_ROWS - line.length_mm / line.height_mm - 2 * MARGIN
-    assert 0.0 <= shift * HEIGHT_ROWS < 1.0
-    own = np.abs(over - expected)[:, :, 1:-1].max()
-    assert own < steepest * line.height_mm / HEIGHT_ROWS / PITCH_MM + 2 * PIXEL_SHARE * steepest
-    mirrored = quarter_turned(view, 2).strip(quarter_turned_line(line, view, 2).reversed)
-    np.testing.assert_allclose(over, mirrored, atol=2 * PIXEL_SHARE * steepest + 1e-6)
-
-
 @pytest.mark.parametrize(("turned_deg", "quarters"), [(0.0, 0), (90.0, 1), (180.0, 2), (-90.0, 3), (40.0, 0)])
 @pytest.mark.parametrize("direction", range(4))
 def test_edges_go_with_the_line(direction: int, turned_deg: float, quarters: int) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, shorth, whisker_gain
-from whisker_array.estimation.land_fit import common_level, fit_quadratic, robust_lines
+from whisker_array.estimation.land_fit import common_level
 
 Lines = NDArray[np.float64]
 LEVEL = -6.5
@@ -69,54 +69,6 @@ def test_the_common_level_is_the_shorth_of_all_samples(seed: int, decimals: int,
     values[rng.uniform(size=values.shape) < 0.1] = np.nan
     assert common_level(values, 0.35) == shorth(values.reshape(1, -1))[0]
     assert np.isnan(common_level(np.full((3, 3), np.nan), 0.35))
-
-
-@pytest.mark.parametrize("start", [(LEVEL, 0, 0, 0, 0, 0), (LEVEL, 0.1, -0.2, 0, 0, 0), (9.0, 0, 0, 0, 0, 0)])
-def test_the_quadratic_is_that_of_the_textbook(start: tuple[float, ...]) -> None:
-    shape = (37, 52)
-    rng = np.random.default_rng(4)
-    target = tilted(shape, 0.05, 0.01) * (1.0 + marks(shape) + rng.normal(0.0, 0.005, shape))
-    target[rng.uniform(size=shape) < 0.3] = np.nan
-    u, v, cuts = np.linspace(-1, 1, 52), np.linspace(-1, 1, 37), -LEVEL * np.array([0.2, 0.1, 0.05])
-    got, explained = fit_quadratic(target, u, v, start=np.array(start), level=LEVEL, cuts=cuts, damping=1e-9)
-    vv, uu = np.meshgrid(v, u, indexing="ij")
-    known = np.isfinite(target)
-    x, y, z = uu[known], vv[known], target[known]
-    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    expected, coefficients = design @ np.array(start), np.array([LEVEL, 0, 0, 0, 0, 0], dtype=float)
-    for cut in cuts:
-        weight = np.clip(1.0 - ((z - expected) / cut) ** 2, 0.0, None) ** 2
-        if weight.sum() < 12:
-            break
-        normal = (design * weight[:, None]).T @ design
-        normal[np.diag_indices(6)] += 1e-9 * np.trace(normal)
-        coefficients = np.linalg.solve(normal, (design * weight[:, None]).T @ z)
-        expected = design @ coefficients
-    # sums in another order
-    np.testing.assert_allclose(got, coefficients, rtol=0.0, atol=1e-10)
-    assert explained == pytest.approx(float((np.abs(z - expected) < 0.5 * cuts[-1]).mean()), abs=1e-12)
-
-
-def test_robust_lines_are_those_of_the_plain_sums() -> None:
-    rng = np.random.default_rng(5)
-    t, ratio = np.linspace(-1.0, 1.0, 71), 1.0 + marks((23, 71)) + rng.normal(0.0, 0.01, (23, 71))
-    ratio[3] += 0.5  # a line in a mark throughout
-    ratio[4], ratio[7, ::3] = np.nan, np.nan
-    offset, slope, few = np.empty(23), np.empty(23), np.empty(23, dtype=np.bool_)
-    robust_lines(ratio, t, 0.05, 0.15 * 71, 0.05 * 71, offset, slope, few)
-    for line, got in zip(ratio, zip(offset, slope, strict=True), strict=True):
-        known = np.isfinite(line)
-        x, y, (o, s) = t[known], line[known], (1.0, 0.0)
-        for _ in range(3):
-            w = np.clip(1.0 - ((y - o - s * x) / 0.05) ** 2, 0.0, None) ** 2
-            total = w.sum() + 1e-9
-            mx, my = (w * x).sum() / total, (w * y).sum() / total
-            s = ((w * x * y).sum() - total * mx * my) / ((w * x * x).sum() - total * mx * mx + 0.05 * 71)
-            o = my - s * mx
-            if total < 0.15 * 71:
-                o, s = 1.0, 0.0
-        assert got == pytest.approx((o, s), abs=1e-12)
-    assert few[[3, 4]].all()
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -54,15 +54,6 @@ def mixed(fidelity: Fidelity = Fidelity.POINTWISE) -> Scan:
     return trace_scan(surface(), touch=TOUCH, others=(PROFILER,), plan=MIXED, fidelity=fidelity)
 
 
-def test_rows_run_on_the_same_lines() -> None:
-    for one, two in zip(TWO_WAYS.sweeps(), MIXED.sweeps(), strict=True):
-        np.testing.assert_array_equal(two.line_mm, np.tile(one.line_mm, (1, 2)))
-        assert (one.direction, one.pushed, one.start_mm) == (two.direction, two.pushed, two.start_mm)
-    assert MIXED.n_samples == 2 * TWO_WAYS.n_samples
-    assert MIXED.n_passes == TWO_WAYS.n_passes
-    assert MIXED.scan_time_s == TWO_WAYS.scan_time_s
-
-
 def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
     dragged, pushed = MIXED.sweeps()[:2], MIXED.sweeps()[2:]
     assert [s.pushed for s in MIXED.sweeps()] == [False, False, True, True]
@@ -73,19 +64,6 @@ def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
     assert TWO_WAYS.n_passes == 2 * PLAN.n_passes
     assert TWO_WAYS.n_samples == 2 * PLAN.n_samples
     assert TWO_WAYS.scan_time_s == pytest.approx(2.0 * PLAN.scan_time_s)
-
-
-def test_shapes_kinds_and_touches() -> None:
-    scan = mixed()
-    assert scan.kind == (0,) * N + (1,) * N
-    assert scan.touches == (TOUCH, PROFILER)
-    assert scan.n_whiskers == 2 * N
-    for sweep, plan in zip(scan.sweeps, MIXED.sweeps(), strict=True):
-        assert sweep.moment_n_mm.shape == (*plan.line_mm.shape, plan.n_samples)
-        assert sweep.air_n_mm.shape == (*plan.line_mm.shape, MIXED.air_samples)
-    plain = trace_scan(surface(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE)
-    assert plain.kind == (0,) * N
-    assert plain.touches == (TOUCH,)
 
 
 @pytest.mark.parametrize("fidelity", list(Fidelity))

@@ -6,8 +6,6 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.array import default_plan
@@ -31,25 +29,6 @@ def test_what_a_pass_costs() -> None:
     assert ONE.n_samples == 241
     assert ONE.stage_s == pytest.approx(0.261 + 0.25)
     assert replace(ONE, speed_mm_s=25.0).stage_s == pytest.approx(0.522 + 0.25)
-
-
-@given(
-    direction=st.sampled_from(list(TraceDirection)),
-    start=st.floats(-20.0, 20.0),
-    length=st.floats(0.1, 60.0),
-    lead=st.floats(0.0, 3.0),
-)
-@settings(deadline=None)
-def test_samples_cover_the_stretch_and_the_leads(
-    direction: TraceDirection, start: float, length: float, lead: float
-) -> None:
-    one = replace(ONE, direction=direction, along_mm=(start, start + length), lead_mm=lead)
-    place = one.sweep_plan().position_mm()
-    step, run = one.sample_pitch_mm, one.n_lead * one.sample_pitch_mm
-    assert place.min() == pytest.approx(start - run, abs=1e-9)
-    # the last sample is the last whole step within the stretch
-    assert start + length + run - step - 1e-6 <= place.max() <= start + length + run + 1e-6
-    assert (place[0] > place[-1]) == direction.backward
 
 
 @pytest.mark.parametrize("two_way", [False, True])

@@ -13,7 +13,7 @@ from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.analysis.comparisons import compare
 from pipeline.benchmark.analysis.confusion import characters_right, confusion, mistakes
 from pipeline.benchmark.analysis.groups import FATES, GroupKey, group_of
-from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
+from pipeline.benchmark.analysis.pairs import compare_characters
 from pipeline.benchmark.analysis.risk import risk_coverage
 from pipeline.benchmark.analysis.shares import Estimate, bootstrap_share
 from pipeline.benchmark.analysis.statistics import plain, statistics_of
@@ -58,20 +58,6 @@ def test_confusion_has_a_class_of_its_own_for_missing_and_extra() -> None:
     found = confusion([trial("A8", "A3"), trial("A8", "A"), trial("A8", "A8B")])
     assert (found["A", "A"], found["8", "8"]) == (3, 1)
     assert mistakes(found) == [("8", "3", 1), ("8", MISSING, 1), (EXTRA, "B", 1)]
-
-
-@settings(deadline=None)
-@given(st.integers(0, 60), st.integers(1, 60))
-def test_a_share_has_wilsons_interval(count: int, more: int) -> None:
-    """Wilson (1927) written out: centre (p + z^2/2n) / (1 + z^2/n)."""
-    n = count + more
-    p, z = count / n, 1.959963984540054
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    found = share(count, n)
-    assert found.value == p
-    assert found.low == pytest.approx(max(0.0, middle - half), abs=1e-12)  # rounding of float64
-    assert found.high == pytest.approx(min(1.0, middle + half), abs=1e-12)
 
 
 def test_a_share_of_nothing_knows_nothing_and_one_of_more_than_all_is_refused() -> None:
@@ -145,18 +131,6 @@ def test_coverage_without_risk_ends_at_the_first_mistake() -> None:
 
 
 @settings(deadline=None)
-@given(st.integers(0, 12), st.integers(0, 12), st.integers(0, 3))
-def test_mcnemar_counts_the_coins(only_first: int, only_second: int, both: int) -> None:
-    first = [True] * only_first + [False] * only_second + [True] * both
-    second = [False] * only_first + [True] * only_second + [True] * both
-    found = mcnemar(first, second)
-    n = only_first + only_second
-    chances = [math.comb(n, k) / 2**n for k in range(n + 1)]
-    assert (found.only_first, found.only_second) == (only_first, only_second)
-    assert found.p_differ == pytest.approx(min(1.0, 2 * sum(chances[: min(only_first, only_second) + 1])))
-
-
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=7))
 def test_the_permutation_test_counts_out_every_exchange(pairs: list[tuple[int, int]]) -> None:
     first, second = ([p[k] for p in pairs] for k in (0, 1))
@@ -166,18 +140,6 @@ def test_the_permutation_test_counts_out_every_exchange(pairs: list[tuple[int, i
     assert found.difference.value == pytest.approx(d.sum() / (4 * d.size))
     assert found.p_differ == pytest.approx(np.mean(np.abs(sums) >= abs(d.sum())))
     assert found.difference.low - 1e-12 <= found.difference.value <= found.difference.high + 1e-12
-
-
-def test_many_parts_that_differ_are_drawn_to_the_same_answer() -> None:
-    """A normal's tail for 60 parts, within what 20,000 draws scatter."""
-    from scipy.stats import norm
-
-    rng = np.random.default_rng(6)
-    d = rng.choice((-1, 1), size=60, p=(0.35, 0.65))
-    first, second = 4 + np.maximum(d, 0), 4 + np.maximum(-d, 0)
-    found = compare_characters(first, second, np.full(60, 8))
-    expected = 2 * norm.sf((abs(d.sum()) - 1.0) / math.sqrt(60))  # sums come in steps of 2
-    assert found.p_differ == pytest.approx(expected, abs=0.01)
 
 
 def test_what_became_of_the_parts() -> None:

@@ -52,16 +52,6 @@ def test_one_step_of_one_sample_is_another_part(kind: str) -> None:
     assert _digest(values) != _digest(_values())
 
 
-def test_other_words_or_another_shape_are_another_part() -> None:
-    arrays = rounded(_specimen(_values()))
-    assert digest(arrays, "B4") == digest(dict(reversed(arrays.items())), "B4")
-    assert digest(arrays, "B4") != digest(arrays, "B8")
-    turned = {**arrays, "z_mm": arrays["z_mm"].reshape(15, 12)}
-    assert digest(turned, "B4") != digest(arrays, "B4")
-    less = {name: values for name, values in arrays.items() if name != "friction"}
-    assert digest(less, "B4") != digest(arrays, "B4")
-
-
 def test_noise_well_below_a_step_changes_nothing() -> None:
     """The last bits of float32 heights around 0.1 mm: some 1e-8 mm, of steps of 1e-4."""
     noisy = _values()
@@ -69,15 +59,6 @@ def test_noise_well_below_a_step_changes_nothing() -> None:
     for name, step in STEPS.items():
         noisy[name] = noisy[name] + 0.1 * step * rng.uniform(-1.0, 1.0, noisy[name].shape)
     assert _digest(noisy) == _digest(_values())
-
-
-def test_at_a_rounding_edge_noise_moves_a_sample_by_one_step_and_no_more() -> None:
-    low, high = _values(), _values()
-    for values, off in ((low, 0.49), (high, 0.51)):
-        values["z_mm"][3, 4] = (500 + off) * STEPS["z_mm"]
-    assert _digest(low) != _digest(high)
-    apart = rounded(_specimen(low))["z_mm"] - rounded(_specimen(high))["z_mm"]
-    assert np.abs(apart).max() == 1
 
 
 @pytest.mark.parametrize("edition", SMALL)
