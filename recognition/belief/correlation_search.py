@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked
 
 from glyphs.fonts.glyph import Font
@@ -36,7 +38,6 @@ from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.spacing import place_bounds
 from recognition.glyph_match.template_cache import TemplateCache
 from recognition.lines.find import overlap
-from recognition.ranges import Chance, Ratio
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
 from whisker_array.whisker.touch import Touch, default_touch
@@ -52,6 +53,10 @@ class MarkStyle:
 
 STYLES = (MarkStyle(), MarkStyle(raised=True), MarkStyle(face=Face.DOTTED))
 """Appearances that are searched, most frequent first."""
+
+
+Chance: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+"""Above 0 and at most 1."""
 
 
 @checked(frozen=True, kw_only=True)
@@ -81,7 +86,7 @@ class CorrelationLimits:
     fine_pixels: int = 32
     smallest: Chance = 0.13
     largest: Chance = 0.95
-    size_step: Ratio = 1.1
+    size_step: Annotated[float, Field(gt=1.0)] = 1.1
     first_sizes: int = 3
     most_sizes: int = 9
     slopes: tuple[float, ...] = (-0.09, -0.045, 0.0, 0.045, 0.09)

@@ -86,14 +86,12 @@ def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
     Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
 
     Raises:
-        ValueError: a risk or confidence that is no share between 0 and 1; fewer than none wrong.
+        ValueError: a risk or confidence that is no share between 0 and 1.
     """
     from scipy.special import bdtrin
 
     _check_share("risk", risk)
     _check_share("confidence", confidence)
-    if wrong < 0:
-        raise ValueError(f"{wrong} wrong ones cannot be")
     # the inverse is good to some 1e-8
     return math.ceil(float(bdtrin(wrong, 1.0 - confidence, risk)) - 1e-7)
 
@@ -150,7 +148,7 @@ def certified_threshold(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
 
 
 def parts_missing(
-    tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float
+    tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float, most_wrong: int = 10_000
 ) -> int | None:
     """Estimate how many more parts would show the risk at some threshold; None where no number would.
 
@@ -161,33 +159,18 @@ def parts_missing(
         parts: how many there are, accepted or not.
         risk: that is to be shown.
         confidence: with which.
-    """
-    totals = [
-        math.ceil(parts * times)
-        for test in tests
-        if test.accepted and (times := _times_needed(test, risk, confidence)) is not None
-    ]
-    return max(1, min(totals) - parts) if totals else None
-
-
-def _times_needed(
-    test: ThresholdTest, risk: float, confidence: float, *, most_wrong: int = 10_000
-) -> float | None:
-    """Return the multiple of these parts that would show the risk at a threshold; None where none would.
-
-    Args:
-        test: of the threshold.
-        risk: that is to be shown.
-        confidence: with which.
         most_wrong: wrong ones from which no number of parts is taken to show it.
     """
-    if test.wrong / test.accepted >= risk:
-        return None
-    for wrong in range(test.wrong, most_wrong):
-        times = parts_needed(risk, confidence=confidence, wrong=wrong) / test.accepted
-        if test.wrong * times <= wrong:
-            return times
-    return None
+    totals = []
+    for test in tests:
+        if not test.accepted or test.wrong / test.accepted >= risk:
+            continue
+        for wrong in range(test.wrong, most_wrong):
+            times = parts_needed(risk, confidence=confidence, wrong=wrong) / test.accepted
+            if test.wrong * times <= wrong:
+                totals.append(math.ceil(parts * times))
+                break
+    return max(1, min(totals) - parts) if totals else None
 
 
 def _check_share(name: str, value: float) -> None:

@@ -88,31 +88,34 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
     if not choice.text:
         return tactile
     others, other_contradictions = _joined_lines(tactile, vision)
+    # what was measured at a place stays with its character
+    characters = tuple(
+        replace(new, depth=old.depth, grade=old.grade) if old.char == new.char else new
+        for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True)
+    )
+    known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
+    line, slope = tactile.trace.felt_line, score_of("fused").slope
+    strokes = () if line is None else line.strokes(choice.text, lattice, slope=slope)
+    # against the format is what both senses have found against it
+    overruled = ReadingFlag.FORMAT_OVERRULED & vision.flags
     # what touch has found about characters, format and lines is found anew of both
     own = doubts_of_lines(tactile.others, settings)
     kept = tactile.without_flags(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
-    characters = []
-    for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True):
-        # what was measured at a place stays with its character
-        same = old.char == new.char
-        characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
     made = replace(
-        kept, characters=tuple(characters), others=others, seconds=_seconds(tactile, vision)
+        kept,
+        characters=characters,
+        others=others,
+        seconds=_seconds(tactile, vision),
+        spaces_after=tactile.spaces_after if known is None else known,
     ).with_findings(
-        *_beyond_format(tactile, vision),
+        *(finding for finding in tactile.findings if finding.flag & overruled),
         *doubts_of_lines(others, settings),
         *contradicted,
         *other_contradictions,
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
-    made = made.with_trace(choice=choice, strokes=())
-    known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
-    made = replace(made, spaces_after=tactile.spaces_after if known is None else known)
-    if tactile.trace.felt_line is not None:
-        slope = score_of("fused").slope
-        made = made.with_trace(strokes=tactile.trace.felt_line.strokes(choice.text, lattice, slope=slope))
-    return add_stroke_findings(made)
+    return add_stroke_findings(made.with_trace(choice=choice, strokes=strokes))
 
 
 def fused_lattice(
@@ -156,12 +159,6 @@ def _orientation_doubts(
         if other is not None and other.exact:
             found.append(also_readable(way, other.text))
     return tuple(dict.fromkeys(found))
-
-
-def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:
-    """Return touch's findings against the format that the camera shares."""
-    overruled = ReadingFlag.FORMAT_OVERRULED
-    return tuple(f for f in tactile.findings if f.flag & overruled and vision.flags & overruled)
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[Finding, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from types import MappingProxyType
@@ -342,6 +342,9 @@ class Reading:
     @property
     def text(self) -> str:
         """The serial; a space where the line has a word gap."""
-        return "".join(
-            c.char + (" " if i in self.spaces_after else "") for i, c in enumerate(self.characters)
-        )
+        return with_spaces("".join(c.char for c in self.characters), self.spaces_after)
+
+
+def with_spaces(text: str, spaces: Collection[int]) -> str:
+    """Insert a blank after each of these places of a text."""
+    return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()

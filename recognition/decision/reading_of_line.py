@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal, Protocol
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
+from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, with_spaces
 from recognition.decision.score import Score, log_odds, score_of
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
@@ -35,26 +35,21 @@ the exam's lines accepted by touch has less; none of 48 photographs has. Of 134 
 alphabet, 22 were accepted without this rule and 12 with it: an Θ for a 0 or a Λ for an A."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TextLimits:
-    """Limits from which a line holds text.
+LEAST_READ = 0.52
+"""Least probability of the surest character of a text, with the format and without it. Pictures of other things reach
+0.51."""
 
-    Attributes:
-        least_read: least probability of the surest character, with the format and without it. Pictures of other things
-            reach 0.51.
-        least_mean: least mean over the places with the format. Pictures of other things reach 0.34. Below it and
-            `least_read` there is no line.
-        least_places: length from which a line without a format counts as text even if it is unsure.
+
+def is_text(lattice: Lattice, openly: Lattice, *, least_mean: float = 0.35) -> bool:
+    """Whether a line is text: it has one sure character, or probable characters at most places.
+
+    Args:
+        lattice: its posteriors.
+        openly: the same without the format.
+        least_mean: least mean over the places. Pictures of other things reach 0.34.
     """
-
-    least_read: float = 0.52
-    least_mean: float = 0.35
-    least_places: int = 4
-
-    def is_text(self, lattice: Lattice, openly: Lattice) -> bool:
-        """Whether a line is text: it has one sure character, or probable characters at most places."""
-        mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
-        return mean >= self.least_mean or min(lattice.surest, openly.surest) >= self.least_read
+    mean = float(np.exp(lattice.log_belief.max(axis=1)).mean())
+    return mean >= least_mean or min(lattice.surest, openly.surest) >= LEAST_READ
 
 
 class LineSettings(Protocol):
@@ -83,7 +78,7 @@ def reading_of_line(
     *,
     flags: ReadingFlag,
     source: str,
-    text: TextLimits = TextLimits(),
+    least_places: int = 4,
     least_serial_evidence: float = -12.0,
 ) -> Reading:
     """Make the reading of a part's line under its format, with the contracts that it breaks; `scored` comes later.
@@ -93,7 +88,7 @@ def reading_of_line(
         settings: acceptance threshold, format of the serial, further lines that the part should have.
         flags: flags that are known beforehand.
         source: source of the reading: "tactile" or "vision".
-        text: limits from which a line is text.
+        least_places: length from which a line without a format counts as text even if it is unsure.
         least_serial_evidence: log probability of the format on a line, below which the line is not the serial. The exam
             has 41 second lines of six characters where the format has eight: they reach -19.5 at most, their serials
             -5.5 at least.
@@ -106,11 +101,11 @@ def reading_of_line(
     choice = choose(lattice, grammar)
     spaces = spaces_of(main, choice.text, grammar)
     lattice = replace(lattice, spaces_after=spaces)
-    if not choice.text or not text.is_text(lattice, openly):
-        found = _outside_format(openly, grammar, text.least_read)
+    if not choice.text or not is_text(lattice, openly):
+        found = _outside_format(openly, grammar)
         return nothing.with_findings(*found).with_trace(lattice=lattice)
     unsure = choice.probability < settings.accept_confidence
-    if grammar is None and len(choice.text) < text.least_places and unsure:
+    if grammar is None and len(choice.text) < least_places and unsure:
         # a scratch is read as a 1, two dents as OO
         return nothing.with_trace(lattice=lattice)
     changed = _check_format_evidence(main, choice.text, grammar, least=IN_FORMAT[source])
@@ -119,7 +114,7 @@ def reading_of_line(
     others = [
         _named_line(name, one, asked[name].grammar, worth)
         for name, one in part.named.items()
-        if text.is_text(one.belief.lattice, one.belief.open_places[0])
+        if is_text(one.belief.lattice, one.belief.open_places[0])
     ]
     others += [_unassigned_line(one, grammar, worth, least_serial_evidence) for one in part.others]
     belief = choice.probability * main.belief.likely
@@ -150,23 +145,17 @@ def doubts_of_lines(others: Sequence[OtherLine], settings: LineSettings) -> tupl
         others: other lines that were read.
         settings: lines that the part should have, and the acceptance threshold.
     """
-    found = {other.name for other in others}
+    least, names = settings.accept_confidence, {other.name for other in others}
+    unread = [other.text for other in others if not other.name and other.may_be_serial]
+    unsure = [f"{other.name} {other.text}" for other in others if other.name and other.confidence < least]
     return (
-        *(
-            Finding(ReadingFlag.UNREAD_MARKS, f"another line reads “{other.text}”")
-            for other in others
-            if not other.name and other.may_be_serial
-        ),
+        *(Finding(ReadingFlag.UNREAD_MARKS, f"another line reads “{text}”") for text in unread),
         *(
             Finding(ReadingFlag.LINE_MISSING, f"no text was read for the line {name}")
             for name in settings.asked
-            if name not in found
+            if name not in names
         ),
-        *(
-            Finding(ReadingFlag.LINE_MISSING, f"low confidence: {other.name} {other.text}?")
-            for other in others
-            if other.name and other.confidence < settings.accept_confidence
-        ),
+        *(Finding(ReadingFlag.LINE_MISSING, f"low confidence: {line}?") for line in unsure),
     )
 
 
@@ -182,10 +171,10 @@ def contracts_of_choice(reading: Reading, choice: Choice, grammar: Grammar | Non
     return made.with_findings(*(Finding(ReadingFlag.CHECK_BLIND, text, (k,)) for k, text in blind.items()))
 
 
-def _outside_format(openly: Lattice, grammar: Grammar | None, least_read: float) -> tuple[Finding, ...]:
+def _outside_format(openly: Lattice, grammar: Grammar | None) -> tuple[Finding, ...]:
     """Report a text that can be read but breaks the format."""
     broken = () if grammar is None or not openly.text else grammar.objections(openly.text)
-    if not broken or openly.surest < least_read:
+    if not broken or openly.surest < LEAST_READ:
         return ()
     why = "; ".join(broken).replace("mask:", "the format ")
     what = f"{_describe_found(openly.text)}: {why} (check the part and the format)"
@@ -230,31 +219,23 @@ def format_changed(line: ReadLine, text: str, *, unchanged: float = 0.5) -> tupl
         found = _describe_found(open_text)
         what = f"{found}, but the format has {len(text)} (check the part and the format)"
         return (Finding(ReadingFlag.FORMAT_OVERRULED, what),)
-    belief = np.exp(lattice.log_belief)
-    same = np.array(
-        [
-            sum(belief[k, lattice.chars.index(c)] for c in _twins(char) if c in lattice.chars)
-            for k, char in enumerate(text)
-        ]
-    )
+    belief, chars = np.exp(lattice.log_belief), np.array(lattice.chars)
+    same = np.array([belief[k, np.isin(chars, list(_twins(c)))].sum() for k, c in enumerate(text)])
     if np.prod(same) >= unchanged:
         return ()
+    allowed = line.belief.lattice
     changes = {
         k: f"{was} to {char} at place {k}"
         for k, (was, char) in enumerate(zip(open_text, text, strict=True), start=1)
-        if was not in _twins(char) and not _is_allowed(line, k - 1, was)
+        if was not in _twins(char)
+        # nothing was changed where the format lets the character stand
+        and not (was in allowed.chars and np.isfinite(allowed.log_belief[k - 1, allowed.chars.index(was)]))
     }
     if not changes:
         least = int(same.argmin())
         changes = {least + 1: f"{text[least]} at place {least + 1} is unsure without the format"}
     what = f"the format changed what was read: {', '.join(changes.values())} (compare it with the part)"
     return (Finding(ReadingFlag.FORMAT_OVERRULED, what, tuple(changes)),)
-
-
-def _is_allowed(line: ReadLine, place: int, char: str) -> bool:
-    """Whether the format lets a character stand at a place."""
-    lattice = line.belief.lattice
-    return char in lattice.chars and bool(np.isfinite(lattice.log_belief[place, lattice.chars.index(char)]))
 
 
 def _twins(char: str) -> str:
@@ -286,9 +267,8 @@ def characters_of(choice: Choice, lattice: Lattice, *, most_candidates: int = 5)
     for k, chosen in enumerate(choice.text):
         beliefs = choice.place(k)
         order = [chosen, *(c for c in beliefs if c != chosen)][:most_candidates]
-        candidates = tuple(
-            Candidate(c, float(beliefs.get(c, 0.0)), min(1.0, float(beliefs.get(c, 0.0)))) for c in order
-        )
+        shares = [min(1.0, beliefs.get(c, 0.0)) for c in order]
+        candidates = tuple(map(Candidate, order, shares, shares))
         made.append(CharacterReading(candidates, lattice.boxes[k], state=state_of(beliefs)))
     return made
 
@@ -370,11 +350,6 @@ def word_gaps(
     if believed is not None:
         wide = (wide & (believed > least_wide_gap)) | (believed > least_gap)
     return frozenset(int(k) for k in np.flatnonzero(wide))
-
-
-def with_spaces(text: str, spaces: Collection[int]) -> str:
-    """Insert a blank after each of these places of a text."""
-    return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
 
 
 def hull(boxes: Sequence[Box]) -> Box | None:

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 
@@ -39,21 +38,11 @@ class Term:
 
     Attributes:
         usual: value that counts nothing.
-        points: values, rising, and the log odds that each adds.
-
-    Raises:
-        ValueError: fewer than two points, values that do not rise, or log odds that turn round.
+        points: values, rising, and the log odds that each adds; these go in one direction.
     """
 
     usual: float
-    points: tuple[tuple[float, float], ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", tuple((float(v), float(n)) for v, n in self.points))
-        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points)]
-        falls = [nats < 0.0 for _, nats in steps if nats]
-        if not steps or any(not step > 0.0 for step, _ in steps) or (any(falls) and not all(falls)):
-            raise ValueError(f"{self} is no term; values rise, and log odds go in one direction")
+    points: Sequence[tuple[float, float]]
 
     def nats(self, value: float | None) -> float:
         """Log odds that a value adds; 0 where it is not known."""
@@ -69,20 +58,13 @@ class Score:
 
     Attributes:
         bias: log odds where everything is usual and the text's are even.
-        terms: what each quantity counts.
+        terms: what each quantity counts; the log odds of the text, at least, rising.
         thresholds: risks, falling, and the least score from which readings that a fit left out kept each.
-
-    Raises:
-        ValueError: no rising term for the log odds of the text.
     """
 
     bias: float
     terms: Mapping[Measure, Term]
-    thresholds: tuple[tuple[float, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        if Measure.ODDS not in self.terms or not self.slope > 0.0:
-            raise ValueError("a score rises with the log odds of the text")
+    thresholds: Sequence[tuple[float, float]] = ()
 
     def probability(self, measures: Mapping[Measure, float]) -> float:
         """That a text is right; a quantity that is not known counts as usual."""
@@ -113,14 +95,6 @@ class Score:
         (low, below), (high, above) = self.terms[Measure.ODDS].points[-2:]
         return (above - below) / (high - low)
 
-    def losses(self, measures: Mapping[Measure, float]) -> Iterator[tuple[float, Measure]]:
-        """Yield the log odds that each known quantity, except the text's, costs against a usual value."""
-        for name, term in self.terms.items():
-            if name is not Measure.ODDS and name in measures:
-                loss = -term.nats(measures[name])
-                if loss > 0.0:
-                    yield loss, name
-
 
 def log_odds(belief: float) -> float:
     """Return the log odds of a probability; infinite for 0 and 1."""
@@ -139,7 +113,7 @@ def score_of(source: str) -> Score:
     """Load the fitted score for one of `SOURCES`."""
     fitted = json.loads(FITTED.read_text(encoding="utf-8"))["scores"][source]
     terms = {Measure[name]: Term(**values) for name, values in fitted["terms"].items()}
-    return Score(fitted["bias"], MappingProxyType(terms), tuple(map(tuple, fitted["thresholds"])))
+    return Score(fitted["bias"], MappingProxyType(terms), fitted["thresholds"])
 
 
 def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -> Reading:
@@ -161,7 +135,12 @@ def with_score(reading: Reading, *, without: frozenset[Measure] = frozenset()) -
     if made.threshold is None or made.confidence >= made.threshold:
         return made.without_flags(EXPLANATIONS)
     low = ReadingFlag.LOW_CONFIDENCE
-    loss, name = max(score.losses(measures), default=(0.0, Measure.ODDS))
+    # what each quantity beside the text's costs against a usual value
+    beside = {
+        name: term for name, term in score.terms.items() if name in measures and name is not Measure.ODDS
+    }
+    losses = ((-term.nats(measures[name]), name) for name, term in beside.items())
+    loss, name = max(losses, default=(0.0, Measure.ODDS))
     if not made.findings and share(log_odds(made.confidence) + loss) >= made.threshold:
         usual = score.terms[name].usual
         text = f"unlike most parts: {name.value} {measures[name]:.2g}, usually {usual:.2g} (look at the part)"

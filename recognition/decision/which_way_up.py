@@ -11,11 +11,10 @@ that reads one way only.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import UPSIDE_DOWN_DEG
-from recognition.belief.part_lines import ReadLine
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import OtherLine, Reading
 from recognition.language.constrained_decoding import choose
@@ -78,12 +77,11 @@ def weigh_orientation(
         other = other_text(text, way, lines.grammar)
         if other is None:
             continue
-        words = other.text if other.exact else _text_as_likely(text, line, view, lines, way)
-        if words and not any(
-            _speaks_against(way, one, line, view, lines)
-            for one in reading.others
-            if one.confidence >= accept_confidence
-        ):
+        words, lead = (other.text, 0.0) if other.exact else _seen_other_way(text, line, view, lines, way)
+        if words in ("", text) or lead >= LEAST_LEAD_NATS:
+            continue
+        sure = (one for one in reading.others if one.confidence >= accept_confidence)
+        if not any(_speaks_against(way, one, line, view, lines) for one in sure):
             found.append(also_readable(way, words))
     return reading.with_findings(*found) if found else reading
 
@@ -124,35 +122,20 @@ def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, li
     return _seen_other_way(text, other.line, view, lines.under(grammar), way)[1] >= LEAST_LEAD_NATS
 
 
-def _text_as_likely(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> str:
-    """The text that a look the other way reads about as surely; empty where it reads none, or the same."""
-    other, lead = _seen_other_way(text, line, view, lines, way)
-    return "" if other == text or lead >= LEAST_LEAD_NATS else other
-
-
 def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> tuple[str, float]:
     """The text that a look the other way reads, empty where it reads none, and by how many nats the one read leads."""
-    here = _look(lines, view, line)
-    there = _look(lines, view.mirrored if way.mirrors else view, _line_in_view(line, view, way))
-    other = "" if there is None else choose(there.belief.lattice, lines.grammar).text
-    if here is None:
+    there_view = view.mirrored if way.mirrors else view
+    here = lines.search.read_once(view, [line])
+    there = lines.search.read_once(there_view, [_line_in_view(line, view, way)])
+    if not here:
         return "", -math.inf
-    if there is None or not other:
+    other = choose(there[0].belief.lattice, lines.grammar).text if there else ""
+    if not other:
         return "", math.inf
+    read, otherwise = here[0].belief, there[0].belief
+    lead = read.evidence_of(Grammar(sets=tuple(text))) - otherwise.evidence_of(Grammar(sets=tuple(other)))
     # the recogniser takes what it cannot read for blanks: a text of fewer characters leaves some unexplained
-    unread = max(here.belief.promise - there.belief.promise, 0.0)
-    lead = _log_probability(here, text) - _log_probability(there, other)
-    return other, lead + unread
-
-
-def _look(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
-    seen = lines.search.read_once(view, [line])
-    return seen[0] if seen else None
-
-
-def _log_probability(one: ReadLine, text: Collection[str]) -> float:
-    """Return the evidence for a text along a line."""
-    return one.belief.evidence_of(Grammar(sets=tuple(text)))
+    return other, lead + max(read.promise - otherwise.promise, 0.0)
 
 
 def _line_in_view(line: TextLine, view: View, way: Way) -> TextLine:

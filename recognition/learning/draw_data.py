@@ -17,7 +17,7 @@ import numpy as np
 from cyclopts import run
 
 from glyphs.errors import MarksError
-from recognition.learning.sketches import sketch_many
+from recognition.learning.sketches import sketch_strips
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
 from recognition.learning.training_samples import (
@@ -30,31 +30,6 @@ from recognition.learning.training_samples import (
 
 PARTS_OF_A_FILE = 48
 _log = logging.getLogger(__name__)
-
-
-def draw_parts(fonts: Sequence[Path], out: Path, kind: str, name: str, rng: np.random.Generator) -> None:
-    """Draw the parts of one file of strips and one of views.
-
-    Args:
-        fonts: to choose from.
-        out: folder of the data.
-        kind: "seen" or "held".
-        name: of the file.
-        rng: the only source of randomness.
-    """
-    strips: list[TrainingStrip] = []
-    views: list[TrainingView] = []
-    for k in range(PARTS_OF_A_FILE):
-        try:
-            made = draw_part(fonts, rng)
-            own, seen = strips_of(made), training_views(made)
-        except (MarksError, ValueError) as error:  # drawn at random, some things cannot be
-            _log.info("part %d of %s: %s", k, name, error)
-            continue
-        strips += own
-        views += [seen[0], seen[1], seen[-1]][k % 2 :: 2]
-    write_samples(out / "strips" / kind / name, strips)
-    write_samples(out / "views" / kind / name, views)
 
 
 def draw_file(
@@ -75,10 +50,23 @@ def draw_file(
         return
     rng = np.random.default_rng((seed, number, 1) if sketched else (seed, number))
     few = [fonts[i] for i in rng.integers(len(fonts), size=fonts_of_a_file)]
-    if sketched:
-        write_samples(out / "strips" / kind / name, sketch_many(few, PARTS_OF_A_FILE, rng))
-    else:
-        draw_parts(few, out, kind, name, rng)
+    strips: list[TrainingStrip] = []
+    views: list[TrainingView] = []
+    for k in range(PARTS_OF_A_FILE):
+        try:
+            if sketched:
+                strips += sketch_strips(few, rng)
+                continue
+            made = draw_part(few, rng)
+            own, seen = strips_of(made), training_views(made)
+        except (MarksError, ValueError) as error:  # drawn at random, some things cannot be
+            _log.info("%d of %s: %s", k, name, error)
+            continue
+        strips += own
+        views += [seen[0], seen[1], seen[-1]][k % 2 :: 2]
+    write_samples(out / "strips" / kind / name, strips)
+    if views:
+        write_samples(out / "views" / kind / name, views)
 
 
 def draw_data(

@@ -244,6 +244,8 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
     """The character of a relief, with its outline; None where nothing is sunk."""
     from skimage.measure import find_contours
 
+    from glyphs.opencv import cv2
+
     closed = np.pad(-patch[1:-1, 1:-1], 1)
     middle_row, middle_col = patch.shape[0] // 2, patch.shape[1] // 2
     lines = find_contours(closed, OUTLINE_SHARE * depth_of(patch))  # type: ignore[no-untyped-call,unused-ignore]
@@ -251,7 +253,7 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
         np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / RELIEF_PIXELS + (0.0, 0.5)
         for line in lines
     ]
-    outlines = [line for line in outlines if len(line) > 2 and abs(_area(line)) > SPECK_HEIGHTS**2]
+    outlines = [one for one in outlines if cv2.contourArea(one.astype(np.float32)) > SPECK_HEIGHTS**2]
     if not outlines:
         return None
     across = np.concatenate(outlines)[:, 0]
@@ -268,12 +270,6 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
         relief=centred,
         guessed=guessed,
     )
-
-
-def _area(line: NDArray[np.float64]) -> float:
-    """Signed area of a closed polygon (shoelace)."""
-    x, y = line.T
-    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
 def depth_of(patch: Patch) -> float:
@@ -316,17 +312,17 @@ def _best_stroke(
         for c, patch in shapes.items()
         if c in font.glyphs and font.glyphs[c].inked
     }
-    best: tuple[float, Hand] = (-2.0, Hand(font, width, 0.0, 0.0, depth, 0.0))
+    tried = []
     for grow, soften in product(growths, softnesses):
         scores = [
-            likeness(_struck(distance, depth=depth, grow=grow, soften=soften), shapes[c])
-            for c, distance in distances.items()
+            likeness(_struck(distances[c], depth=depth, grow=grow, soften=soften), patch)
+            if c in distances
+            else 0.0
+            for c, patch in shapes.items()
         ]
-        scores += [0.0] * (len(shapes) - len(scores))
-        if float(np.mean(scores)) > best[0]:
-            hand = Hand(font, width, grow, soften, depth, float(np.median(scores)))
-            best = (float(np.mean(scores)), hand)
-    return best
+        hand = Hand(font, width, grow, soften, depth, float(np.median(scores)))
+        tried.append((float(np.mean(scores)), hand))
+    return max(tried, key=lambda one: one[0])
 
 
 def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, depth: float) -> Patch:

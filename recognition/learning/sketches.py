@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.errors import MarksError
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.opencv import cv2
 from glyphs.sketch import ROWS, Field, Sketch, blur, noise, rough_noise, sketch
@@ -162,15 +161,3 @@ def _take_picture(image: Field, rng: np.random.Generator) -> Field:
     whole = cv2.resize(eight, (layers.shape[2], TALL_ROWS), interpolation=cv2.INTER_LINEAR)
     layers[GREY], layers[KNOWN] = whole.astype(np.float32) / 255.0, 1.0
     return layers
-
-
-def sketch_many(fonts: Sequence[Path], count: int, rng: np.random.Generator) -> list[TrainingStrip]:
-    """Strips of so many lines; what a font cannot draw is drawn again."""
-    strips: list[TrainingStrip] = []
-    while count:
-        try:
-            strips += sketch_strips(fonts, rng)
-        except (MarksError, ValueError):
-            continue
-        count -= 1
-    return strips

@@ -48,14 +48,8 @@ def train(
     torch.set_num_threads(threads)
     torch.manual_seed(how.seed)
     torch.set_flush_denormal(True)
-    if network == "finder":
-        task = train_finder.task(learn_from, held_out, how)
-        fit(task, how, out=out, log=log)
-        train_finder.write(task.network, out)
-    else:
-        task = train_recogniser.task(learn_from, held_out, how)
-        fit(task, how, out=out, log=log)
-        train_recogniser.write(task.network, learn_from, how, out)
+    room = {"finder": train_finder, "recogniser": train_recogniser}[network]
+    fit(room.task(learn_from, held_out, how), how, out=out, log=log)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+from torch.utils.data import IterableDataset, get_worker_info
 
 from recognition.experts.recogniser import CHARACTERS
 from recognition.learning.covers import cover_rivals
 from recognition.learning.surroundings import vary_surroundings
-from recognition.learning.training_samples import TALL_ROWS, TrainingStrip, read_samples
+from recognition.learning.training_samples import TALL_ROWS, TrainingStrip, files_in, read_samples
 from recognition.views.view import LAYERS
 
 _FILES = 12
@@ -32,11 +32,7 @@ def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[T
     waiting: list[Path] = []
     while True:
         if not waiting:
-            files = sorted(
-                p for folder in folders for p in folder.glob("*.npz") if not p.name.startswith(".")
-            )
-            if not files:
-                raise ValueError(f"there are no strips in {', '.join(map(str, folders))}: draw some first")
+            files = files_in(folders)
             waiting = [files[k] for k in rng.permutation(len(files))]
         now, waiting = waiting[:_FILES], waiting[_FILES:]
         yield [strip for strip in read_samples(TrainingStrip, now) if rng.random() < _share(strip)]
@@ -94,12 +90,24 @@ class Batch:
 
 
 class Batches(IterableDataset[Batch]):
-    """Batches for ever; each worker process draws its own."""
+    """Batches for ever; each worker process draws its own.
+
+    Args:
+        folders: of files of strips.
+        size: strips to a batch.
+        covers: lay covers over the strokes that tell characters apart.
+        seed: of order, surroundings and covers.
+    """
 
     def __init__(self, folders: Sequence[Path], *, size: int, covers: bool, seed: int) -> None:
         self.folders, self.size, self.covers, self.seed = tuple(folders), size, covers, seed
 
     def __iter__(self) -> Iterator[Batch]:
+        """Yield batches.
+
+        Raises:
+            ValueError: no strips, or fewer than a batch has.
+        """
         worker = get_worker_info()
         seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)
         rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
@@ -114,22 +122,3 @@ class Batches(IterableDataset[Batch]):
                 if self.covers:
                     tall = cover_rivals(tall, [s.text for s in strips], [s.places for s in strips], rng=draw)
                 yield Batch(tall.half(), columns, *targets(strips))
-
-
-def ready_batches(
-    folders: Sequence[Path], *, size: int, covers: bool, seed: int, workers: int = 0
-) -> DataLoader[Batch]:
-    """Batches for ever.
-
-    Args:
-        folders: of files of strips.
-        size: strips to a batch.
-        covers: lay covers over the strokes that tell characters apart.
-        seed: of order, surroundings and covers.
-        workers: processes that make them ready; 0 is this one.
-
-    Raises:
-        ValueError: no strips, or fewer than a batch has.
-    """
-    made = Batches(folders, size=size, covers=covers, seed=seed)
-    return DataLoader(made, batch_size=None, num_workers=workers, prefetch_factor=4 if workers else None)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional as f
 
 from recognition.learning.augment import noisy
 from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
 from recognition.learning.training_loop import Task, Training, export
-from recognition.learning.training_samples import VIEW_ROWS, TrainingView, read_samples
+from recognition.learning.training_samples import VIEW_ROWS, Places, TrainingView, files_in, read_samples
+from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
@@ -58,23 +59,17 @@ def draw_window(
     h, w = view.layers.shape[1:]
     middle = np.array([w / 2, h / 2])
     if window != WINDOW and view.lines:
-        points = _dense(np.array(view.lines[rng.integers(len(view.lines))]))
+        points = _dense(view.lines[rng.integers(len(view.lines))])
         middle = points[rng.integers(len(points))] + rng.normal(0.0, 0.15, 2) * VIEW_ROWS
     elif not plain:
         middle += rng.uniform(-0.5, 0.5, 2) * np.maximum(
             [w - 0.6 * columns * zoom, h - 0.6 * rows * zoom], 0.3 * h
         )
+    down, right = np.mgrid[:rows, :columns] - 0.5 * np.reshape([rows - 1, columns - 1], (2, 1, 1))
     cos, sin = np.cos(turn) * zoom, np.sin(turn) * zoom
-
-    def placed(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-        du, dv = u - (columns - 1) / 2, v - (rows - 1) / 2
-        return np.stack([middle[0] + cos * du - sin * dv, middle[1] + sin * du + cos * dv])
-
-    v, u = np.meshgrid(np.arange(rows, dtype=float), np.arange(columns, dtype=float), indexing="ij")
-    cv, cu = np.meshgrid(
-        np.arange(CELL / 2 - 0.5, rows, CELL), np.arange(CELL / 2 - 0.5, columns, CELL), indexing="ij"
-    )
-    return placed(u, v).astype(np.float32), _truth(view, placed(cu, cv), octaves, turn), octaves
+    places = middle[:, None, None] + np.stack([cos * right - sin * down, sin * right + cos * down])
+    cells = places.reshape(2, rows // CELL, CELL, columns // CELL, CELL).mean(axis=(2, 4))
+    return places.astype(np.float32), _truth(view, cells, octaves, turn), octaves
 
 
 def _truth(
@@ -84,7 +79,7 @@ def _truth(
     found[0] = 1.0
     nearest = np.full(cells.shape[1:], np.inf)
     for line in view.lines:
-        points = _dense(np.array(line))
+        points = _dense(line)
         along = np.gradient(points, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
         away = cells[:, None] - points.T[:, :, None, None]
@@ -96,10 +91,8 @@ def _truth(
         far = np.maximum(np.abs(off), np.where(beyond > 0.15, 9.0, 0.0))
         mine = far < nearest
         nearest = np.where(mine, far, nearest)
-        angle = np.arctan2(down, right) - turn
-        found[3] = np.where(mine, octaves, found[3])
-        found[4] = np.where(mine, (angle + np.pi) % (2 * np.pi) - np.pi, found[4])
-        found[5] = np.where(mine, off, found[5])
+        angle = (np.arctan2(down, right) - turn + np.pi) % (2 * np.pi) - np.pi
+        found[3:] = np.where(mine, np.stack([np.full_like(off, octaves), angle, off]), found[3:])
         # next to a line's ends nothing is judged
         found[0] = np.where((np.abs(off) < _BESIDE) & (beyond > 0.1) & (beyond < 0.4), 0.0, found[0])
     near = nearest < _MIDDLE
@@ -113,36 +106,31 @@ def _truth(
     return found
 
 
-def _dense(line: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
-    at = np.linspace(0.0, lengths[-1], max(8, int(lengths[-1] / 3)))
-    return np.stack([np.interp(at, lengths, line[:, k]) for k in (0, 1)], axis=1)
+def _dense(line: Places) -> NDArray[np.float64]:
+    """(n, 2) points along a line, some three pixels apart."""
+    curve = TextLine(np.array(line), VIEW_ROWS)
+    return points_along(curve, np.linspace(0.0, 1.0, max(8, int(curve.length_mm / 3))))
 
 
 def _batch(
     views: Sequence[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
 ) -> tuple[Tensor, Tensor]:
-    strips, truths = [], []
-    tight = not plain and rng.random() < _TIGHT_SHARE
-    window = (_drawn_side(0, rng), _drawn_side(1, rng)) if tight else WINDOW
+    strips, truths, window = [], [], WINDOW
+    if not plain and rng.random() < _TIGHT_SHARE:
+        # whole cells
+        rows, columns = rng.integers(np.array(_TIGHTEST) // CELL, np.array(WINDOW) // CELL) * CELL
+        window = (int(rows), int(columns))
     for view in views:
         places, truth, octaves = draw_window(view, rng, window=window, plain=plain)
         layers = torch.from_numpy(view.layers.astype(np.float32))[None]
-        h, w = layers.shape[2:]
-        grid = torch.from_numpy(
-            np.stack([(places[0] + 0.5) * 2 / w - 1, (places[1] + 0.5) * 2 / h - 1], axis=-1)
-        )
+        size = np.array(view.layers.shape[:0:-1]).reshape(2, 1, 1)
+        grid = torch.from_numpy(np.moveaxis((places + 0.5) * 2 / size - 1, 0, -1).astype(np.float32))
         strip = f.grid_sample(layers, grid[None], mode="bilinear", align_corners=False)
         strip[:, HEIGHTS] *= 2.0**octaves
         strips.append(strip)
         truths.append(torch.from_numpy(truth))
     batch = torch.cat(strips)
     return (batch if plain else noisy(batch, rng=draw)), torch.stack(truths)
-
-
-def _drawn_side(axis: int, rng: np.random.Generator) -> int:
-    """Whole cells of a tight window."""
-    return CELL * int(rng.integers(_TIGHTEST[axis] // CELL, WINDOW[axis] // CELL))
 
 
 def loss_of(found: Tensor, truth: Tensor) -> Tensor:
@@ -189,33 +177,27 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     network = Finder().to(memory_format=torch.channels_last)
     if how.start is not None:
         network.load_state_dict(torch.load(how.start, weights_only=True))
-    views, held = (
-        read_samples(TrainingView, sorted(p for folder in each for p in folder.glob("*.npz")))
-        for each in (folders, [held_out])
-    )
-    if not views:
-        raise ValueError(f"there are no views in {', '.join(map(str, folders))}: draw some first")
+    views = read_samples(TrainingView, files_in(folders))
+    held = read_samples(TrainingView, files_in([held_out]))[:_HELD]
 
     def batches() -> Iterator[tuple[Tensor, Tensor]]:
         rng, draw = np.random.default_rng(how.seed), torch.Generator().manual_seed(how.seed)
         while True:
             yield _batch([views[i] for i in rng.integers(len(views), size=how.batch or BATCH)], rng, draw)
 
-    rate = 2e-3 if how.rate is None else how.rate
-    optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=0.01)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=how.rate or 2e-3, weight_decay=0.01)
+    # any number of views of any size
+    axes = {0: "n", 2: "rows", 3: "columns"}
     return Task(
         network,
         optimiser,
         batches(),
         lambda batch, _: _loss(network, *batch),
-        lambda one: measure_finder(one, held[:_HELD]),
+        lambda one: measure_finder(one, held),
+        lambda out: export(
+            network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes)
+        ),
     )
-
-
-def write(network: nn.Module, out: Path) -> None:
-    """Write ONNX for any number of views of any size."""
-    axes = {0: "n", 2: "rows", 3: "columns"}
-    export(network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes))
 
 
 def _loss(network: Finder, views: Tensor, truth: Tensor) -> Tensor:

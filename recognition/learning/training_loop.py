@@ -12,6 +12,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import LambdaLR
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 
@@ -52,6 +53,7 @@ class Task:
         batches: to learn from, without end.
         loss: of a batch; the generator, on the network's device, is the only source of randomness.
         measure: on samples held out, a figure that is the lower the better, and the result in words.
+        write: the network as ONNX, into a file.
         early: weights that stay as they are in the first share of the time.
     """
 
@@ -60,6 +62,7 @@ class Task:
     batches: Iterable[Any]
     loss: Callable[[Any, torch.Generator], Tensor]
     measure: Callable[[Any], tuple[float, dict[str, Any]]]
+    write: Callable[[Path], None]
     early: Sequence[nn.Parameter] = ()
 
 
@@ -74,12 +77,12 @@ def fit(
     report_steps: int = 50,
     measure_s: float = 1500.0,
 ) -> None:
-    """Train until the time is over, and give the network the better of its last weights and their running mean.
+    """Train until the time is over, and write the better of the last weights and their running mean.
 
     Args:
         task: what is learned.
         how: for how long, from which seed.
-        out: the weights as torch has them lie beside it.
+        out: ONNX file; the weights as torch has them lie beside it.
         log: a line of JSON a report is added to it.
         average_steps, average_share: steps between two looks of the running mean at the weights, and what one counts.
         report_steps, measure_s: steps from one report to the next, and seconds after which one holds a measurement.
@@ -89,16 +92,14 @@ def fit(
         path.parent.mkdir(parents=True, exist_ok=True)
     draw = torch.Generator(next(network.parameters()).device).manual_seed(how.seed)
     average = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(1.0 - average_share))
-    most = [group["lr"] for group in task.optimiser.param_groups]
     begun = measured = time.monotonic()
+    share = 0.0
+    rates = LambdaLR(task.optimiser, lambda _: _rate(share))
     losses: list[Tensor] = []
     for batch in task.batches:
-        minutes = (time.monotonic() - begun) / 60.0
-        share = minutes / how.minutes
+        share = (time.monotonic() - begun) / (60.0 * how.minutes)
         if share >= 1.0:
             break
-        for group, rate in zip(task.optimiser.param_groups, most, strict=True):
-            group["lr"] = rate * _rate(share)
         for weights in task.early:
             weights.requires_grad_(share >= how.frozen_share)
         loss = task.loss(batch, draw)
@@ -106,13 +107,14 @@ def fit(
         loss.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 2.0)
         task.optimiser.step()
+        rates.step()
         losses.append(loss.detach())
         if len(losses) % average_steps == 0:
             average.update_parameters(network)
         if len(losses) % report_steps == 0:
             mean = float(torch.stack(losses[-2 * report_steps :]).mean())
             line: dict[str, Any] = {
-                "minutes": round(minutes, 1),
+                "minutes": round(share * how.minutes, 1),
                 "steps": len(losses),
                 "loss": round(mean, 4),
             }
@@ -127,6 +129,7 @@ def fit(
     torch.save(network.state_dict(), weights_at)
     _report(log, {"last": last_words, "steps": len(losses)})
     _report(log, {"average": smooth_words, "steps": len(losses)})
+    task.write(out)
 
 
 def _rate(share: float, *, first: float = 0.03) -> float:

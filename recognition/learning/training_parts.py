@@ -15,7 +15,6 @@ import numpy as np
 from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import draw_camera
-from glyphs.errors import MarksError
 from glyphs.fonts.dots import dotted_font
 from glyphs.fonts.glyph import Font, transform_glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
@@ -29,7 +28,7 @@ from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
-from whisker_array.whisker.touch import Touch, default_touch
+from whisker_array.whisker.touch import default_touch
 
 SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
@@ -62,38 +61,24 @@ class TrainingPart:
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
-    """A text that a font has: serials, words and numbers with signs between them, 2 to 12 characters."""
-    have = set(font.glyphs)
-    small = has_small_letters(font)
+    """A text of a font's: serials, words and numbers with signs between them, 2 to 12 characters.
+
+    Raises:
+        MarksError: the font cannot draw one of its characters; draw again.
+    """
     length = int(rng.integers(3, 12))
-    kind = rng.random()
-    if kind < 0.5:
-        pool = _CAPITALS + _FIGURES
-    elif kind < 0.65:
-        pool = _FIGURES
-    elif kind < 0.75:
-        pool = _CAPITALS
-    else:
-        pool = _CAPITALS + _FIGURES + (_SMALL if small else "")
+    every = _CAPITALS + _FIGURES + (_SMALL if has_small_letters(font) else "")
+    pools = (_CAPITALS + _FIGURES, _FIGURES, _CAPITALS, every)
+    pool = str(rng.choice(pools, p=(0.5, 0.15, 0.1, 0.25)))
     chars = [str(c) for c in rng.choice(list(pool), length)]
     if rng.random() < 0.35:
         for _ in range(int(rng.integers(1, 4))):
             at = int(rng.integers(1, len(chars)))
             chars.insert(at, str(rng.choice(list(_SIGNS + "   "))))
-    text = " ".join("".join(c for c in chars if c == " " or _has(font, c, have)).split())
+    text = " ".join("".join(c for c in chars if c == " " or c in font.glyphs).split())
     if not any(c in _CAPITALS + _FIGURES for c in text):
         text += str(rng.choice(list(_CAPITALS)))
     return text
-
-
-def _has(font: Font, char: str, have: set[str]) -> bool:
-    if char not in have:
-        return False
-    try:
-        font.glyph(char)
-    except MarksError:
-        return False
-    return True
 
 
 def draw_part(
@@ -121,8 +106,7 @@ def draw_part(
     else:
         font = _widen(font, text, float(np.exp(rng.normal(0.0, wider))))
     height_mm = float(np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
-    dies = [die for die in DIES if die != "dotted"]
-    die = "dotted" if dotted else str(rng.choice(dies))
+    die = "dotted" if dotted else str(rng.choice([die for die in DIES if die != "dotted"]))
     severity = 0.0 if rng.random() < 0.12 else float(rng.uniform(0.1, 1.0))
     many = 2 if rng.random() < 0.15 else 1
     layout = _draw_layout(font, text, height_mm, rng)
@@ -140,9 +124,12 @@ def draw_part(
         soil=[str(s) for s in rng.choice(soils, many, replace=False)],
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    scan = _trace(part, rng)
-    photos = tuple(_photograph(part, rng) for _ in range(_PHOTOS))
-    return TrainingPart(part, name, height_mm, layout, scan, photos)
+    scan, photos = _trace(part, rng), []
+    for _ in range(_PHOTOS):
+        pixel_mm = height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0))))
+        light = draw_light(rng)
+        photos.append(part.photograph(light=light, camera=draw_camera(rng, pitch_mm=pixel_mm)))
+    return TrainingPart(part, name, height_mm, layout, scan, tuple(photos))
 
 
 def _widen(font: Font, text: str, x_scale: float) -> Font:
@@ -151,33 +138,27 @@ def _widen(font: Font, text: str, x_scale: float) -> Font:
     return replace(font, glyphs={**font.glyphs, **have})
 
 
-def _photograph(part: Part, rng: np.random.Generator) -> Photo:
-    pixel_mm = part.height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0))))
-    return part.photograph(light=draw_light(rng), camera=draw_camera(rng, pitch_mm=pixel_mm))
-
-
 def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generator) -> Layout:
-    turned_deg = float(rng.normal(0.0, 2.0))
+    """A straight line, one on an arc, or one with another line above or below it."""
+    straight = Layout(turned_deg=float(rng.normal(0.0, 2.0)))
     kind = rng.random()
     if kind < 0.12:
         side = 1.0 if rng.random() < 0.5 else -1.0
         radius_mm = max(5.0 * height_mm, float(rng.uniform(0.55, 1.5)) * height_mm * len(text))
-        return Layout(turned_deg=turned_deg, radius_mm=side * radius_mm)
-    if kind < 0.3:
-        return Layout(
-            turned_deg=turned_deg,
-            other_text=draw_text(font, rng)[: len(text)].strip() or "7",
-            other_above=bool(rng.random() < 0.5),
-            gap=float(rng.uniform(0.2, 0.8)),
-        )
-    return Layout(turned_deg=turned_deg)
+        return replace(straight, radius_mm=side * radius_mm)
+    if kind >= 0.3:
+        return straight
+    other, above = draw_text(font, rng)[: len(text)].strip() or "7", bool(rng.random() < 0.5)
+    return replace(straight, other_text=other, other_above=above, gap=float(rng.uniform(0.2, 0.8)))
 
 
 def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> Scan:
     # pointwise: share of scans by the pointwise map: a fifth of the cost of contact.
     surface = level(part.height_map)
     believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
-    touch = _touch(believed_mm, rng)
+    touch = default_touch(believed_mm)
+    if rng.random() >= 0.6:  # worn
+        touch = replace(touch, tip_radius_mm=touch.tip_radius_mm * float(rng.uniform(1.0, 2.5)))
     lines = 40 if rng.random() < 0.5 else int(np.exp(rng.uniform(np.log(10.0), np.log(40.0))))
     count = 4 if rng.random() < 0.6 else int(rng.integers(1, 4))
     directions = tuple(ALL_DIRECTIONS[i] for i in sorted(rng.permutation(len(ALL_DIRECTIONS))[:count]))
@@ -193,9 +174,3 @@ def _trace(part: Part, rng: np.random.Generator, *, pointwise: float = 0.4) -> S
     )
     fidelity = Fidelity.POINTWISE if rng.random() < pointwise else Fidelity.CONTACT
     return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil)
-
-
-def _touch(height_mm: float, rng: np.random.Generator) -> Touch:
-    touch = default_touch(height_mm)
-    worn = 1.0 if rng.random() < 0.6 else float(rng.uniform(1.0, 2.5))
-    return replace(touch, tip_radius_mm=touch.tip_radius_mm * worn)

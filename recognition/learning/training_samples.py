@@ -10,7 +10,6 @@ character, heights in character heights.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
-from glyphs.stamping.die import Box
 from recognition.learning.training_parts import TrainingPart
 from recognition.views.curves import arc_through, straight_through
 from recognition.views.resample import resample
@@ -91,46 +89,32 @@ def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
     """The lines of a part, what they say and where, the one of its text first, by the boxes of the characters."""
     stamped = made.part.stamped
     lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
-    found = [(_line(text, boxes, made), text, boxes) for text, boxes in lines if text.strip()]
-    return [(line, text, _places(line, boxes, made)) for line, text, boxes in found]
+    return [_line(text, np.array(boxes), made) for text, boxes in lines if text.strip()]
 
 
-def _places(line: TextLine, boxes_mm: Sequence[Box], made: TrainingPart) -> Places:
-    """Where each character of a straight line begins and ends in its strip, columns."""
-    if not np.isinf(made.layout.radius_mm):
-        return ()
-    turn = np.radians(made.layout.turned_deg)
-    along = np.array([np.cos(turn), np.sin(turn)])
-    start = float(line.centre_mm[0] @ along) - WIDE_MARGIN * line.height_mm
-    places = []
-    for x0, y0, x1, y1 in boxes_mm:
-        middle = (np.array([(x0 + x1) / 2, (y0 + y1) / 2]) @ along - start) * HEIGHT_ROWS / line.height_mm
-        half = (x1 - x0) / 2 * HEIGHT_ROWS / line.height_mm
-        places.append((round(float(middle - half), 1), round(float(middle + half), 1)))
-    return tuple(places)
-
-
-def _line(text: str, boxes_mm: Sequence[Box], made: TrainingPart) -> TextLine:
-    boxes = [(c, b) for c, b in zip(text, boxes_mm, strict=True) if c != " "]
-    middles = np.array([((b[0] + b[2]) / 2, (b[1] + b[3]) / 2) for _, b in boxes])
+def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple[TextLine, str, Places]:
+    """A line, its text, and where each character begins and ends in its strip, columns; nowhere on an arc."""
+    height_mm, layout = made.height_mm, made.layout
+    middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
+    inked = np.array([c != " " for c in text])
     # of what is as high as a line, the middle is half way up
-    full = np.array([c.isdigit() or c.isupper() for c, _ in boxes])
-    if not full.any():
-        full[:] = True
-    first, last = boxes[0][1], boxes[-1][1]
-    before, after = (first[2] - first[0]) / 2, (last[2] - last[0]) / 2
-    if np.isinf(made.layout.radius_mm):
-        turn = np.radians(made.layout.turned_deg)
+    full = np.array([c.isdigit() or c.isupper() for c in text])
+    full = full if full.any() else inked
+    ends = np.flatnonzero(inked)[[0, -1]]
+    if np.isinf(layout.radius_mm):
+        turn = np.radians(layout.turned_deg)
         along, down = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
-        level = np.median(middles[full] @ down)
-        ends = np.array([middles[0] @ along - before, middles[-1] @ along + after])
-        return TextLine(ends[:, None] * along + level * down, made.height_mm)
-    wide = np.linalg.norm(middles[full][[0, 0, -1, -1]] - middles[[0, 0, -1, -1]], axis=1)
-    before, after = before + float(wide[0]), after + float(wide[-1])
-    curve = arc_through(middles[full], height=made.height_mm, before=before, after=after)
+        reach = middles[ends] @ along + half[ends] * (-1.0, 1.0)
+        line = TextLine(reach[:, None] * along + np.median(middles[full] @ down) * down, height_mm)
+        at = middles @ along - reach[0] + WIDE_MARGIN * height_mm
+        columns = np.stack([at - half, at + half], axis=1) * (HEIGHT_ROWS / height_mm)
+        return line, text, _as_tuples(np.round(columns, 1).tolist())
+    spare = np.linalg.norm(middles[full][[0, -1]] - middles[ends], axis=1)
+    before, after = (float(far) for far in half[ends] + spare)
+    curve = arc_through(middles[full], height=height_mm, before=before, after=after)
     if curve is None:
         curve = straight_through(middles[full], before=before, after=after)
-    return TextLine(curve, made.height_mm)
+    return TextLine(curve, height_mm), text, ()
 
 
 def views_of(made: TrainingPart) -> list[View]:
@@ -179,31 +163,38 @@ def training_views(made: TrainingPart) -> list[TrainingView]:
         MapError: nothing was felt.
     """
     lines = [line.centre_mm for line, _, _ in lines_of(made)]
-    return [_training_view(view, lines, made.height_mm) for view in views_of(made)]
-
-
-def _training_view(view: View, lines: Sequence[NDArray[np.float64]], height_mm: float) -> TrainingView:
-    layers = resample(view, height_mm / VIEW_ROWS)
-    layers[HEIGHTS] /= height_mm
-    pixels = [np.round((line - view.origin_mm) * (VIEW_ROWS / height_mm), 3).tolist() for line in lines]
-    return TrainingView(layers.astype(np.float16), _as_tuples(pixels))
+    views, scale = [], VIEW_ROWS / made.height_mm
+    for view in views_of(made):
+        layers = resample(view, 1.0 / scale)
+        layers[HEIGHTS] /= made.height_mm
+        pixels = [np.round((line - view.origin_mm) * scale, 3).tolist() for line in lines]
+        views.append(TrainingView(layers.astype(np.float16), _as_tuples(pixels)))
+    return views
 
 
 def write_samples(path: Path, samples: Sequence[Sample]) -> None:
     """Write samples of one kind into one .npz, of each the layers that hold anything."""
     held = [np.flatnonzero(sample.layers.any(axis=(1, 2))) for sample in samples]
     truth = [
-        {
-            **{f.name: getattr(sample, f.name) for f in fields(sample) if f.name != "layers"},
-            "held": own.tolist(),
-            "size": sample.layers.shape[1:],
-        }
+        {f.name: own.tolist() if f.name == "layers" else getattr(sample, f.name) for f in fields(sample)}
         for sample, own in zip(samples, held, strict=True)
     ]
-    kept = [sample.layers[own].ravel() for sample, own in zip(samples, held, strict=True)]
+    kept = (sample.layers[own] for sample, own in zip(samples, held, strict=True))
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as file:
-        np.savez(file, values=np.concatenate(kept), truth=np.array(json.dumps(truth)))
+        np.savez(file, *kept, truth=np.array(json.dumps(truth)))
+
+
+def files_in(folders: Iterable[Path]) -> list[Path]:
+    """The files of samples in folders, less those that are being written.
+
+    Raises:
+        ValueError: there are none.
+    """
+    files = sorted(p for folder in folders for p in folder.glob("*.npz") if not p.name.startswith("."))
+    if not files:
+        raise ValueError(f"there are no samples in {', '.join(map(str, folders))}: draw some first")
+    return files
 
 
 def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
@@ -211,16 +202,11 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
     samples = []
     for path in paths:
         with np.load(path) as file:
-            values, truth = file["values"], json.loads(str(file["truth"]))
-        at = 0
-        for one in truth:
-            held: list[int] = one.pop("held")
-            size: tuple[int, ...] = tuple(one.pop("size"))
-            many = len(held) * math.prod(size)
-            layers = np.zeros((LAYERS, *size), dtype=np.float16)
-            layers[held] = values[at : at + many].reshape(len(held), *size)
-            samples.append(kind(layers, **{name: _as_tuples(value) for name, value in one.items()}))
-            at += many
+            for k, one in enumerate(json.loads(str(file["truth"]))):
+                kept: NDArray[np.float16] = file[f"arr_{k}"]
+                layers = np.zeros((LAYERS, *kept.shape[1:]), dtype=np.float16)
+                layers[one.pop("layers")] = kept
+                samples.append(kind(layers, **{name: _as_tuples(value) for name, value in one.items()}))
     return samples
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from recognition.decision.certified import CertifiedAcceptance, as_certified
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Candidate, CharacterReading, Reading, ReadingFlag
@@ -38,5 +36,3 @@ def test_it_never_accepts_by_itself() -> None:
     for doubted in (replace(READ, threshold=0.999), replace(READ, characters=())):
         assert doubted.decision is not Decision.ACCEPT
         assert as_certified(doubted, ALLOWED) is doubted
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        CertifiedAcceptance(1.5, ("tactile",))

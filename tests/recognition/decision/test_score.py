@@ -152,11 +152,3 @@ def test_each_sense_has_its_own_threshold_for_a_risk() -> None:
     assert ReaderSettings().of("tactile") == ReaderSettings()
     with pytest.raises(MarksError, match="none that was tried"):
         ReaderSettings(accept_risk=1e-7)
-
-
-def test_a_score_is_checked() -> None:
-    for points in (((1.0, 0.0),), ((1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (1.0, 1.0), (2.0, 0.5))):
-        with pytest.raises(ValueError, match="is no term"):
-            Term(1.0, points)
-    with pytest.raises(ValueError, match="rises with the log odds"):
-        Score(0.0, {Measure.GRAIN: Term(0.0, ((0.0, 0.0), (1.0, -1.0)))})

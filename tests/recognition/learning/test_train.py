@@ -20,10 +20,10 @@ from recognition.experts.recogniser import CHARACTERS, FEATURE_COLUMNS, WIDER
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
-from recognition.learning.sketches import sketch_many
+from recognition.learning.sketches import sketch_strips
 from recognition.learning.train import train
 from recognition.learning.train_batches import batches, gather, rounds, targets
-from recognition.learning.train_measure import decode, measure, plain
+from recognition.learning.train_recogniser import decode, measure, plain
 from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_samples import (
@@ -211,7 +211,7 @@ def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:
     assert {s.text for s in next(drawn)} == {"K7"}
     write_samples(tmp_path / "b.npz", [strip_of("B2")] * 8)
     assert {s.text for s in next(drawn)} == {"K7", "B2"}
-    with pytest.raises(ValueError, match="no strips"):
+    with pytest.raises(ValueError, match="no samples"):
         next(rounds([tmp_path / "none"], np.random.default_rng(0)))
 
 
@@ -232,7 +232,7 @@ def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
 
 
 def test_covers_hide_what_tells_characters_apart_and_nothing_else() -> None:
-    strip = sketch_many([], 1, np.random.default_rng(1))[0]
+    strip = sketch_strips([Path("gothic")], np.random.default_rng(1))[0]
     tall, _ = gather([strip] * 40)
     before = tall.clone()
     texts, places = ["B" * len(strip.text)] * 40, [strip.places] * 40
