@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Unpack
 
-from recognition.decision.certified import as_certified
+from recognition.decision.contracts import as_certified
 from recognition.decision.reading import Reading
 from recognition.language.grammar import Grammar
 from recognition.senses.settings import ReaderOptions, ReaderSettings, Repertoire

@@ -1,7 +1,7 @@
 """Certificates: a threshold of confidence for acceptance, tested on labelled parts, and the settings it is valid for.
 
     parts, truth --certify--> Certificate --> JSON, page
-    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.certified)
+    JSON + settings --acceptance_of--> acceptance of the reader    (recognition.decision.contracts)
 
 A certificate is valid for the program, networks and settings that it was made with. It is refused by another
 version or with other networks. A part that is read with other settings (its own format, another database) is not
@@ -25,7 +25,7 @@ from glyphs.errors import FileError, require_file
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import differences, reader_versions
 from recognition.decision.accepted_risk import ThresholdTest, certified_threshold, share_bounds
-from recognition.decision.certified import CertifiedAcceptance
+from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.likeness import KindOfParts
 
 FORMAT_VERSION = 1

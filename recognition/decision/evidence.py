@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.decision.certified import DIGITS
+from recognition.decision.contracts import DIGITS
 from recognition.decision.reading import Reading
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
-from recognition.decision.code_check import checked_by_codes
+from recognition.decision.contracts import checked_by_codes
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import (

@@ -122,7 +122,6 @@ class ReadingTrace:
         relief: heights and slopes by touch.
         photo: the photograph.
         line: where the line lies.
-        experts: names of those that had a say, joined by "+".
         by_expert: the lattice of each by itself.
         felt_line: of touch: what can be asked for the strokes of characters; None without heights.
         strokes: what was felt, place by place, of the characters read and their rivals; empty where it is not known.
@@ -143,7 +142,6 @@ class ReadingTrace:
     relief: Relief | None = None
     photo: Photo | None = None
     line: TextLine | None = None
-    experts: str = ""
     by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
     felt_line: FeltLine | None = None
     strokes: tuple[PlaceStrokes, ...] = ()
@@ -347,4 +345,4 @@ class Reading:
 
 def with_spaces(text: str, spaces: Collection[int]) -> str:
     """Insert a blank after each of these places of a text."""
-    return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
+    return "".join(char + " " * (k in spaces) for k, char in enumerate(text))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal, Protocol
@@ -134,7 +134,7 @@ def reading_of_line(
     by_expert = {name: replace(own, boxes=lattice.boxes) for name, own in main.belief.by_expert.items()}
     return reading.with_trace(
         lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
-        experts="+".join(by_expert), odds=log_odds(belief), evidence=main.belief.evidence,
+        odds=log_odds(belief), evidence=main.belief.evidence,
     )  # fmt: skip
 
 
@@ -246,8 +246,8 @@ def _named_line(name: str, one: ReadLine, grammar: Grammar, worth: Score) -> Oth
     """A line that was asked for."""
     lattice = one.lattice
     choice = choose(lattice, grammar)
-    text, sure = with_spaces(choice.text, spaces_of(one, choice.text, grammar)), choice.probability
-    return OtherLine(name, text, worth.of_belief(sure), hull(lattice.boxes), line=one.line)
+    text = with_spaces(choice.text, spaces_of(one, choice.text, grammar)).rstrip()
+    return OtherLine(name, text, worth.of_belief(choice.probability), hull(lattice.boxes), line=one.line)
 
 
 def _unassigned_line(
@@ -356,9 +356,5 @@ def hull(boxes: Sequence[Box]) -> Box | None:
     """Return the common hull of boxes; None if there are none."""
     if not boxes:
         return None
-    return Box(
-        min(b.x0_mm for b in boxes),
-        min(b.y0_mm for b in boxes),
-        max(b.x1_mm for b in boxes),
-        max(b.y1_mm for b in boxes),
-    )
+    corners = np.array([astuple(box) for box in boxes])
+    return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())

@@ -119,7 +119,7 @@ def learn_font(
 
     Args:
         name: its name.
-        chars: (n,) what each exemplar is.
+        chars: (n,) what each exemplar is, one at least.
         reliefs: (n,) height over the land in character heights, negative in the mark, all of one size, NaN where
             not known (`recognition.learning.exemplars.Cut.relief`).
         known: fonts of which the nearest stands for characters never felt.
@@ -127,13 +127,9 @@ def learn_font(
             nothing.
 
     Raises:
-        ExemplarError: no exemplar or no known font, exemplars of different sizes, or none with a mark on it; without
+        ExemplarError: no known font, exemplars of different sizes, or none with a mark on it; without
             vouching, no character with enough exemplars that agree.
     """
-    if not len(chars) or len(chars) != len(reliefs):
-        raise ExemplarError(
-            f"{len(chars)} characters and {len(reliefs)} reliefs", hint="give one for each, at least one"
-        )
     if not known:
         raise ExemplarError("no known font is given", hint="name one for the characters never felt")
     if len({np.shape(r) for r in reliefs}) > 1:

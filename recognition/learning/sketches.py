@@ -47,17 +47,7 @@ def sketch_strips(fonts: Sequence[Path], rng: np.random.Generator) -> list[Train
     layers += [("photo", photograph(made, rng)) for _ in range(2)]
     places = tuple((x0 / _FINE, x1 / _FINE) for x0, _, x1, _ in made.boxes)
     return [
-        TrainingStrip(
-            layers=each.astype(np.float16),
-            text=text,
-            source=source,
-            font=Path(name).name,
-            soils="sketched",
-            severity=made.severity,
-            directions=4 if source == "felt" else 0,
-            places=places,
-        )
-        for source, each in layers
+        TrainingStrip(each.astype(np.float16), text, source, made.severity, places) for source, each in layers
     ]
 
 

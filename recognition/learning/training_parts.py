@@ -45,16 +45,12 @@ class TrainingPart:
 
     Attributes:
         part: what was stamped, and what lies on it.
-        font: its file or name.
-        height_mm: of the characters.
         layout: how its lines lie.
         scan: by a plan drawn at random, for a character height that may be mistaken.
         photos: each under a light and by a camera drawn at random.
     """
 
     part: Part
-    font: str
-    height_mm: float
     layout: Layout
     scan: Scan
     photos: tuple[Photo, ...]
@@ -129,7 +125,7 @@ def draw_part(
         pixel_mm = height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0))))
         light = draw_light(rng)
         photos.append(part.photograph(light=light, camera=draw_camera(rng, pitch_mm=pixel_mm)))
-    return TrainingPart(part, name, height_mm, layout, scan, tuple(photos))
+    return TrainingPart(part, layout, scan, tuple(photos))
 
 
 def _widen(font: Font, text: str, x_scale: float) -> Font:

@@ -27,7 +27,6 @@ from recognition.views.view import (
     HEIGHTS,
     LAYERS,
     View,
-    ViewKind,
     felt_view,
     heights_view,
     photo_view,
@@ -52,20 +51,14 @@ class TrainingStrip:
         layers: (LAYERS, TALL_ROWS, columns) float16, as `recognition.views.view` has them.
         text: what stands there.
         source: "felt", "photo" or "heights".
-        font: file name.
-        soils: joined by +.
         severity: of the soil.
-        directions: that were felt.
         places: where each character of the text begins and ends, columns; empty where that is not known.
     """
 
     layers: NDArray[np.float16]
     text: str
     source: str
-    font: str
-    soils: str
     severity: float
-    directions: int = 0
     places: Places = ()
 
 
@@ -94,7 +87,7 @@ def lines_of(made: TrainingPart) -> list[tuple[TextLine, str, Places]]:
 
 def _line(text: str, boxes_mm: NDArray[np.float64], made: TrainingPart) -> tuple[TextLine, str, Places]:
     """A line, its text, and where each character begins and ends in its strip, columns; nowhere on an arc."""
-    height_mm, layout = made.height_mm, made.layout
+    height_mm, layout = made.part.height_mm, made.layout
     middles, half = 0.5 * (boxes_mm[:, :2] + boxes_mm[:, 2:]), 0.5 * (boxes_mm[:, 2] - boxes_mm[:, 0])
     inked = np.array([c != " " for c in text])
     # of what is as high as a line, the middle is half way up
@@ -139,21 +132,13 @@ def strips_of(made: TrainingPart) -> list[TrainingStrip]:
     Raises:
         MapError: nothing was felt.
     """
-    soiling = made.part.soiling
-    return [
-        TrainingStrip(
-            layers=view.strip(line, rows=TALL_ROWS, margin=WIDE_MARGIN).astype(np.float16),
-            text=text,
-            source=str(view.kind),
-            font=Path(made.font).name,
-            soils="+".join(soiling.soils),
-            severity=soiling.severity,
-            directions=len(made.scan.sweeps) if view.kind is ViewKind.FELT else 0,
-            places=places,
-        )
-        for view in views_of(made)
-        for line, text, places in lines_of(made)
-    ]
+    lines, severity = lines_of(made), made.part.soiling.severity
+    strips = []
+    for view in views_of(made):
+        for line, text, places in lines:
+            layers = view.strip(line, rows=TALL_ROWS, margin=WIDE_MARGIN).astype(np.float16)
+            strips.append(TrainingStrip(layers, text, str(view.kind), severity, places))
+    return strips
 
 
 def training_views(made: TrainingPart) -> list[TrainingView]:
@@ -163,10 +148,10 @@ def training_views(made: TrainingPart) -> list[TrainingView]:
         MapError: nothing was felt.
     """
     lines = [line.centre_mm for line, _, _ in lines_of(made)]
-    views, scale = [], VIEW_ROWS / made.height_mm
+    views, scale = [], VIEW_ROWS / made.part.height_mm
     for view in views_of(made):
         layers = resample(view, 1.0 / scale)
-        layers[HEIGHTS] /= made.height_mm
+        layers[HEIGHTS] /= made.part.height_mm
         pixels = [np.round((line - view.origin_mm) * scale, 3).tolist() for line in lines]
         views.append(TrainingView(layers.astype(np.float16), _as_tuples(pixels)))
     return views

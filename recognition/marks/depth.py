@@ -30,7 +30,6 @@ as wrong as the lift of the land: h_land / d0. Height maps are levelled before t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,22 +65,12 @@ class MarkDepth:
         max_mm: the deepest tenth reaches this.
         burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
             of a raised mark how deep a rim is sunk. None where it is not known.
-
-    Raises:
-        ValueError: a value below 0 or not finite; a least depth above the greatest.
     """
 
     mean_mm: float
     min_mm: float
     max_mm: float
     burr_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        values = (self.mean_mm, self.min_mm, self.max_mm, self.burr_mm or 0.0)
-        if not all(math.isfinite(v) and v >= 0.0 for v in values):
-            raise ValueError(f"{self} is below 0 or not finite; a depth that is not known is None")
-        if self.min_mm > self.max_mm:
-            raise ValueError(f"{self} has a least depth above its greatest")
 
 
 def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:

@@ -14,7 +14,7 @@ from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
 from recognition.belief.part_lines import LineFormat, Region, check_region
-from recognition.decision.certified import CertifiedAcceptance
+from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
 from recognition.decision.score import SOURCES, score_of
 from recognition.experts.steps import EXPERTS

@@ -20,13 +20,13 @@ from recognition.belief.correlation_search import CorrelationSearch
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.belief.part_lines import ReadLine
+from recognition.decision.contracts import doubted_guesses
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
-from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
 from recognition.glyph_match.predicted import template_key

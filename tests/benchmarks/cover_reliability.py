@@ -21,8 +21,7 @@ from glyphs.errors import MarksError
 from pipeline.benchmark.exam.editions import design_named
 from recognition.experts.recogniser import CHARACTERS, steps_of
 from recognition.learning.covers import cover_rivals
-from recognition.learning.train_batches import gather
-from recognition.learning.train_recogniser import plain
+from recognition.learning.train_recogniser import gather, plain
 from recognition.learning.training_fonts import find_fonts
 from recognition.learning.training_parts import draw_part
 from recognition.learning.training_samples import TrainingStrip, strips_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from recognition.decision.certified import CertifiedAcceptance, as_certified
+from recognition.decision.contracts import CertifiedAcceptance, as_certified
 from recognition.decision.decide import Decision
 from recognition.decision.reading import Candidate, CharacterReading, Reading, ReadingFlag
 from recognition.language.box import Box

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from glyphs.camera.photo import Photo
-from recognition.decision.code_check import checked_by_codes
+from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading

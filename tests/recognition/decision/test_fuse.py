@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from recognition.belief.fuse_lattices import contradictions, fuse_lattices
-from recognition.decision.code_check import checked_by_codes
+from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse

@@ -85,18 +85,6 @@ def test_a_reading_cannot_be_changed() -> None:
         reading.seconds["scan"] = 1.0  # type: ignore[index]
 
 
-def test_a_depth_is_finite_and_in_order() -> None:
-    with pytest.raises(ValueError, match="not finite"):
-        MarkDepth(float("nan"), 0.1, 0.2)
-    with pytest.raises(ValueError, match="above its greatest"):
-        MarkDepth(0.15, 0.2, 0.1)
-    # a surface that rises where it should fall has no depth
-    with pytest.raises(ValueError, match="below 0"):
-        MarkDepth(0.0, -0.02, 0.0)
-    with pytest.raises(ValueError, match="below 0"):
-        MarkDepth(0.1, 0.1, 0.1, burr_mm=-0.01)
-
-
 def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
     depths = (MarkDepth(0.2, 0.15, 0.22), None, MarkDepth(0.1, 0.05, 0.12))
     characters = tuple(CharacterReading((Candidate("A", 0.9, 1.0),), BOX, depth) for depth in depths)

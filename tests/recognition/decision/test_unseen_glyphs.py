@@ -4,10 +4,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from glyphs.fonts.outlines import load_font
+from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 

@@ -20,7 +20,7 @@ def strip(text: str = "K7B2", *, places: bool = True) -> TrainingStrip:
     layers[KNOWN] = 1
     at = np.linspace(FIRST, LAST, len(text) + 1)
     where = tuple(zip(at[:-1].tolist(), at[1:].tolist(), strict=True)) if places else ()
-    return TrainingStrip(layers, text, "felt", "gothic", "", 0.0, 4, where)
+    return TrainingStrip(layers, text, "felt", 0.0, where)
 
 
 def test_characters_stay_and_their_places_move_with_them() -> None:

@@ -22,8 +22,7 @@ from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.sketches import sketch_strips
 from recognition.learning.train import train
-from recognition.learning.train_batches import batches, gather, rounds, targets
-from recognition.learning.train_recogniser import decode, measure, plain
+from recognition.learning.train_recogniser import batches, decode, gather, measure, plain, rounds, targets
 from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_samples import (
@@ -47,7 +46,7 @@ READ_SHARE = 0.75
 def line_of(text: str) -> tuple[View, TextLine, str]:
     """A clean plate as an instrument measures it, 28 samples to the height: what the recogniser sees."""
     part = stamp(text, font="gothic", height_mm=5.0, pitch_mm=5.0 / 28, seed=1)
-    made = TrainingPart(part, "gothic", 5.0, Layout(), scan=None, photos=())  # type: ignore[arg-type]
+    made = TrainingPart(part, Layout(), scan=None, photos=())  # type: ignore[arg-type]
     line, said, _ = lines_of(made)[0]
     return heights_view(part.height_map), line, said
 
@@ -68,7 +67,7 @@ def strip_of(text: str) -> TrainingStrip:
     view, line, said = line_of(text)
     layers = view.strip(line, rows=TALL_ROWS, margin=WIDE_MARGIN).astype(np.float16)
     # of those felt none is left out of a round
-    return TrainingStrip(layers, said, "felt", "gothic", "", 0.0)
+    return TrainingStrip(layers, said, "felt", 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -217,9 +216,7 @@ def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:
 
 def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
     def strip(source: str, severity: float) -> TrainingStrip:
-        return TrainingStrip(
-            np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, "gothic", "rust", severity
-        )
+        return TrainingStrip(np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, severity)
 
     write_samples(
         tmp_path / "a.npz",

@@ -42,7 +42,7 @@ def made() -> TrainingPart:
 
 def test_a_part_is_drawn_again_from_its_seed(made: TrainingPart) -> None:
     again = drawn(SEED)
-    assert (again.part.text, again.font, again.height_mm) == (made.part.text, made.font, made.height_mm)
+    assert (again.part.text, again.part.height_mm) == (made.part.text, made.part.height_mm)
     np.testing.assert_array_equal(again.part.height_map.z_mm, made.part.height_map.z_mm)
     for one, other in zip(again.scan.sweeps, made.scan.sweeps, strict=True):
         np.testing.assert_array_equal(one.moment_n_mm, other.moment_n_mm)
@@ -70,7 +70,6 @@ def test_strips_are_tall_cut_about_their_line_and_kept(made: TrainingPart, tmp_p
     for strip in strips:
         assert strip.text in texts
         assert strip.layers.shape[:2] == (LAYERS, TALL_ROWS)
-        assert strip.directions == (len(made.scan.sweeps) if strip.source == "felt" else 0)
         assert set(np.unique(strip.layers[KNOWN])) <= {0.0, 1.0}
     line, text, places = lines_of(made)[0]
     assert strips[0].layers.shape[2] == line.columns(margin=WIDE_MARGIN)
@@ -84,7 +83,7 @@ def test_strips_are_tall_cut_about_their_line_and_kept(made: TrainingPart, tmp_p
     assert len(back) == len(strips) + 1
     for one, other in zip(back, [*strips, strips[0]], strict=True):
         np.testing.assert_array_equal(one.layers, other.layers)
-        for name in ("text", "source", "font", "soils", "severity", "directions", "places"):
+        for name in ("text", "source", "severity", "places"):
             assert getattr(one, name) == getattr(other, name)
 
 
@@ -101,7 +100,7 @@ def test_lines_lie_on_the_boxes_of_their_characters(made: TrainingPart) -> None:
     away = np.linalg.norm(middles[:, None] - dense[None], axis=2).min(axis=1)
     # small letters and signs have their middles lower, by up to a third of the height
     assert away.max() < 0.4 * line.height_mm
-    assert line.height_mm == made.height_mm
+    assert line.height_mm == made.part.height_mm
 
 
 def test_views_are_at_one_scale_with_their_lines_and_kept(made: TrainingPart, tmp_path: Path) -> None:
@@ -112,7 +111,7 @@ def test_views_are_at_one_scale_with_their_lines_and_kept(made: TrainingPart, tm
         assert len(view.lines) == len(lines_of(made))
         long = np.linalg.norm(np.diff(view.lines[0], axis=0), axis=1).sum()
         # in pixels, VIEW_ROWS to a height; single precision
-        assert long == pytest.approx(line.length_mm / made.height_mm * VIEW_ROWS, rel=1e-3)
+        assert long == pytest.approx(line.length_mm / made.part.height_mm * VIEW_ROWS, rel=1e-3)
     write_samples(tmp_path / "v.npz", views)
     for one, other in zip(read_samples(TrainingView, [tmp_path / "v.npz"]), views, strict=True):
         np.testing.assert_array_equal(one.layers, other.layers)

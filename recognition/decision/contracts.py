@@ -1,0 +1,107 @@
+"""Contracts that a reading keeps beside its text: a certificate, the part's codes, and what its font was taught.
+
+A reading that breaks one goes to review, whatever its score is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from recognition.decision.decide import Decision
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Reading
+from recognition.language.code_text import holds
+
+if TYPE_CHECKING:
+    from recognition.marks.laid_text import LaidText
+    from recognition.views.codes import Code
+
+DIGITS = 6
+"""To which confidences are kept in records, on which a certificate rests."""
+
+
+@dataclass(frozen=True)
+class CertifiedAcceptance:
+    """Readings that a certificate lets pass, beside the settings.
+
+    Attributes:
+        confidence: least confidence, 0 to 1.
+        sources: of the readings that were certified: "tactile", "vision", "fused"; of none nothing is accepted.
+    """
+
+    confidence: float
+    sources: tuple[str, ...]
+
+
+def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Reading:
+    """The reading, sent to review where a certificate does not vouch for it; as it is without a certificate."""
+    if allowed is None or reading.decision is not Decision.ACCEPT:
+        return reading
+    if reading.source not in allowed.sources:
+        why = f"the certificate says nothing of what is read so ({reading.source})"
+    elif round(reading.confidence, DIGITS) < allowed.confidence:
+        why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
+    else:
+        return reading
+    return reading.with_findings(Finding(ReadingFlag.NOT_CERTIFIED, why))
+
+
+def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
+    """The reading with its part's codes, in review where none holds the serial and one holds another.
+
+    A code that holds the serial as it was read shows which way up the part lies, too.
+
+    Args:
+        reading: decided.
+        codes: of the part's photographs.
+    """
+    made = replace(reading.without_flags(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
+    said = [holds(code.text, made.text) for code in made.codes]
+    if True in said:
+        made = made.without_flags(ReadingFlag.ORIENTATION_UNKNOWN)
+    if made.text and True not in said:
+        made = made.with_findings(
+            *(
+                Finding(
+                    ReadingFlag.CODE_DISAGREES,
+                    f"the {code.kind} holds “{code.text}”, the marks read “{made.text}” (look at the part)",
+                )
+                for code, same in zip(made.codes, said, strict=True)
+                if same is False
+            )
+        )
+    return made
+
+
+def doubted_guesses(
+    reading: Reading, laid: LaidText, places: Sequence[str] | None, *, near_score: float = 0.05
+) -> Reading:
+    """The reading, sent to review where a character of it may be one that its font was never taught.
+
+    Where O was never enrolled, its shape is another font's, and the Q that was answers a true O about as well. A
+    character is doubted where it is such a guess, or where a guess comes near it.
+
+    Args:
+        reading: of the line.
+        laid: its text in the templates of a font.
+        places: characters allowed at each place of a known format, or None.
+        near_score: correlation by which a guess may fall short and still be meant: where a character that was felt
+            answered instead of the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O).
+    """
+    known = laid.glyphs.chars
+    guessed = {c for c in known if laid.font.glyphs[c].guessed}
+    if not guessed:
+        return reading
+    doubts = []
+    for k, (character, scores) in enumerate(zip(reading.characters, laid.correlations(), strict=True)):
+        best = dict(zip(known, scores.tolist(), strict=True))
+        allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
+        least = best.get(character.char, -1.0) - near_score
+        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > least]
+        never = [character.char] if character.char in guessed else near
+        if never:
+            what = f"place {k + 1}: {', '.join(never)} was never enrolled in {reading.font}"
+            doubts.append(Finding(ReadingFlag.FOREIGN_SHAPES, what, (k + 1,)))
+    return reading.with_findings(*doubts)
