@@ -93,14 +93,6 @@ class ReadingFlag(Flag):
         """All flags of some kinds."""
         return reduce(or_, (flag for flag in cls if flag.kind in kinds))
 
-    def messages(self) -> tuple[str, ...]:
-        """The flags in words."""
-        return tuple(flag.text for flag in self)
-
-    def findings(self) -> tuple[Finding, ...]:
-        """The flags in their general words."""
-        return tuple(Finding(flag, flag.text) for flag in self)
-
 
 BROKEN = ReadingFlag.of(Kind.CONTRACT, Kind.MARK, Kind.STAGE)
 """Flags that send a reading to review whatever its score."""

@@ -58,7 +58,8 @@ def _findings(reading: Reading, flag: ReadingFlag) -> tuple[Finding, ...]:
         found = (*found, *_doubts(reading, explained=bool(found)))
         if found:
             return found
-    return (*_merge(found), *(flag & reading.flags & ~flags_of(reading.findings)).findings())
+    bare = flag & reading.flags & ~flags_of(reading.findings)
+    return (*_merge(found), *(Finding(one, one.text) for one in bare))
 
 
 def _merge(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -82,7 +83,7 @@ def _doubts(reading: Reading, *, explained: bool, count_share: float = 0.9) -> I
         explained: whether another finding says why the confidence is low.
         count_share: the number of characters is in doubt below this share of the product of their confidences.
     """
-    low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.messages()[0]
+    low, why = ReadingFlag.LOW_CONFIDENCE, reading.shortfall or ReadingFlag.LOW_CONFIDENCE.text
     places = tuple(enumerate(reading.characters, start=1))
     unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
     rivals = _rivals(reading)

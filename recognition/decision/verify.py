@@ -51,17 +51,12 @@ class CharacterCheck:
     state: PlaceState
 
     @property
-    def expected(self) -> str:
-        """The expected character; empty for a place that is left over."""
-        return self.state.expected
-
-    @property
     def message(self) -> str:
         """The finding in words."""
         if self.place is None:
-            return f"no place was found for {self.expected}"
-        if self.state.state is CharacterState.NOT_READ and self.expected:
-            return f"{self.expected} cannot be made out"
+            return f"no place was found for {self.state.expected}"
+        if self.state.state is CharacterState.NOT_READ and self.state.expected:
+            return f"{self.state.expected} cannot be made out"
         return self.state.message
 
 
@@ -94,9 +89,11 @@ class Verification:
             differences.append(f"{self.places} characters were found where {len(self.expected)} are expected")
         at = 0
         for check in self.characters:
-            at += bool(check.expected)
+            at += bool(check.state.expected)
             if check.state.state is not CharacterState.READ:
-                where = f"place {at}" if check.expected else f"after place {at}" if at else "before place 1"
+                where = (
+                    f"place {at}" if check.state.expected else f"after place {at}" if at else "before place 1"
+                )
                 differences.append(f"{where}: {check.message}")
         return tuple(differences)
 

@@ -51,22 +51,15 @@ def _ends(
     free = places[:, 0].min(), layers.shape[2] - places[:, 1].max()
     margins = [int(max(one - gap_columns, 0.0)) for one in free]
     more = [int(rng.uniform(0.0, 2.5) * HEIGHT_ROWS) * (rng.random() < longer and m > 3) for m in margins]
-    layers = np.concatenate(
-        [_land(layers[:, :, : margins[0]], more[0]), layers, _land(layers[:, :, ::-1][:, :, : margins[1]], more[1])],
-        axis=2,
-    )  # fmt: skip
+    # more land is the margin's, there and back
+    left, inner, right = np.split(layers, [margins[0], layers.shape[2] - margins[1]], axis=2)
+    left = np.pad(left, ((0, 0), (0, 0), (more[0], 0)), mode="symmetric")
+    right = np.pad(right, ((0, 0), (0, 0), (0, more[1])), mode="symmetric")
+    layers = np.concatenate([left, inner, right], axis=2)
     for flipped, room in ((False, margins[0] + more[0]), (True, margins[1] + more[1])):
         if rng.random() < edge:
             _end_part(layers[:, :, ::-1] if flipped else layers, room, rng)
     return replace(strip, layers=layers, places=tuple((a + more[0], b + more[0]) for a, b in strip.places))
-
-
-def _land(margin: NDArray[np.float16], columns: int) -> NDArray[np.float16]:
-    """As much land as that, like the margin's."""
-    if columns == 0:
-        return margin[:, :, :0]
-    there_and_back = np.concatenate([margin, margin[:, :, ::-1]], axis=2)
-    return np.tile(there_and_back, (1, 1, columns // there_and_back.shape[2] + 1))[:, :, :columns]
 
 
 def _end_part(layers: NDArray[np.float16], room: int, rng: np.random.Generator) -> None:

@@ -134,7 +134,7 @@ def test_a_reading_is_a_table_in_a_notebook() -> None:
     assert html.count("<td") == 3 * len(TEXT)
     assert "&lt;" in html  # characters are text, not markup
     assert "<b style='font-size:150%'><</b>" not in html
-    assert ReadingFlag.UNREAD_MARKS.messages()[0] in html
+    assert ReadingFlag.UNREAD_MARKS.text in html
     assert len(html) < 20_000
 
 

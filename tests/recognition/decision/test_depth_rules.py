@@ -139,7 +139,7 @@ def test_the_note_names_rule_place_and_depth() -> None:
     assert said(judged) == (
         "too shallow for 27CFR478.92: 7 at place 2 0.061 mm, B at place 3 0.070 mm (at least 0.0762)",
     )
-    assert set(judged.messages()) == {*ReadingFlag.DROPOUTS.messages(), *said(judged)}
+    assert set(judged.messages()) == {ReadingFlag.DROPOUTS.text, *said(judged)}
     # the text is as sure as before, but the part is not as it should be
     assert (judged.decision, judged.confidence) == (Decision.REVIEW, 0.97)
 

@@ -90,7 +90,7 @@ def test_at_most_two_reasons_in_order_of_importance() -> None:
     assert made.messages() == (
         "low confidence: 1 or I at place 2?",
         "another line reads “SN8”",
-        *ReadingFlag.DROPOUTS.messages(),
+        ReadingFlag.DROPOUTS.text,
     )
 
 
@@ -103,7 +103,7 @@ def test_every_rule_that_is_broken_is_named() -> None:
     assert made.messages()[2:] == ("too shallow for one", "too shallow for another")
     # without a finding the flag speaks for itself
     bare = review(SURE, flags=ReadingFlag.TOO_SHALLOW)
-    assert bare.messages() == ReadingFlag.TOO_SHALLOW.messages()
+    assert bare.messages() == (ReadingFlag.TOO_SHALLOW.text,)
 
 
 def test_doubt_of_another_line_is_not_one_of_the_serial() -> None:

@@ -108,7 +108,7 @@ def test_a_missing_place_is_found(found: str, left_over: tuple[int | None, str])
     assert result.verdict is Verdict.UNDECIDED
     assert result.probability == 0.0
     odd = [c for c in result.characters if c.state.state is not CharacterState.READ]
-    assert [(c.place, c.expected) for c in odd] == [left_over]
+    assert [(c.place, c.state.expected) for c in odd] == [left_over]
     assert result.messages()[0] == "7 characters were found where 8 are expected"
     assert "no place was found for" in result.messages()[1]
 
@@ -116,7 +116,7 @@ def test_a_missing_place_is_found(found: str, left_over: tuple[int | None, str])
 def test_a_place_too_many_is_found() -> None:
     result = verify(line("AB1123456"), "AB123456")
     assert result.verdict is Verdict.UNDECIDED
-    extra = [c for c in result.characters if not c.expected]
+    extra = [c for c in result.characters if not c.state.expected]
     assert len(extra) == 1
     assert extra[0].message == "1 where nothing is expected"
     assert result.messages()[1].startswith("after place")

@@ -217,7 +217,7 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     # what is surely read there, and is no serial of the format, is named
     short = "found 1 character (“8”), but the format has 4 (check the part and the format)"
     refused = junk.with_findings(Finding(ReadingFlag.FORMAT_OVERRULED, short))
-    for belief, words in ((0.9, (short,)), (0.3, ReadingFlag.NO_CHARACTERS.messages())):
+    for belief, words in ((0.9, (short,)), (0.3, (ReadingFlag.NO_CHARACTERS.text,))):
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
         made = add_stroke_findings(refused.with_trace(open_lattice=openly))
         assert (made.text, made.messages()) == ("", words)
