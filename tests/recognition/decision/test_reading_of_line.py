@@ -66,7 +66,7 @@ def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
     assert found.rotation_deg == pytest.approx(2.0)
     assert found.box == hull([c.box for c in found.characters])
     assert found.trace.line is LINE
-    assert found.trace.experts == "network"
+    assert [*found.trace.by_expert] == ["network"]
     assert found.trace.open_lattice is not None
     for character in found.characters:
         shares = [c.probability for c in character.candidates]
