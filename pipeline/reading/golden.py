@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.errors import FileError, MarksError, OwnFileError
+from glyphs.errors import FileError, MarksError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.formats.touch_file import read_scan
 from pipeline.formats.whisker_file import heights_of_piece, read_piece
+from pipeline.reading.part_orders import PartOrder, sender_names
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
@@ -17,14 +18,11 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
 
     Raises:
         FileError: of the scan, by the sender's name.
-        OwnFileError: of the relief.
+        OwnFileError: of the relief, or of this machine.
+        FaultError: a fault of this program.
     """
-    try:
-        return measure_golden(scan, relief)
-    except FileError as error:
-        if error.path == scan:
-            raise FileError(called, error.what, error.hint) from error
-        raise OwnFileError(error.path.name, error.what, error.hint) from error
+    with sender_names(PartOrder(scan.parent), {scan: called}):
+        return measure_golden(scan, relief.absolute())
 
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:

@@ -136,7 +136,7 @@ def read_order(
         )
     settings, reader = _reader(order, settings)
     started, expected = time.perf_counter(), order.expected.strip()
-    with _sender_names(order, order.shown):
+    with sender_names(order, order.shown):
         photo, *more = map(str, order.photos or order.earlier_photos or ("",))
         touch = str(order.height_map or ""), str(order.scan or "")
         part = PartFiles(order.name, *touch, photo, more_photos=tuple(more))
@@ -199,7 +199,7 @@ def read_on_stage(
     if felt.scan is None:
         raise StageError(felt.problem or "the stage has felt nothing")
     recording = order.folder / RECORDING
-    with _sender_names(order, {recording: RECORDING}):
+    with sender_names(order, {recording: RECORDING}):
         save_scan(felt.scan, recording)
     return read_order(replace(order, scan=recording), settings, limits, felt=felt)
 
@@ -224,7 +224,7 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
     if order.database is not None:
         settings = settings.model_copy(update={"database": order.database})
     try:
-        with _sender_names(order, {path: path.name for path in files_of(settings)}):
+        with sender_names(order, {path: path.name for path in files_of(settings)}):
             return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
     except FaultError:
         raise
@@ -233,7 +233,7 @@ def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Rea
 
 
 @contextlib.contextmanager
-def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
+def sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
     """Turn every problem into the error of a file, under the sender's name of it.
 
     Args:

@@ -5,6 +5,7 @@ recording --worker--> gain, zero, tip radius, friction, preload --store--> again
 
 from __future__ import annotations
 
+import asyncio
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,9 @@ class GoldenPart:
                 409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'
             )
         measures = await self._calls.call(measure_sent, sent.path, sent.name, self._relief)
-        return self._store.add_golden(measures, line=self._line, reference=reference)
+        return await asyncio.to_thread(
+            self._store.add_golden, measures, line=self._line, reference=reference
+        )
 
     def scans(self) -> tuple[GoldenRecord, ...]:
         """The line's, the newest first, the reference among them or last."""

@@ -23,7 +23,7 @@ from sqlalchemy.engine import Row
 
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import close_to_others, private_file
-from pipeline.store.errors import StoreError, UnfitError, cleaned
+from pipeline.store.errors import StoreError, UnfitError, cleaned, fit
 from pipeline.store.tables import METADATA
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
+_MOST_URL = 5000  # longer than any path of the system
 _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 
 # Alembic keeps what it runs in variables of its modules
@@ -197,7 +198,7 @@ def _file_locked(file: Path) -> Iterator[None]:
 
 def _checked(url: str) -> URL:
     try:
-        parsed = sa.make_url(url)
+        parsed = sa.make_url(fit(url, "the store's address", limit=_MOST_URL))
     except exc.ArgumentError as error:
         raise StoreError("the store's address is not a URL", hint=_URL_HINT) from error
     backend = parsed.get_backend_name()

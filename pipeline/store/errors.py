@@ -61,7 +61,7 @@ def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
     if len(text) > limit:
         raise UnfitError(f"{what} has {len(text)} characters", hint=f"give at most {limit}")
     if _UNFIT.search(text):
-        raise UnfitError(f"{what} has a NUL or half a surrogate pair", hint="leave that character out")
+        raise UnfitError(f"{what} has a NUL or a byte that is not UTF-8", hint="leave it out")
     return text
 
 

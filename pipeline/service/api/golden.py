@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Form, UploadFile
+from fastapi.concurrency import run_in_threadpool
 
 from pipeline.common.golden_record import GoldenRecord
 from pipeline.common.records import Scope
@@ -48,7 +49,7 @@ def golden_router(service: ServiceParts) -> APIRouter:
         """
         with service.intake.work_folder() as folder:
             await golden.measure(await receive(scan, "scan", folder), reference=reference)
-        return golden_scans()[0]
+        return (await run_in_threadpool(golden_scans))[0]
 
     @router.get("/golden")
     def golden_scans(caller: Caller = Reads) -> list[GoldenAnswer]:

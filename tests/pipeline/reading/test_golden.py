@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.errors import FileError
+from glyphs.errors import FileError, OwnFileError
 from glyphs.surface.pieces import Piece
 from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear
 from pipeline.formats.whisker_file import read_piece
-from pipeline.reading.golden import measure_golden
+from pipeline.reading import golden
+from pipeline.reading.golden import measure_golden, measure_sent
 from tests.support.benches import recorded, worn
 from whisker_array.scan.recording import save_scan
 
@@ -74,3 +75,22 @@ def test_a_scan_of_something_else_tells_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\nrubbish")
     with pytest.raises(FileError, match=r"a\.h5"):
         measure_golden(tmp_path / "a.h5", tmp_path / "golden.toml")
+
+
+def test_only_the_scan_is_the_senders_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    scan, relief = tmp_path / "scan-1.h5", Path("golden.toml")
+    scan.write_bytes(b"rubbish")
+    with pytest.raises(FileError, match=r"^a\.h5: ") as refused:
+        measure_sent(scan, "a.h5", relief)
+    assert not isinstance(refused.value, OwnFileError)
+    monkeypatch.setattr(golden, "read_scan", lambda _: recorded(PIECE))
+    with pytest.raises(OwnFileError, match=r"^golden\.toml: "):
+        measure_sent(scan, "a.h5", relief)
+
+    def no_memory(_: Path) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(golden, "read_scan", no_memory)
+    with pytest.raises(OwnFileError, match="memory"):
+        measure_sent(scan, "a.h5", relief)

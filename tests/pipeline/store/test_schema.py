@@ -227,6 +227,7 @@ def test_postgresql_may_not_put_off_writing(
         ("sqlite://", "in memory would forget"),
         ("sqlite:///:memory:", "in memory would forget"),
         ("sqlite:///file:x?mode=memory&uri=true", "in memory would forget"),
+        ("sqlite:///{folder}/\udcfc.db", "address has .* not UTF-8"),
         ("sqlite:///{folder}/text.db", "not a database"),
         ("sqlite:///{folder}/text.db/store.db", "does not answer"),
         ("sqlite:///{folder}", "does not answer"),
