@@ -52,9 +52,7 @@ class GoldenPart:
                 409, 'no golden part is set up; name its relief: relief = "golden.npz" under [service.golden]'
             )
         measures = await self._calls.call(measure_sent, sent.path, sent.name, self._relief)
-        return await asyncio.to_thread(
-            self._store.add_golden, measures, line=self._line, reference=reference
-        )
+        return await asyncio.to_thread(self._store.add_golden, measures, line=self._line, reference=reference)
 
     def scans(self) -> tuple[GoldenRecord, ...]:
         """The line's, the newest first, the reference among them or last."""

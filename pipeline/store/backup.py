@@ -139,11 +139,13 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
         StoreError: its version is not known.
     """
     made = read_manifest(backup)
-    with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
-        with file_errors(backup):
-            copy = Path(shutil.copy(backup / _STORE, Path(folder) / _STORE))
-        if file_sha256(copy) != made.sha256:
+    with file_errors(backup):
+        if file_sha256(backup / _STORE) != made.sha256:
             raise FileError(backup / _STORE, "is not as it was written", "take another backup")
+    with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
+        copy = Path(folder) / _STORE
+        with file_errors(copy):
+            shutil.copy(backup / _STORE, copy)
         with _opened(copy) as copied:
             yield made, copied
 

@@ -40,7 +40,12 @@ class UtcTime(sa.TypeDecorator[datetime]):
         """To the database."""
         if value is not None and value.tzinfo is None:
             raise UnfitError(f"the time {value} has no zone", hint="give it in UTC")
-        return None if value is None else value.astimezone(UTC)
+        try:
+            return None if value is None else value.astimezone(UTC)
+        except OverflowError as error:
+            raise UnfitError(
+                f"there is no {value} in UTC", hint="give a time of the years 1 to 9999"
+            ) from error
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:
         """From the database."""

@@ -22,7 +22,7 @@ import anyio.to_thread
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import body_limit
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 
 from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.own_user import is_in, is_own_user
@@ -41,6 +41,8 @@ BODY_PATIENCE_S = 30.0
 """Longest pause within an upload, s."""
 BODY_MOST_S = 600.0
 """Longest time that a whole upload may take, s, even if data keeps arriving."""
+GONE = 499
+"""Status in the log, as of proxies, of a caller who has gone during an upload."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _METHODS = frozenset({*_SAFE_METHODS, "POST", "PUT", "PATCH", "DELETE"})
@@ -105,6 +107,8 @@ class Door:
             try:
                 await self._check_head(scope)
                 await self._app(scope, _with_timeouts(receive), send_with_headers)
+            except ClientDisconnect:
+                status = GONE
             except (Exception, asyncio.CancelledError) as error:
                 if type(error).__module__ == body_limit.__name__:
                     raise  # the body is over its limit, which starlette answers with 413

@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import importlib
 import sys
+import tempfile
 
 import pytest
 
 from glyphs.errors import MissingExtraError
-from pipeline.cli.exit_status import FAULT, USAGE, CommandError, failures_reported
+from pipeline.cli.exit_status import FAILED, FAULT, USAGE, CommandError, failures_reported
 from pipeline.cli.main import main
 
 
@@ -42,3 +43,13 @@ def test_a_fault_of_the_program_is_never_taken_for_bad_usage(
     assert last == (
         "tactile-marks: fault of the program (ValueError: array is empty); please report it with the lines above"
     )
+
+
+def test_a_machine_without_room_for_temporary_files_is_no_fault_of_the_program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", list)
+    monkeypatch.setattr("pipeline.runs.production.run_batch", lambda *_: tempfile.gettempdir())
+    assert main(["read", "part.npz"]) == FAILED
+    assert "No usable temporary directory" in capsys.readouterr().err

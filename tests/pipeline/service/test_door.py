@@ -60,12 +60,19 @@ class Body:
             yield b"x" * 1000
 
 
-async def asked(app: Any, method: str, path: str, body: Body, **headers: str) -> tuple[int, bytes]:
-    """Status and body of the answer of an ASGI application; the request's body comes piece by piece."""
+async def asked(
+    app: Any, method: str, path: str, body: Body, *, gone: bool = False, **headers: str
+) -> tuple[int, bytes]:
+    """Status (0: none) and body of the answer of an ASGI application; the request's body comes piece by piece.
+
+    After its last piece the caller is there, or `gone` though more was to come.
+    """
     pieces, sent = iter(body), []
 
     async def receive() -> dict[str, Any]:
         piece = next(pieces, None)
+        if piece is None and gone:
+            return {"type": "http.disconnect"}
         return {"type": "http.request", "body": piece or b"", "more_body": piece is not None}
 
     async def send(message: dict[str, Any]) -> None:
@@ -79,7 +86,7 @@ async def asked(app: Any, method: str, path: str, body: Body, **headers: str) ->
         "root_path": "", "asgi": {"version": "3.0"},
     }  # fmt: skip
     await app(scope, receive, send)
-    return sent[0]["status"], b"".join(message.get("body", b"") for message in sent[1:])
+    return sent[0]["status"] if sent else 0, b"".join(message.get("body", b"") for message in sent[1:])
 
 
 @pytest.fixture(scope="module")
@@ -516,3 +523,14 @@ def test_an_upload_that_drips_has_an_end(open_one: Served, monkeypatch: pytest.M
     kind = "multipart/form-data; boundary=b"
     status, said = asyncio.run(asked(open_one[1].app, "POST", "/v1/parts", Dripping(0), content_type=kind))
     assert (status, b"took longer than" in said) == (408, True)
+
+
+def test_a_caller_who_goes_during_an_upload_is_no_fault(
+    open_one: Served, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind = "multipart/form-data; boundary=b"
+    status, _ = asyncio.run(
+        asked(open_one[1].app, "POST", "/v1/parts", Body(0), gone=True, content_type=kind)
+    )
+    logged = caplog.text + capsys.readouterr().out
+    assert (status, "499" in logged, "Traceback" in logged) == (0, True, False)

@@ -79,7 +79,8 @@ def test_filters(tmp_path: Path) -> None:
     assert [r["id"] for r in rows(client, line="north")] == [first]
     row = rows(client, text="57")[0]
     assert (row["reviewed_by"], row["review"], row["note"]) == ("Ada", "correct", "worn")
-    assert client.get("/v1/parts.csv", params={"since": "yesterday"}).status_code == 422
+    for wrong in ("yesterday", "9999-12-31T23:59:59-23:00"):
+        assert client.get("/v1/parts.csv", params={"since": wrong}).status_code == 422
     store.close()
 
 

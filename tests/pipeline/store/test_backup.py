@@ -224,6 +224,14 @@ def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
         restore(tmp_path, other, back)
     (backup / "store.db").write_bytes(whole)
 
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("shutil.copy", full)
+        with pytest.raises(FileError, match=r"tactile-marks-\w+/store\.db: .*No space left"):
+            restore(backup, other, back)
+
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
