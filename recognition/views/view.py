@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
-from recognition.views.text_line import MARGIN, ROWS, TextLine
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief, relief_from_edges
 from whisker_array.scan.scan import Scan
@@ -44,6 +45,9 @@ DIRECTIONS = (
 )
 """Trace directions of the edge layers."""
 _MOST_EDGE = 8.0
+_AVERAGED_FROM = 4.0
+"""Pixels of a view to one of a strip from which they are averaged first, so that grain does not show: of 180
+photographs of the calibration design 1,139 characters are read right, not 1,120, and 111 serials, not 108."""
 
 
 class ViewKind(StrEnum):
@@ -114,6 +118,26 @@ class View:
         layers = self.layers[:, top:bottom, left:right].copy()
         return replace(self, layers=layers, origin_mm=(x + left * self.pitch_mm, y + top * self.pitch_mm))
 
+    @cached_property
+    def halved(self) -> View:
+        """The view with half as many rows and columns: means of four pixels, of those that are known."""
+        from glyphs.opencv import cv2
+
+        rows, columns = (n // 2 for n in self.layers.shape[1:])
+
+        def mean(layer: Layers) -> Layers:
+            even = layer[: 2 * rows, : 2 * columns]
+            return np.asarray(cv2.resize(even, (columns, rows), interpolation=cv2.INTER_AREA))
+
+        known = self.layers[KNOWN]
+        share = mean(known)
+        layers = np.zeros((LAYERS, rows, columns), dtype=np.float32)
+        layers[KNOWN] = share >= 0.5
+        for layer in np.flatnonzero(self.layers[:KNOWN].any(axis=(1, 2))):
+            layers[layer] = layers[KNOWN] * mean(self.layers[layer] * known) / np.maximum(share, 0.25)
+        x_mm, y_mm = (first + 0.5 * self.pitch_mm for first in self.origin_mm)
+        return replace(self, layers=layers, pitch_mm=2.0 * self.pitch_mm, origin_mm=(x_mm, y_mm))
+
     def strip(
         self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0
     ) -> Layers:
@@ -130,6 +154,8 @@ class View:
         """
         from glyphs.opencv import cv2
 
+        if line.height_mm / (HEIGHT_ROWS * zoom) >= _AVERAGED_FROM * self.pitch_mm:
+            return self.halved.strip(line, rows=rows, margin=margin, zoom=zoom)
         rows, columns = round(rows * zoom), round(line.columns(margin=margin) * zoom)
         u, v = ((np.arange(n, dtype=np.float64) + 0.5) / zoom - 0.5 for n in (columns, rows))
         places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)

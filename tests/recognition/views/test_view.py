@@ -183,6 +183,25 @@ def test_a_strip_shows_rows_margin_and_zoom_as_asked() -> None:
     assert view.strip(line, zoom=2.0).shape[1:] == (2 * ROWS, 2 * line.columns())
 
 
+def test_a_finely_sampled_line_is_averaged_where_it_lies() -> None:
+    rng = np.random.default_rng(5)
+    layers = np.zeros((LAYERS, 400, 900), dtype=np.float32)
+    layers[GREY, :, 300:] = 0.5
+    layers[KNOWN] = 1.0
+    grain = layers.copy()
+    grain[GREY] += rng.normal(0.0, 0.1, size=grain.shape[1:])
+    grain[KNOWN, :, :100] = 0.0
+    # characters 224 pixels high: 8 to a pixel of the strip
+    line = TextLine.straight(15.0, 20.0, length_mm=60.0, height_mm=22.4)
+    plain, seen = view_of(layers).strip(line), view_of(grain).strip(line)
+    edge = int(np.argmax(plain[GREY, 20] > 0.25))
+    assert edge == pytest.approx((30.0 - 15.0) / 22.4 * HEIGHT_ROWS + MARGIN * HEIGHT_ROWS, abs=1.0)
+    assert np.argmax(seen[GREY].mean(axis=0) > 0.25) == edge
+    assert seen[GREY, :, edge + 4 : -20].std() < 0.04
+    first = int(np.argmax(seen[KNOWN, 20]))
+    assert first == pytest.approx((10.0 - 15.0) / 22.4 * HEIGHT_ROWS + MARGIN * HEIGHT_ROWS, abs=2.0)
+
+
 def test_next_to_the_unknown_nothing_is_known() -> None:
     view = random_view(2)
     layers = view.layers.copy()
