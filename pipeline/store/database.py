@@ -37,6 +37,8 @@ AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
+# of a connection to PostgreSQL whose other end has gone without a word: seconds, and milliseconds
+_PATIENCE = {"connect_timeout": 10, "keepalives_idle": 30, "tcp_user_timeout": 30_000}
 _MOST_URL = 5000  # longer than any path of the system
 _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 
@@ -213,9 +215,9 @@ def _checked(url: str) -> URL:
 
 def _engine(url: URL) -> Engine:
     of_sqlite = url.get_backend_name() == "sqlite"
-    options = {"timeout": _WAIT_S, "check_same_thread": False} if of_sqlite else {}
-    if not of_sqlite and "connect_timeout" not in url.query:
-        options = {"connect_timeout": 10}
+    options: dict[str, float] = {"timeout": _WAIT_S, "check_same_thread": False}
+    if not of_sqlite:
+        options = {name: value for name, value in _PATIENCE.items() if name not in url.query}
     try:
         engine = sa.create_engine(
             url,
@@ -265,6 +267,10 @@ def _prepare_postgresql(connection: DBAPIConnection, _entry: ConnectionPoolEntry
         "SELECT set_config('synchronous_commit', 'on', false)"
         " WHERE current_setting('synchronous_commit') = 'off'"
     )
+    # nobody who holds a lock keeps requests waiting without an end
+    cursor.execute(
+        f"SELECT set_config('lock_timeout', '{_WAIT_S:g}s', false) WHERE current_setting('lock_timeout') = '0'"
+    )
     cursor.close()
     connection.commit()
 
@@ -282,6 +288,7 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
         connection.begin(),
     ):
         if engine.dialect.name == "postgresql":
+            connection.exec_driver_sql("SET LOCAL lock_timeout = 0")
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))
         options = {"version_table": VERSION_TABLE, "render_as_batch": True}
         context = MigrationContext.configure(connection, opts=options)

@@ -23,6 +23,7 @@ from sqlalchemy.engine import Engine
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction, TouchWait
+from pipeline.store import database
 from pipeline.store.check import check
 from pipeline.store.database import MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.errors import StoreError
@@ -218,6 +219,22 @@ def test_postgresql_may_not_put_off_writing(
     store.close()
 
 
+def test_a_lock_of_somebody_else_ends_the_wait_with_an_error(
+    request: pytest.FixtureRequest,
+    empty_stores: Callable[[str, pytest.FixtureRequest], str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    url = empty_stores("postgresql", request)
+    Store.open(url).close()
+    monkeypatch.setattr(database, "_WAIT_S", 0.1)
+    with contextlib.closing(Store.open(url)) as store, contextlib.closing(Store.open(url)) as other:
+        with other.write_transaction() as tx:
+            tx.connection.exec_driver_sql("LOCK TABLE parts")
+            with pytest.raises(StoreError, match=r"does not answer .*lock timeout"):
+                store.parts()
+        assert not store.parts()
+
+
 @pytest.mark.parametrize(
     ("url", "message"),
     [
@@ -227,7 +244,7 @@ def test_postgresql_may_not_put_off_writing(
         ("sqlite://", "in memory would forget"),
         ("sqlite:///:memory:", "in memory would forget"),
         ("sqlite:///file:x?mode=memory&uri=true", "in memory would forget"),
-        ("sqlite:///{folder}/\udcfc.db", "address has .* not UTF-8"),
+        ("sqlite:///{folder}/\udcfc.db", r"address has .* not UTF-8"),
         ("sqlite:///{folder}/text.db", "not a database"),
         ("sqlite:///{folder}/text.db/store.db", "does not answer"),
         ("sqlite:///{folder}", "does not answer"),
