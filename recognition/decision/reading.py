@@ -301,12 +301,6 @@ class Reading:
         known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
         return math.fsum(known) / len(known) if known else None
 
-    @property
-    def strokes_felt(self) -> float | None:
-        """Share of the characters' strokes that was felt, mean of the places; None where that is not known."""
-        known = [place.felt for place in self.trace.strokes if place.felt is not None]
-        return math.fsum(known) / len(known) if known else None
-
     def with_findings(self, *findings: Finding) -> Reading:
         """The same reading with these findings and their flags."""
         return replace(self, flags=self.flags | flags_of(findings), findings=(*self.findings, *findings))

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import repeat
-from statistics import mode
+from statistics import fmean, mode
 
 from recognition.decision.decide import Decision
 from recognition.decision.flags import BROKEN, EXPLANATIONS, Finding, ReadingFlag
@@ -40,8 +40,8 @@ def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading
         text_felt: share of strokes felt below which a mostly unreadable line is not text but dirt or land.
     """
     reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.TOO_FEW_LINES)
-    felt = reading.strokes_felt
-    if reading.decision is Decision.REJECT and felt is not None and felt < text_felt:
+    felt = [place.felt for place in reading.trace.strokes if place.felt is not None]
+    if reading.decision is Decision.REJECT and felt and fmean(felt) < text_felt:
         return no_text(reading)
     return reading.with_findings(*_cut_characters(reading), *_missing(reading), *_undecided_strokes(reading))
 

@@ -56,11 +56,6 @@ class Parameter:
     value: float
     grade: int
 
-    @property
-    def letter(self) -> str:
-        """A for 4 to F for 0."""
-        return LETTERS[self.grade]
-
 
 @dataclass(frozen=True)
 class MarkGrade:
@@ -91,7 +86,7 @@ class MarkGrade:
     @property
     def letter(self) -> str:
         """A to F."""
-        return self.worst.letter
+        return LETTERS[self.grade]
 
     @property
     def limiting(self) -> str:

@@ -39,7 +39,7 @@ def test_a_good_mark_is_an_a() -> None:
     good = grade(E + NOISE)
     assert (good.letter, good.grade, good.action, good.limiting) == ("A", 4, Action.NONE, "")
     assert [p.name for p in good.parameters] == ["contrast", "completeness", "contamination"]
-    assert all(p.letter == "A" for p in good.parameters)
+    assert all(p.grade == 4 for p in good.parameters)
 
 
 def test_a_small_shift_costs_nothing() -> None:
