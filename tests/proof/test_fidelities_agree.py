@@ -1,7 +1,5 @@
 """The two fidelities against each other: what the contact adds to the formula is where the tip is, and no more.
 
-    python tests/proof/test_fidelities_agree.py      the table of differences and orders
-
 Along the trace the tip stands where its force has put it, x + e_x.D11 f, and not where it was led: on a wall by
 about 1.5 k h. A share of d0 + h of that size is as great as F - 1, so k -> 0 alone proves nothing: the edge
 enhancement goes with it. Here k falls by `eps` while the sensor is lowered in its stead (l3 - l2 = 1.5 k l1 (1 - eps)),
@@ -207,15 +205,3 @@ def test_contact_is_the_formula_where_the_tip_has_come_to(bent: LShaped, mu: flo
     assert np.ptp(expected) > 0.4 * abs(land)
     assert off.mean() < SAME_MEAN
     assert off.max() < SAME_WORST
-
-
-if __name__ == "__main__":
-    print("mean difference of the fidelities for eps = 1, 1/2, 1/4, 1/8, % of the land's moment; orders")
-    for mu in (0.0, 0.2, 0.5):
-        table = [("ridge", differences(ridge(mu), mu))]
-        for rough in (False, True):
-            for walls in (False, True) if mu else (False,):
-                name = f"{'rough' if rough else 'smooth'} plate{', walls' if walls else ''}"
-                table.append((name, differences(stamped(mu, rough=rough), mu, walls=walls)))
-        for name, errors in table:
-            print(f"mu {mu} {name:20}", [round(100.0 * e, 3) for e in errors], orders(errors).round(2))

@@ -1,7 +1,5 @@
 """Contact with friction against MuJoCo: whiskers of links and springs dragged over wedges, straight and banked.
 
-    python tests/proof/test_mujoco_contact.py     how far the two are apart, and how many steps a second each makes
-
 MuJoCo knows nothing of compliance matrices, of eq. (16) or of our minimiser: it integrates joints in time, with a
 contact solver of its own, and large rotations. Where the two agree, the mechanics is right.
 """
@@ -9,7 +7,6 @@ contact solver of its own, and large rotations. Where the two agree, the mechani
 from __future__ import annotations
 
 import math
-import time
 from functools import cache
 from typing import TypeAlias
 
@@ -54,13 +51,6 @@ SHORT_ARM = LShaped(30.0, 30.0 * 0.05, None, 0.0, Round(0.4))
 RIBBON = LShaped(30.0, 30.0 * 0.117, None, 0.0, Rectangle(0.3, 4.5))
 LEANING = LShaped(30.0, 30.0 * 0.083, 1.0, 0.3, Round(0.4))
 STRAIGHT = straight_whisker(30.0, 0.5, Round(0.4))
-NAMES = {
-    WIRE: "wire k 0.117",
-    SHORT_ARM: "wire k 0.05",
-    RIBBON: "ribbon",
-    LEANING: "leaning",
-    STRAIGHT: "straight",
-}
 
 PLANAR = [
     (WIRE, -60.0, 0.5), (WIRE, 45.0, 0.3), (SHORT_ARM, 60.0, 0.1), (RIBBON, -60.0, 0.1), (LEANING, -45.0, 0.3),
@@ -191,37 +181,3 @@ def test_what_is_left_falls_with_the_preload() -> None:
     # halved, and a little for what does not depend on it
     assert off[1] < 0.65 * off[0]
     assert off[2] < 0.65 * off[1]
-
-
-def steps_per_second() -> dict[str, float]:
-    """MuJoCo's steps a second, readings included, in the plane and in space; trace_contact's samples a second.
-
-    They are not alike: a sample of trace_contact, say d0 / 50, is 400 steps of MuJoCo at its speed.
-    """
-    traced(WIRE, -45.0, 0.3)  # compiled now
-    begun, n = time.perf_counter(), 100
-    for _ in range(n):
-        samples = traced(WIRE, -45.0, 0.3).moment_n_mm.size
-    ours = n * samples / (time.perf_counter() - begun)
-    return {
-        "MuJoCo, 21 joints, in the plane, steps": dragged(WIRE, -45.0, 0.3).steps_per_second,
-        "MuJoCo, 59 joints, in space, steps": dragged(WIRE, -30.0, 0.3, 0.5).steps_per_second,
-        "trace_contact, one line, samples": ours,
-    }
-
-
-if __name__ == "__main__":
-    print("MuJoCo less ours, % of the land's moment: land, end of ramp, mean; mm more than 2 % apart; both F")
-    for case in (*PLANAR, *BANKED):
-        land, ramp, mean, apart = figures(*case)
-        text = f"{NAMES[case[0]]:13} {case[1:]!s:18}"
-        text += f"{100 * land:7.2f} {100 * ramp:6.2f} {100 * mean:6.2f} {apart:7.4f}"
-        if len(case) == 3:
-            p = math.tan(math.radians(case[1]))
-            text += f"   {factor(*case):.4f} {float(moment_ratio(p, case[2], case[0].tip_model())):.4f}"
-        print(text)
-    print(f"straight, F: {[round(factor(STRAIGHT, a, mu), 4) for a in (-45.0, 30.0) for mu in (0.1, 0.5)]}")
-    left = [100.0 * float(deviation(WIRE, 0.0, 0.3, d0=d0)[-1]) for d0 in (2.0, 1.0, 0.5, 0.25)]
-    print(f"on the land at d0 = 2, 1, 0.5, 0.25 mm: {[round(v, 3) for v in left]} %")
-    for what, rate in steps_per_second().items():
-        print(f"{what}: {rate:,.0f} a second")

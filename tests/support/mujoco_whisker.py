@@ -18,7 +18,6 @@ MuJoCo's contact is soft and its sliding lifts the tip a little; SOFTNESS and SP
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 
 import mujoco
@@ -65,14 +64,12 @@ class Drag:
         moment_n_mm: about the lateral axis through the sensor, (n,), N mm.
         force_n: on the tip, (n, 3), N.
         tip_mm: lowest point of the ball, (n, 3), mm.
-        steps_per_second: of the whole loop, readings included.
     """
 
     free_tip_x_mm: NDArray[np.float64]
     moment_n_mm: NDArray[np.float64]
     force_n: NDArray[np.float64]
     tip_mm: NDArray[np.float64]
-    steps_per_second: float
 
 
 def _joints(segment: Segment, pieces: int, spatial: bool) -> str:
@@ -178,7 +175,7 @@ def drag(
     speed = SPEED_D0_PER_STEP * preload_mm / STEP_S
     readings = math.ceil(travel_mm / (speed * STEP_S * CHUNK_STEPS))
     moment, force, tip, free = np.zeros(readings), np.zeros((readings, 3)), np.zeros((readings, 3)), []
-    wrench, begun = np.zeros(6), time.perf_counter()
+    wrench = np.zeros(6)
     data.qvel[:2] = speed, -preload_mm / (LOWERING_STEPS * STEP_S)
     mujoco.mj_step(model, data, LOWERING_STEPS)
     for i in range(readings):
@@ -195,5 +192,4 @@ def drag(
             moment[i] += np.cross(contact.pos - sensor - [data.qpos[0], 0.0, 0.0], f)[2]
         tip[i] = data.geom_xpos[ball] - [0.0, radius_mm, 0.0]
         free.append(start_mm + data.qpos[0])
-    steps = LOWERING_STEPS + readings * CHUNK_STEPS
-    return Drag(np.array(free), moment, force, tip, steps / (time.perf_counter() - begun))
+    return Drag(np.array(free), moment, force, tip)

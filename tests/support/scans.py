@@ -1,4 +1,4 @@
-"""Comparison of scans."""
+"""Small scans and their comparison."""
 
 from __future__ import annotations
 
@@ -6,6 +6,17 @@ import numpy as np
 
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+
+SMALL_PLAN = RasterPlan(
+    array=WhiskerArray(4, 1.0),
+    region_mm=(0.0, 0.0, 6.0, 4.0),
+    line_pitch_mm=0.25,
+    sample_pitch_mm=0.05,
+    lead_mm=0.5,
+    air_samples=6,
+)
+"""Of a plate of 6 x 4 mm."""
 
 
 def _assert_arrays(one: object, other: object, *names: str) -> None:

@@ -254,7 +254,8 @@ def test_a_new_run_begins_a_new_list(tmp_path: Path) -> None:
     assert not path.exists()  # nothing bad, no list
 
 
-def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path) -> None:
+def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.fsync", lambda _: None)  # a disk's time, of hundreds of lists
     path, odd = tmp_path / "bad.csv", PartFiles("n\new", "a,b.npz")
     quarantined(path, [*BAD, odd])
     whole = path.read_bytes()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -25,8 +24,6 @@ from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_parts
 from pipeline.formats.touch_file import read_height_map
 from pipeline.formats.truth import load_truth
-from pipeline.workers.executors import ordered_map
-from pipeline.workers.pool import WorkPool
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
@@ -111,18 +108,6 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
     width, height = soiled.height_map.size_mm
     assert photo.centre_mm == (width / 2, height / 2)
     assert photo.shape == (round(height / 0.06) + 1, round(width / 0.06) + 1)
-
-
-def test_workers_write_the_same(tmp_path: Path) -> None:
-    spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.5))
-    one = write_parts(spec, tmp_path / "one", parts=2)
-    with WorkPool(2) as executor:
-        each = partial(ordered_map, executor)
-        two = write_parts(spec, tmp_path / "two", parts=2, each=each)
-    assert one == two
-    assert [name for name, _ in two] == ["part-000", "part-001"]
-    for path in sorted((tmp_path / "one").glob("*.png")):
-        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
 
 
 def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 import pyarrow.parquet
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
@@ -145,7 +145,8 @@ def test_the_table_of_a_run_is_that_of_write_records(texts: Sequence[str], table
 # ------------------------------------------------------------------------------------------------- every field
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.usefixtures("_no_sync")
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(any_record(ANY_TEXT), max_size=4, unique_by=lambda r: r.part))
 def test_every_field_comes_back_from_every_file(
     tmp_path_factory: pytest.TempPathFactory, rows: list[ReadingRecord]
@@ -173,7 +174,7 @@ def in_csv(record: ReadingRecord) -> ReadingRecord:
 PLAIN_TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\x00\\"), max_size=12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(any_record(PLAIN_TEXT), max_size=3))
 def test_other_programs_read_the_same(
     tmp_path_factory: pytest.TempPathFactory, rows: list[ReadingRecord]

@@ -19,7 +19,7 @@ from recognition.decision.accepted_risk import (
 )
 
 RISK, CONFIDENCE = 0.05, 0.9
-RUNS, PARTS = 600, 300
+RUNS, PARTS = 300, 300
 Floats = np.ndarray
 
 

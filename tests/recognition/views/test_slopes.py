@@ -62,17 +62,17 @@ def test_exposures_a_fifth_apart_hardly_matter() -> None:
     assert alike(plain, mixed) > 0.8
 
 
-def test_a_burst_under_one_light_has_no_slopes() -> None:
-    assert slope_picture([under(20.0, seed=k) for k in range(6)]) is None
-
-
-def test_exposures_under_one_light_have_no_slopes() -> None:
-    exposures = (0.4, 0.8, 1.5, 3.0)  # the brightest are white in places
-    assert slope_picture([under(20.0, seed=k, exposure=e) for k, e in enumerate(exposures)]) is None
-
-
-def test_three_lights_are_too_few() -> None:
-    assert slope_picture([under(a, seed=k) for k, a in enumerate(AROUND[:3])]) is None
+@pytest.mark.parametrize(
+    "photographs",
+    [
+        [under(20.0, seed=k) for k in range(6)],
+        [under(20.0, seed=k, exposure=e) for k, e in enumerate((0.4, 0.8, 1.5, 3.0))],  # white in places
+        [under(a, seed=k) for k, a in enumerate(AROUND[:3])],
+    ],
+    ids=["a burst under one light", "exposures under one light", "three lights"],
+)
+def test_what_shows_no_slopes_makes_no_view(photographs: list[Floats]) -> None:
+    assert slope_picture(photographs) is None
 
 
 @pytest.mark.skipif(not GROOVES.is_dir(), reason="the measured grooves are not beside this checkout")

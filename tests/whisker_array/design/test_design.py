@@ -158,12 +158,11 @@ def test_everything_twice_as_large_is_the_same_design(made: Design) -> None:
 
 
 def test_speed_costs_contrast(made: Design) -> None:
-    trade = speed_trade_off(made, factors=(0.5, 1.0, 4.0, 400.0))
-    slow, same, fast = (c if c is not None else math.nan for c in trade.contrast[:3])
-    assert trade.contrast[3] is None
+    trade = speed_trade_off(made, factors=(0.5, 4.0, 400.0))
+    slow, fast = (c if c is not None else math.nan for c in trade.contrast[:2])
+    assert trade.contrast[2] is None
     assert trade.at == ASKED.least_speed_mm_s
-    assert same == pytest.approx(made.contrast, rel=SEARCH_TOLERANCE)
-    assert slow > same > fast
+    assert slow > made.contrast > fast
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.5])

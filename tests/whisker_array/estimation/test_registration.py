@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from whisker_array.estimation.registration import (
+    LIMIT_PIXELS,
+    STEEPEST,
+    _costs,
     _offset_pixels,
     _shift_rows,
     play_pixels,
@@ -30,6 +33,27 @@ def maps(cols: int, seed: int = 1) -> tuple[Layer, Layer]:
     slope = np.gradient(height, axis=1) * TOUCH.preload_mm / PITCH
     ahead, back = ((1.0 + height) * moment_ratio(s * slope, TOUCH.friction, TOUCH.tip) - 1.0 for s in (1, -1))
     return ahead + rng.normal(0.0, 0.005, ahead.shape), back + rng.normal(0.0, 0.005, back.shape)
+
+
+def plain_cost(ahead: Layer, behind: Layer, half: float) -> float:
+    a, b = _shift_rows(ahead, half), _shift_rows(behind, -half)
+    total, edges = 0.5 * (a + b), 0.5 * (a - b)
+    reach = 1.0 + total
+    for _ in range(2):
+        slope = np.clip(np.gradient(reach, axis=1) * TOUCH.preload_mm / PITCH, -STEEPEST, STEEPEST)
+        rising = np.nan_to_num(moment_ratio(slope, TOUCH.friction, TOUCH.tip), nan=1.0)
+        falling = np.nan_to_num(moment_ratio(-slope, TOUCH.friction, TOUCH.tip), nan=1.0)
+        reach = (1.0 + total) / np.maximum(0.5 * (rising + falling), 0.1)
+    predicted = 0.5 * reach * (rising - falling)
+    return float(((edges - predicted)[:, LIMIT_PIXELS:-LIMIT_PIXELS] ** 2).mean())
+
+
+@pytest.mark.parametrize("cols", [14, 19, 90])
+def test_costs_are_those_of_the_formula_written_out(cols: int) -> None:
+    ahead, behind = maps(cols)
+    halves = np.array([-3.0, -2.5, -0.5, 0.0, 0.3, 1.0, 3.0])
+    expected = [plain_cost(ahead, behind, half) for half in halves]
+    np.testing.assert_allclose(_costs(ahead, behind, halves, TOUCH, PITCH), expected, rtol=1e-10)
 
 
 def test_maps_apart_by_play_are_laid_together() -> None:

@@ -8,23 +8,16 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, MapError
+from tests.support.scans import SMALL_PLAN
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
+from whisker_array.whisker.array import ALL_DIRECTIONS, WhiskerArray
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import Touch, default_touch
 
 PITCH = 0.05
 TOUCH = default_touch(5.0)
-PLAN = RasterPlan(
-    array=WhiskerArray(4, 1.0),
-    region_mm=(0.0, 0.0, 6.0, 4.0),
-    line_pitch_mm=0.25,
-    sample_pitch_mm=0.05,
-    lead_mm=0.5,
-    air_samples=6,
-)
 
 
 def hill(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -39,7 +32,7 @@ def plate(heights: np.ndarray | None = None) -> HeightMap:
 
 @pytest.mark.parametrize("fidelity", list(Fidelity))
 def test_every_direction_feels_the_hill_where_it_is(fidelity: Fidelity) -> None:
-    scan = trace_scan(plate(), touch=TOUCH, plan=PLAN, fidelity=fidelity)
+    scan = trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity)
     assert scan.fidelity == fidelity.value
     assert scan.directions == ALL_DIRECTIONS
     for sweep in scan.sweeps:
@@ -57,7 +50,7 @@ def test_every_direction_feels_the_hill_where_it_is(fidelity: Fidelity) -> None:
 
 @pytest.mark.parametrize("fidelity", list(Fidelity))
 def test_beyond_the_part_is_flagged_but_for_lead_ins_beside_it(fidelity: Fidelity) -> None:
-    plan = replace(PLAN, region_mm=(-0.5, -0.5, 6.8, 4.6))
+    plan = replace(SMALL_PLAN, region_mm=(-0.5, -0.5, 6.8, 4.6))
     scan = trace_scan(plate(), touch=TOUCH, plan=plan, fidelity=fidelity)
     for sweep in scan.sweeps:
         along, across = (6.0, 4.0) if sweep.plan.direction.along_x else (4.0, 6.0)
@@ -68,7 +61,7 @@ def test_beyond_the_part_is_flagged_but_for_lead_ins_beside_it(fidelity: Fidelit
         core = slice(sweep.plan.n_lead, -sweep.plan.n_lead)
         np.testing.assert_array_equal(flagged[..., core], outside[..., core])
         assert (sweep.moment_n_mm[beside] == 0.0).all()
-    inside = trace_scan(plate(), touch=TOUCH, plan=PLAN, fidelity=fidelity)
+    inside = trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity)
     for sweep in inside.sweeps:
         across = 4.0 if sweep.plan.direction.along_x else 6.0
         assert (sweep.flags[sweep.plan.line_mm <= across + 1e-6] == 0).all()
@@ -78,7 +71,7 @@ def test_beyond_the_part_is_flagged_but_for_lead_ins_beside_it(fidelity: Fidelit
 def test_dropouts_are_flagged_where_they_are(fidelity: Fidelity) -> None:
     z = plate().z_mm.copy()
     z[20:30, 60:75] = np.nan
-    scan = trace_scan(plate(z), touch=TOUCH, plan=PLAN, fidelity=fidelity)
+    scan = trace_scan(plate(z), touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity)
     for sweep in scan.sweeps:
         line, at = np.broadcast_arrays(sweep.plan.line_mm[..., None], sweep.plan.position_mm())
         x, y = (at, line) if sweep.plan.direction.along_x else (line, at)
@@ -94,7 +87,7 @@ def test_dropouts_are_flagged_where_they_are(fidelity: Fidelity) -> None:
 def test_a_friction_map_must_fit(pitch: float) -> None:
     # at the fine pitch both would be averaged to the same grid: it must be caught before
     surface = HeightMap(np.zeros((81, 121), dtype=np.float32), pitch)
-    plan = replace(PLAN, region_mm=(0.0, 0.0, 0.7, 0.7))
+    plan = replace(SMALL_PLAN, region_mm=(0.0, 0.0, 0.7, 0.7))
     for shape in ((80, 121), (81, 120), (121, 81), (5,)):
         with pytest.raises(MapError, match="does not fit the height map"):
             trace_scan(surface, touch=TOUCH, plan=plan, friction=np.full(shape, 0.2, dtype=np.float32))
@@ -109,14 +102,14 @@ def test_sensors_need_a_generator_and_repeat_with_its_seed() -> None:
 
     def run(seed: int) -> Scan:
         return trace_scan(
-            plate(), touch=TOUCH, plan=PLAN, sensor=chain, rng=np.random.default_rng(seed), part_id="p"
+            plate(), touch=TOUCH, plan=SMALL_PLAN, sensor=chain, rng=np.random.default_rng(seed), part_id="p"
         )
 
     with pytest.raises(ValueError, match="random generator"):
-        trace_scan(plate(), touch=TOUCH, plan=PLAN, sensor=chain)
+        trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN, sensor=chain)
     with pytest.raises(SensorError, match="4 whiskers"):
         trace_scan(
-            plate(), touch=TOUCH, plan=replace(PLAN, array=WhiskerArray(3, 1.0)), sensor=chain,
+            plate(), touch=TOUCH, plan=replace(SMALL_PLAN, array=WhiskerArray(3, 1.0)), sensor=chain,
             rng=np.random.default_rng(0),
         )  # fmt: skip
     one, again, other = run(1), run(1), run(2)
@@ -124,15 +117,15 @@ def test_sensors_need_a_generator_and_repeat_with_its_seed() -> None:
     for a, b, c in zip(one.sweeps, again.sweeps, other.sweeps, strict=True):
         np.testing.assert_array_equal(a.moment_n_mm, b.moment_n_mm)
         np.testing.assert_array_equal(a.air_n_mm, b.air_n_mm)
-        assert a.air_n_mm.shape == (*a.moment_n_mm.shape[:2], PLAN.air_samples)
+        assert a.air_n_mm.shape == (*a.moment_n_mm.shape[:2], SMALL_PLAN.air_samples)
         assert not np.array_equal(a.moment_n_mm, c.moment_n_mm)
 
 
 def test_a_moment_beyond_the_converter_is_flagged() -> None:
     land = abs(TOUCH.land_moment_n_mm())
     chain = SensorChain(np.ones(4), np.zeros(4), adc_range_n_mm=1.05 * land, adc_bits=16)
-    scan = trace_scan(plate(), touch=TOUCH, plan=PLAN, sensor=chain, rng=np.random.default_rng(0))
-    ideal = trace_scan(plate(), touch=TOUCH, plan=PLAN)
+    scan = trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN, sensor=chain, rng=np.random.default_rng(0))
+    ideal = trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN)
     for a, b in zip(scan.sweeps, ideal.sweeps, strict=True):
         beyond = np.abs(b.moment_n_mm) > 1.0501 * land
         assert beyond.any()
@@ -149,7 +142,7 @@ def test_refusals_say_what_is_wrong() -> None:
     ):
         with pytest.raises(WhiskerError, match=message):
             Touch(**{"tip": tip, "preload_mm": 1.0, "tip_radius_mm": 0.05, **change})
-    scan = trace_scan(plate(), touch=TOUCH, plan=PLAN)
+    scan = trace_scan(plate(), touch=TOUCH, plan=SMALL_PLAN)
     sweep = scan.sweeps[0]
     for change, message in (
         ({"sweeps": ()}, "at least one sweep"),

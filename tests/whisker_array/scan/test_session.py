@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
+from tests.support.scans import SMALL_PLAN
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.memory_removal import remove_memory
 from whisker_array.scan.scan import Scan, trace_scan
@@ -17,19 +18,10 @@ from whisker_array.scan.simulated_session import SimulatedSession, bench_calibra
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.sweep import Sweep
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 PITCH = 0.05
 TOUCH = default_touch(5.0)
-PLAN = RasterPlan(
-    array=WhiskerArray(4, 1.0),
-    region_mm=(0.0, 0.0, 6.0, 4.0),
-    line_pitch_mm=0.25,
-    sample_pitch_mm=0.05,
-    lead_mm=0.5,
-    air_samples=6,
-)
 
 
 def hill() -> HeightMap:
@@ -42,7 +34,7 @@ def session(**options: object) -> SimulatedSession:
     return SimulatedSession(
         hill(),
         touch=TOUCH,
-        array=PLAN.array,
+        array=SMALL_PLAN.array,
         height_mm=5.0,
         sample_pitch_mm=0.05,
         **options,  # type: ignore[arg-type]
@@ -54,19 +46,19 @@ def scan_of(felt: list[Sweep]) -> Scan:
 
 
 def test_passes_in_any_order_make_the_scan_of_the_plan() -> None:
-    stage, passes = session(), list(PLAN.passes())
+    stage, passes = session(), list(SMALL_PLAN.passes())
     np.random.default_rng(3).shuffle(passes)
     one_by_one = edge_map(scan_of([stage.feel(p) for p in passes]), register=False)
-    at_once = edge_map(trace_scan(hill(), touch=TOUCH, plan=PLAN), register=False)
+    at_once = edge_map(trace_scan(hill(), touch=TOUCH, plan=SMALL_PLAN), register=False)
     for direction, layer in zip(at_once.directions, at_once.enhancement, strict=True):
         own = one_by_one.enhancement[one_by_one.directions.index(direction)]
         # the same lines over the same surface; the two surfaces are padded differently, by rounding
         np.testing.assert_allclose(own, layer, atol=2e-4)
-    assert stage.felt_s == pytest.approx(PLAN.scan_time_s)
+    assert stage.felt_s == pytest.approx(SMALL_PLAN.scan_time_s)
 
 
 def test_a_stretch_lies_within_the_whole_line() -> None:
-    stage, whole = session(), PLAN.passes()[0]
+    stage, whole = session(), SMALL_PLAN.passes()[0]
     part = replace(whole, along_mm=(2.0, 4.0), line_mm=tuple(v + 0.125 for v in whole.line_mm))
     (together,) = gather_sweeps([stage.feel(whole), stage.feel(part)])
     assert together.plan.line_mm.shape == (2, 4)
@@ -80,7 +72,7 @@ def test_a_stretch_lies_within_the_whole_line() -> None:
 
 
 def test_passes_of_one_stretch_keep_the_land_on_which_they_run_in() -> None:
-    stage, order = session(), PLAN.passes()[0]
+    stage, order = session(), SMALL_PLAN.passes()[0]
     beside = replace(order, line_mm=tuple(v + 0.125 for v in order.line_mm))
     (together,) = gather_sweeps([stage.feel(order), stage.feel(beside)])
     assert together.plan.n_lead == order.n_lead > 0
@@ -88,7 +80,7 @@ def test_passes_of_one_stretch_keep_the_land_on_which_they_run_in() -> None:
 
 
 def test_passes_of_other_steps_do_not_go_together() -> None:
-    stage, one = session(), PLAN.passes()[0]
+    stage, one = session(), SMALL_PLAN.passes()[0]
     with pytest.raises(ValueError, match="steps"):
         gather_sweeps([stage.feel(one), stage.feel(replace(one, sample_pitch_mm=0.1))])
 
@@ -104,7 +96,7 @@ def test_sensors_keep_their_gains_and_the_bench_knows_them() -> None:
     for name, of_l in (("creep", 0.006), ("play_weight", 0.006)):
         np.testing.assert_allclose(getattr(known.memory, name), getattr(chain.memory, name), atol=of_l)
     stage = session(sensor=chain, calibration=known, rng=rng)
-    felt = replace(scan_of([stage.feel(p) for p in PLAN.passes()[:4]]), calibration=known)
+    felt = replace(scan_of([stage.feel(p) for p in SMALL_PLAN.passes()[:4]]), calibration=known)
 
     def land(scan: Scan) -> np.ndarray:
         (sweep,) = scan.sweeps
@@ -122,9 +114,9 @@ def test_a_closed_session_feels_nothing() -> None:
     stage.close()
     stage.close()
     with pytest.raises(StageError, match="no longer on the stage"):
-        stage.feel(PLAN.passes()[0])
+        stage.feel(SMALL_PLAN.passes()[0])
 
 
 def test_a_pass_for_another_array_is_refused() -> None:
     with pytest.raises(StageError, match="2 whiskers for an array of 4"):
-        session().feel(replace(PLAN.passes()[0], line_mm=(1.0, 2.0)))
+        session().feel(replace(SMALL_PLAN.passes()[0], line_mm=(1.0, 2.0)))

@@ -9,22 +9,15 @@ import pytest
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap, TraceDirection
+from tests.support.scans import SMALL_PLAN
 from whisker_array.scan.scan import trace_scan
 from whisker_array.scan.stage_play import StagePlay, apply_screw_wave, displace_plan
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
 
 TOUCH = default_touch(5.0)
 STILL = StagePlay(play_mm=0.0, rate=0.0, wave_mm=0.0, return_mm=0.0)
-PLAN = RasterPlan(
-    array=WhiskerArray(4, 1.0),
-    region_mm=(0.0, 0.0, 6.0, 4.0),
-    line_pitch_mm=0.25,
-    sample_pitch_mm=0.05,
-    lead_mm=0.5,
-    directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
-)
+PLAN = replace(SMALL_PLAN, directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X))
 
 
 def rng() -> np.random.Generator:

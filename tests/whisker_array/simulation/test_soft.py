@@ -13,6 +13,7 @@ from scipy import optimize
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, TraceDirection
+from tests.support.scans import SMALL_PLAN
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.contact import land_lag_mm, trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
@@ -20,7 +21,6 @@ from whisker_array.simulation.regrid import fit_pitch, fit_soil
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm, sunken_heights
 from whisker_array.simulation.surface import prepare_surface, sample_lines
 from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Round
 from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch, default_touch
@@ -29,14 +29,6 @@ MU = 0.2
 PITCH = 0.05
 TOUCH = default_touch(5.0)
 WIRE = Touch(LShaped(30.0, 3.5, None, 0.0, Round(0.4)).tip_model(), preload_mm=1.0, tip_radius_mm=0.1)
-PLAN = RasterPlan(
-    array=WhiskerArray(4, 1.0),
-    region_mm=(0.0, 0.0, 6.0, 4.0),
-    line_pitch_mm=0.25,
-    sample_pitch_mm=PITCH,
-    lead_mm=0.5,
-    air_samples=4,
-)
 HARDEST, SOFTEST = 1e12, 2e-6
 SETTLED = 4e-4
 """Relative to the moment, as in test_contact: a few times Newton's tolerance."""
@@ -76,8 +68,10 @@ def soil_of(thickness: NDArray[np.float32], hardness: float | NDArray[np.floatin
 @pytest.mark.parametrize("pitch", [PITCH, 0.02, 0.08])
 def test_no_thickness_is_no_dirt_to_the_last_bit(fidelity: Fidelity, pitch: float) -> None:
     top, _, thickness = dirty_part(pitch)
-    plain = trace_scan(top, touch=TOUCH, plan=PLAN, fidelity=fidelity, friction=0.31)
-    clean = trace_scan(top, touch=TOUCH, plan=PLAN, fidelity=fidelity, soil=soil_of(0 * thickness, 5.0, 0.31))
+    plain = trace_scan(top, touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity, friction=0.31)
+    clean = trace_scan(
+        top, touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity, soil=soil_of(0 * thickness, 5.0, 0.31)
+    )
     for one, other in zip(plain.sweeps, clean.sweeps, strict=True):
         np.testing.assert_array_equal(one.flags, other.flags)
         # a friction map is looked up by interpolation: its weights sum to 1 but for rounding
@@ -85,7 +79,7 @@ def test_no_thickness_is_no_dirt_to_the_last_bit(fidelity: Fidelity, pitch: floa
             one.moment_n_mm, other.moment_n_mm, rtol=SETTLED if pitch < PITCH else 1e-6
         )
     mapped = trace_scan(
-        top, touch=TOUCH, plan=PLAN, fidelity=fidelity, friction=np.full(top.shape, 0.31, np.float32)
+        top, touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity, friction=np.full(top.shape, 0.31, np.float32)
     )
     for one, other in zip(mapped.sweeps, clean.sweeps, strict=True):
         np.testing.assert_array_equal(one.moment_n_mm, other.moment_n_mm)
@@ -100,7 +94,9 @@ def test_hardest_dirt_is_its_top_and_softest_what_is_below(
     top, bottom, thickness = dirty_part(pitch)
 
     def felt(surface: HeightMap, soil: Soil | None) -> NDArray[np.float64]:
-        return moments(trace_scan(surface, touch=touch, plan=PLAN, fidelity=fidelity, friction=MU, soil=soil))
+        return moments(
+            trace_scan(surface, touch=touch, plan=SMALL_PLAN, fidelity=fidelity, friction=MU, soil=soil)
+        )
 
     rigid_top, rigid_bottom = felt(top, None), felt(bottom, None)
     assert np.nanmax(np.abs(rigid_top - rigid_bottom)) > 0.1
@@ -144,7 +140,9 @@ def test_a_flat_layer_sinks_by_the_force_over_two_pi_r_h(
     touch = Touch(tip, preload_mm=0.8, tip_radius_mm=radius, friction=0.3)
     thickness = np.full((81, 121), 0.6, dtype=np.float32)
     flat = HeightMap(0.0 * thickness, PITCH)
-    scan = trace_scan(flat, touch=touch, plan=PLAN, fidelity=fidelity, soil=soil_of(thickness, hardness, 0.3))
+    scan = trace_scan(
+        flat, touch=touch, plan=SMALL_PLAN, fidelity=fidelity, soil=soil_of(thickness, hardness, 0.3)
+    )
     # the point is as fine as half a sample
     exact = layer_moment(touch, thickness=0.6, hardness=hardness, radius=radius or 0.5 * PITCH, mu=0.3)
     felt = moments(scan, skip=3)
@@ -292,7 +290,7 @@ def test_friction_of_the_soil_is_felt_and_a_given_one_wins(fidelity: Fidelity) -
     mu[:, 40:80] = 0.1
     soil = Soil(np.zeros(top.shape, np.float32), np.float32(10.0), mu)  # type: ignore[arg-type]
     touch = replace(WIRE, friction=0.4)
-    plan = replace(PLAN, directions=(TraceDirection.FORWARD_X,))
+    plan = replace(SMALL_PLAN, directions=(TraceDirection.FORWARD_X,))
     felt = trace_scan(top, touch=touch, plan=plan, fidelity=fidelity, soil=soil).sweeps[0]
     at = felt.plan.position_mm()
     oil = np.broadcast_to((at > 2.6) & (at < 3.7), felt.flags.shape) & (felt.flags == 0)
@@ -309,7 +307,7 @@ def test_a_groove_caked_full_is_felt_by_as_much_as_the_dirt_gives(fidelity: Fide
     x = np.broadcast_to(np.arange(121) * PITCH, (81, 121))
     depth = np.clip(1.2 - np.abs(x - 3.0), 0.0, 0.2).astype(np.float32)
     top = HeightMap(0.0 * depth, PITCH)
-    plan = replace(PLAN, directions=(TraceDirection.FORWARD_X,))
+    plan = replace(SMALL_PLAN, directions=(TraceDirection.FORWARD_X,))
 
     def felt(surface: HeightMap, soil: Soil | None) -> NDArray[np.float64]:
         sweep = trace_scan(surface, touch=TOUCH, plan=plan, fidelity=fidelity, soil=soil).sweeps[0]
@@ -372,7 +370,7 @@ def test_dropouts_in_dirt_are_told_and_felt_as_filled(fidelity: Fidelity) -> Non
     z = top.z_mm.copy()
     z[30:34, 60:66] = np.nan
     scan = trace_scan(
-        HeightMap(z, PITCH), touch=TOUCH, plan=PLAN, fidelity=fidelity, soil=soil_of(thickness, 8.0)
+        HeightMap(z, PITCH), touch=TOUCH, plan=SMALL_PLAN, fidelity=fidelity, soil=soil_of(thickness, 8.0)
     )
     for sweep in scan.sweeps:
         assert np.isfinite(sweep.moment_n_mm).all()

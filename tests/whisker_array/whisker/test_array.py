@@ -41,7 +41,7 @@ plans = st.builds(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(plan=plans)
 def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
     x0, y0, x1, y1 = plan.region_mm
@@ -56,7 +56,7 @@ def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
         assert place[-block] <= high + 1e-5
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(plan=plans)
 def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
     x0, y0, x1, y1 = plan.region_mm

@@ -41,7 +41,7 @@ def lean(alpha: float, beta: float, mu: float) -> tuple[float, float]:
     return along, across
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(alpha=ANGLES, beta=SETTINGS, mu=FRICTIONS)
 def test_f_is_1_but_for_the_axial_term(alpha: float, beta: float, mu: float) -> None:
     """D11 = n n^T + e a a^T: F = (1 + e tan(beta) q(0)) / (1 + e tan(beta) q(alpha)), q = along / across."""
@@ -77,7 +77,7 @@ def test_it_jams_where_the_force_cannot_bend_it_up(alpha: float, beta: float, mu
     assert is_jammed(-math.tan(alpha), mu, straight_whisker(L, beta, WIRE).tip_model()) == (across < 0.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(beta=st.floats(-0.3, 0.9), steepness=st.floats(0.0, 1.0), seed=st.integers(0, 1000))
 def test_the_moment_is_the_profile_whatever_the_friction(beta: float, steepness: float, seed: int) -> None:
     """m = -3 E I / (l^2 cos(beta)) (d0 + h): the friction is nowhere in it, and is drawn anew for every sample."""

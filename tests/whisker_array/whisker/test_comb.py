@@ -91,7 +91,7 @@ def test_clearance_is_that_of_parallel_plates() -> None:
         assert body.clear_mm(behind) == pytest.approx(behind * math.sin(beta) - 0.2, abs=0.12)
 
 
-@pytest.mark.parametrize("height", [1.0, 2.0, 3.5, 5.0, 12.7])
+@pytest.mark.parametrize("height", [1.0, 3.5, 12.7])
 @pytest.mark.parametrize("kinds", [1, 2])
 def test_the_default_comb_can_be_built_at_any_height(height: float, kinds: int) -> None:
     array = default_comb(height, n_whiskers=8, kinds=kinds)

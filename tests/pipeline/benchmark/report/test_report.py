@@ -147,17 +147,6 @@ def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
     assert times["reading_s_median_p95"] == [0.25, 0.25]
 
 
-def test_the_time_of_reading_stands_beside_the_accuracy(written: report.Written) -> None:
-    text = (written.folder / report.PAGE).read_text(encoding="utf-8")
-    summary = text[text.index('id="summary"') : text.index('id="accuracy"')]
-    assert "<th>reading, ms</th>" in summary
-    assert "<td>250</td><td>250</td></tr>" in summary  # tactile, less the simulated scan
-    assert "<td>1000</td><td>1000</td></tr>" in summary  # vision
-    with (written.folder / report.TABLE).open(encoding="utf-8", newline="") as stream:
-        first = next(csv.DictReader(stream))
-    assert [float(first[k]) for k in ("compute_s", "reading_s", "simulated_s")] == [1.0, 0.25, 0.75]
-
-
 def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
     worst = rank_worst(TRIALS)
     assert worst[0].part.endswith("0001")

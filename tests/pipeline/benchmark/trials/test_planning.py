@@ -1,30 +1,11 @@
 """Exact bounds against scipy and the formulas, and the widths of intervals before a run."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pipeline.benchmark.analysis.shares import exact_share
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.planning import foresight
-
-
-@settings(deadline=None)
-@given(st.integers(0, 40), st.integers(0, 40))
-def test_bounds_are_those_of_scipys_exact_test(count: int, more: int) -> None:
-    from scipy.stats import binomtest
-
-    found = exact_share(count, count + more)
-    if count + more == 0:
-        assert (found.low, found.high) == (0.0, 1.0)
-        return
-    low, high = (
-        binomtest(count, count + more, alternative=side).proportion_ci(0.95, method="exact")
-        for side in ("greater", "less")
-    )
-    assert found.low == pytest.approx(low.low, abs=1e-7)  # scipy finds the root by bisection
-    assert found.high == pytest.approx(high.high, abs=1e-7)
 
 
 def test_none_wrong_follows_the_rule_of_three() -> None:
