@@ -120,17 +120,10 @@ def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool
     _boxes(axes, reading, labelled=labelled)
     for character in reading.characters:
         depth, box = character.depth, character.box
-        axes.annotate(
-            "?" if depth is None else f"{depth.min_mm:.3f}\n{depth.mean_mm:.3f}",
-            (0.5 * (box.x0_mm + box.x1_mm), box.y1_mm),
-            xytext=(0, -3.0),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            color="#1b2a41",
-            fontsize=min(7.5, 90.0 / len(reading.characters)),
-            bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
-        )
+        told = "?" if depth is None else f"{depth.min_mm:.3f}\n{depth.mean_mm:.3f}"
+        white = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0}
+        size = min(7.5, 90.0 / len(reading.characters))
+        _label(axes, told, (0.5 * (box.x0_mm + box.x1_mm), box.y1_mm), color="#1b2a41", size=size, bbox=white)
 
 
 def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
@@ -238,19 +231,16 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = False) -> None:
         frame = Rectangle(corner, width, box.y1_mm - box.y0_mm, fill=False, edgecolor=BOX_COLOUR, lw=0.9)
         axes.add_patch(frame)
         if labelled:
-            above = box.y0_mm > top
-            axes.annotate(
-                character.char,
-                (box.x0_mm + 0.5 * width, max(box.y0_mm, top)),
-                xytext=(0, 1.5 if above else -3.0),
-                textcoords="offset points",
-                ha="center",
-                va="bottom" if above else "top",
-                color=BOX_COLOUR,
-                fontsize=10,
-                fontweight="bold",
-                path_effects=[withStroke(linewidth=2.0, foreground="white")],
-            )
+            outline = [withStroke(linewidth=2.0, foreground="white")]
+            at, above = (corner[0] + 0.5 * width, max(corner[1], top)), corner[1] > top
+            style = {"color": BOX_COLOUR, "size": 10, "weight": "bold", "path_effects": outline}
+            _label(axes, character.char, at, above=above, **style)
+
+
+def _label(axes: Axes, text: str, at: tuple[float, float], *, above: bool = False, **style: Any) -> None:
+    """A text a little above or below a place."""
+    offset, side = (1.5, "bottom") if above else (-3.0, "top")
+    axes.annotate(text, at, (0, offset), textcoords="offset points", ha="center", va=side, **style)
 
 
 def candidate_panel(axes: Axes, reading: Reading, *, most_shown: int = 4) -> None:
