@@ -72,7 +72,7 @@ def _section(whisker: LShaped) -> Section:
     return whisker.section
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=128)
 def _tip(whisker: LShaped) -> TipModel:
     """The tip model, once for all that is asked of one whisker."""
     return whisker.tip_model()

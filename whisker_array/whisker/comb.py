@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
 
@@ -90,19 +90,23 @@ class Body(OneLine):
             mass_g=factor**3 * self.mass_g,
         )
 
+    @cached_property
+    def _outlines(self) -> tuple[tuple[NDArray[np.float64], ...], NDArray[np.float64]]:
+        """Its shapes and its clamp with a point every thickness: a comb asks for hundreds of distances."""
+        x, y = self.clamp_mm
+        block = np.array([(0.0, -y), (0.0, y), (x, y), (x, -y), (0.0, -y)])
+        return tuple(_dense(s, self.thickness_mm) for s in self.shapes_mm), _dense(block, self.thickness_mm)
+
     def clear_mm(self, behind_mm: float) -> float:
         """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; <= 0: none."""
-        block = np.array([[0.0, s * self.clamp_mm[1]] for s in (-1.0, 1.0)])
-        block = np.concatenate([block, block + np.array([self.clamp_mm[0], 0.0])])[[0, 1, 3, 2, 0]]
-        step = self.thickness_mm
-        shift = np.array([-behind_mm, 0.0])
-        lines = [_dense(s, step) for s in self.shapes_mm]
-        box = _dense(block, step)
-        worst = min(_distance(a, b + shift) for a in lines for b in lines) - self.thickness_mm
+        lines, box = self._outlines
         half = 0.5 * self.thickness_mm
+        if any(_within(a, self.clamp_mm, -behind_mm) for a in lines):
+            return -half
+        shift = np.array([-behind_mm, 0.0])
+        worst = min(_distance(a, b + shift) for a in lines for b in lines) - self.thickness_mm
         to_clamps = min(min(_distance(box, a + shift), _distance(a, box + shift)) for a in lines) - half
-        inside = any(_within(a, self.clamp_mm, -behind_mm) for a in lines)
-        return -half if inside else min(worst, to_clamps, _distance(box, box + shift))
+        return min(worst, to_clamps, _distance(box, box + shift))
 
 
 def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
