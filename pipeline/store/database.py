@@ -328,6 +328,8 @@ def _store_errors(shown: str) -> Iterator[None]:
         reason = " ".join(str(orig).split())[:300]
         if any(words in reason for words in ("disk I/O error", "disk is full", "No space left")):
             hint = "make room on its disk, or check the disk"
+        elif any(words in reason for words in ("malformed", "not a database")):
+            hint = "check its address, or stop the service and restore the last good backup"
         else:
             hint = "check that the database runs, that it or its folder may be written, and its address"
         raise StoreError(f"the store {shown} does not answer ({reason})", hint=hint) from error

@@ -245,7 +245,7 @@ def test_a_lock_of_somebody_else_ends_the_wait_with_an_error(
         ("sqlite:///:memory:", "in memory would forget"),
         ("sqlite:///file:x?mode=memory&uri=true", "in memory would forget"),
         ("sqlite:///{folder}/\udcfc.db", r"address has .* not UTF-8"),
-        ("sqlite:///{folder}/text.db", "not a database"),
+        ("sqlite:///{folder}/text.db", "not a database.*restore the last good backup"),
         ("sqlite:///{folder}/text.db/store.db", "does not answer"),
         ("sqlite:///{folder}", "does not answer"),
         ("postgresql://user:hidden@127.0.0.1:1/x", "does not answer .*; check that the database runs"),
