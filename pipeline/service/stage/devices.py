@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
-_LONGEST_NAME = 200
+# bytes of a part's name as a file's, which has 255 with its suffix
+_LONGEST_NAME = 240
 _LEAST_HEIGHTS = 1.0
 """Minimum extent of a region on the plate in either direction, character heights."""
 
@@ -214,7 +215,7 @@ def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -
     Raises:
         StageError: a name that cannot be a file's, or no such file.
     """
-    plain = 0 < len(part_name) <= _LONGEST_NAME and part_name.isprintable()
+    plain = part_name.isprintable() and 0 < len(part_name.encode()) <= _LONGEST_NAME
     if not plain or part_name.startswith(".") or any(c in part_name for c in "/\\:"):
         raise StageError(
             f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"

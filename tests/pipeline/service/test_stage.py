@@ -109,6 +109,7 @@ NAMES = [
     "plate.npz\0",
     "link",
     "x" * 5000,
+    "\u00fc" * 150,  # of a file's name 300 bytes
     "C:plate",
     "other",
     "a\nb",
