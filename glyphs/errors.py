@@ -107,7 +107,7 @@ def require_file(path: Path, *, most_bytes: int) -> None:
     if status.st_size > most_bytes:
         raise FileError(
             path,
-            f"is {status.st_size / 1e9:.1f} GB long, over the limit of {most_bytes / 1e9:.1f} GB",
+            f"is {status.st_size / 1e6:,.1f} MB long, over the limit of {most_bytes / 1e6:,.1f} MB",
             "crop it",
         )
 

@@ -7,6 +7,7 @@ digits than Python converts. Of several wrong keys of a model the message names 
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -21,6 +22,8 @@ from pipeline.errors import DataError, naming
 MOST_BYTES = 1_000_000
 """Size limit of a file that a person has written."""
 _MOST_SHOWN = 200
+_TOO_DEEP = re.compile(r"""(?<!["'\w-])(?:["'\w-]++[ \t]*+\.[ \t]*+){201}""")
+"""A key of so many dots that the parser, whose time and memory grow with their square, would not come to an end."""
 
 Model = TypeVar("Model")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -41,7 +44,10 @@ def toml_of(path: Path, *, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
     """
     require_file(path, most_bytes=most_bytes)
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        text = path.read_bytes().decode("utf-8-sig")
+        if _TOO_DEEP.search(text):
+            raise ValueError("a key of more than 200 dots")
+        return tomllib.loads(text)
     except OSError as error:
         raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
     except RecursionError as error:
