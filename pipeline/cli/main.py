@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import sys
@@ -25,6 +26,12 @@ from pipeline.cli.exit_status import (
     failures_reported,
 )
 from pipeline.workers.interrupts import interrupts_noted
+
+with contextlib.suppress(ImportError):
+    import docstring_parser
+
+    # cyclopts parses the classes of settings anew for every command that takes them: 10 s for a completion script
+    docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)
 
 PROGRAM = "tactile-marks"
 _HELP = ("--help", "-h", "--help-all")
