@@ -18,6 +18,9 @@ from whisker_array.whisker.defaults import (
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel, Whisker
 
+MOST_PRELOAD_MM = 1000.0
+"""Beyond any whisker; simulated contact looks for the tip as far away on the surface as it is preloaded."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Touch(OneLine):
@@ -39,6 +42,7 @@ class Touch(OneLine):
 
     def __post_init__(self) -> None:
         require_positive(WhiskerError, self, "preload_mm")
+        require_range(WhiskerError, 0.0, MOST_PRELOAD_MM, self, "preload_mm")
         require_not_negative(WhiskerError, self, "tip_radius_mm")
         require_range(WhiskerError, 0.0, 2.0, self, "friction")
 

@@ -30,7 +30,9 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     path.write_bytes(data)
     kind = file_kind(Path(name).suffix) or "height_map"
     sent: dict[str, Any] = {"photos": (path,)} if kind == "photo" else {kind: path}
-    settings = ReadSettings(font=("gothic",), height_mm=5.0)
+    settings = ReadSettings(
+        font=("gothic",), format=("9",), height_mm=5.0, orientation="upright", rows="top-first"
+    )
     try:
         done = read_order(PartOrder(folder, **sent, names={path: name}), settings, Limits())
     except FileError as problem:
@@ -75,6 +77,7 @@ SAYS = {
     "as the distance of its samples": "pitch-nan.npz pitch-nought.npz pitch-negative.npz",
     "samples lie 10 mm apart": "coarse.npz",
     "pitch_mm has shape (2,)": "pitch-list.npz",
+    "preload_mm is 1e+300": "preload-huge.h5",
     "is of type": "pitch-string.npz complex.npz strings.npz bools.npz",
     "z_mm is of type object": "pickle.npz",  # and was not opened
     "has no finite height": "nan-only.npz beyond-floats.npz nan-only.x3p",
