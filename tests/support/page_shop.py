@@ -26,7 +26,9 @@ from pipeline.service.web.access import Access
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
+from tests.support.kept_adapters import keep_adapters
 
+keep_adapters()
 MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
 META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
 HIDDEN = re.compile(r'<input type="hidden" name="([^"]+)" value="([^"]*)"')

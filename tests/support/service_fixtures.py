@@ -16,7 +16,9 @@ from pipeline.service import app as service_module
 from pipeline.service.app import Service, create_app
 from pipeline.service.settings import ServiceSettings
 from pipeline.workers.pool import BusyError
+from tests.support.kept_adapters import keep_adapters
 
+keep_adapters()
 FORMAT = "AA99"
 
 
