@@ -157,12 +157,13 @@ def test_files_that_fail_are_one_line_and_status_1(
 def test_bad_files_are_rows_and_the_rest_is_read(capsys: pytest.CaptureFixture[str]) -> None:
     Path("parts").mkdir()
     rng = np.random.default_rng(0)
-    save_map(Path("parts/bare.npz"), rng.normal(0.0, 0.0005, (120, 300)))
+    save_map(Path("parts/bare.npz"), rng.normal(0.0, 0.0005, (100, 160)))
     save_map(Path("parts/dropouts.npz"), np.full((20, 30), np.nan))
     save_map(Path("parts/pitch.npz"), np.zeros((20, 30)), 0.0)
     Path("parts/rubbish.npz").write_bytes(b"rubbish")
     Path("parts/scan.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    assert main(["read", "parts", "parts/none.npz", "--font", "gothic", "--out", "t.csv"]) == 1
+    known = ("--font", "gothic", "--format", "9", "--height-mm", "4", "--orientation", "upright")
+    assert main(["read", "parts", "parts/none.npz", *known, "--out", "t.csv"]) == 1
     shown = capsys.readouterr()
     assert "Traceback" not in shown.out + shown.err
     assert "6 parts, 1 reject, 5 with an error" in shown.out

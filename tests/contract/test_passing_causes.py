@@ -37,7 +37,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "jobs" / "line.toml").write_text(
         f'format = "A9"\nheight_mm = 4\ndatabase = "{folder}/g.glyphs"\n'
     )
-    (folder / "jobs" / "other.toml").write_text('format = "A9"\nheight_mm = 4\n')
+    (folder / "jobs" / "other.toml").write_text('format = "A9"\nfont = "gothic"\nheight_mm = 4\n')
     return folder
 
 

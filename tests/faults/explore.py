@@ -3,6 +3,7 @@
     python -m tests.faults.explore                        every call of every subject, in every way; some minutes
     python -m tests.faults.explore evidence jobs -v       these subjects, and each fault as it is found
     python -m tests.faults.explore --sample 0.1           about a tenth of it
+    python -m tests.faults.explore jobs=0.5 tokens        half of the faults of jobs, all of tokens
 
 A subject works in a process of its own, forked from this one, in which shim.c is loaded before everything else. Losses
 of power are made up from the calls of a run without faults (power_loss.py), after each call of it.
@@ -234,7 +235,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("subjects", nargs="*", help="names of subjects; all of them unless given")
+    parser.add_argument("subjects", nargs="*", help="subjects, or subject=share; all of them unless given")
     parser.add_argument("--sample", type=float, default=1.0, help="share of the faults that are tried")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="file for the figures")
@@ -249,14 +250,15 @@ def main(arguments: list[str] | None = None) -> int:
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
     shim, rng = Shim(), np.random.default_rng(given.seed)
     found: dict[str, Tally] = {}
+    shares = {name: share for name, _, share in (one.partition("=") for one in given.subjects or SUBJECTS)}
     with tempfile.TemporaryDirectory(prefix="tactile-marks-faults-") as folder:
-        for name in given.subjects or SUBJECTS:
+        for name, share in shares.items():
             began = time.monotonic()
             at = Path(folder) / name.replace(" ", "-")
             explorer = Explorer(
                 name, at, shim, say=lambda text: print(text if given.v else text[:300], flush=True)
             )
-            tally = found[name] = explorer.explore(given.sample, rng)
+            tally = found[name] = explorer.explore(float(share or given.sample), rng)
             print(
                 f"{name}: {tally.calls} calls, {sum(tally.tried.values())} faults, {len(tally.found)} wrong,"
                 f" {time.monotonic() - began:.1f} s; {dict(tally.tried)}",

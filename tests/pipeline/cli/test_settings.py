@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cyclopts import App, CycloptsError
@@ -69,20 +70,48 @@ def test_nothing_need_be_set() -> None:
     assert serving() == (ServiceSettings(), ReadSettings())
 
 
-def test_flags_go_over_environment_over_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    FILE.write_text(
-        'font = ["gothic", "futural"]\nheight_mm = 3\nfidelity = "pointwise"\nformat = "A9"\n',
-        encoding="utf-8",
-    )
-    monkeypatch.setenv("TACTILE_MARKS_HEIGHT_MM", "4")
-    monkeypatch.setenv("TACTILE_MARKS_FIDELITY", "contact")
-    settings = reading("--height-mm", "5")
-    assert settings.font == ("gothic", "futural")
-    assert settings.height_mm == 5.0
-    assert settings.fidelity == "contact"
-    assert settings.format == ("A9",)
-    assert reading().height_mm == 4.0
-    assert reading("--font", "timesr", "--font", "a, b.ttf").font == ("timesr", "a, b.ttf")
+SOURCES = (
+    # a setting; the file and what comes of it, the environment likewise, and flags
+    ("height_mm", "height_mm = 3", 3.0, "4", 4.0, "--height-mm 5", 5.0),
+    ("min_depth_mm", "min_depth_mm = 0.1", 0.1, "0.2", 0.2, "--min-depth-mm 0.3", 0.3),
+    ("accept_confidence", "accept_confidence = 0.5", 0.5, "0.6", 0.6, "--accept-confidence 0.7", 0.7),
+    ("fidelity", 'fidelity = "pointwise"', "pointwise", "contact", "contact", "--fidelity pointwise", "pointwise"),
+    ("exclude", 'exclude = "7"', "7", "IO", "IO", "--exclude I", "I"),
+    ("font", 'font = ["gothic", "futural"]', ("gothic", "futural"), "futural, my font.ttf", ("futural", "my font.ttf"),
+     "--font timesr --font a,b.ttf", ("timesr", "a,b.ttf")),
+    # a format has commas of its own, so the environment gives one; check digits have none
+    ("format", 'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]', ("sets:AB,0-9,0-9", "re:A\\d+"), "sets:AB,0-9,0-9",
+     ("sets:AB,0-9,0-9",), "--format AA --format re:A.", ("AA", "re:A.")),
+    ("check", 'check = "luhn@2-"', ("luhn@2-",), "luhn@2-, iso7064mod11_10@2-", ("luhn@2-", "iso7064mod11_10@2-"),
+     "--check vin", ("vin",)),
+    ("experts", 'experts = ["network", "templates"]', ("network", "templates"), "templates, network",
+     ("templates", "network"), "--experts network,templates", ("network", "templates")),
+    ("depth_rule", 'depth_rule = "27 cfr 478.92"', ("27 cfr 478.92",), "70-16-05", ("70-16-05",),
+     "--depth-rule 70-16-05 --depth-rule press-7=0.1:0.25@4:6", ("70-16-05", "press-7=0.1:0.25@4:6")),
+    ("line", '[line]\nlot = "AAA99"\ndate = "99/99"', ("lot=AAA99", "date=99/99"),
+     '{"lot": "AA9", "heat": "sets:H,0-9"}', ("lot=AA9", "heat=sets:H,0-9"),
+     "--line lot=AAA99 --line date=99/99", ("lot=AAA99", "date=99/99")),
+    ("line", 'line = ["lot=AAA99", "date=99/99"]', ("lot=AAA99", "date=99/99"), "heat=sets:H,0-9", ("heat=sets:H,0-9",),
+     "--line lot@0,0.5,1,1=AAA99", ("lot@0,0.5,1,1=AAA99",)),
+    ("line", '[line.lot]\nformat = "AAA99"\nregion = [0.0, 0.5, 1.0, 1.0]', ("lot@0,0.5,1,1=AAA99",),
+     '{"lot": {"format": "A9", "region": [0, 0, 1, 0.5]}}', ("lot@0,0,1,0.5=A9",), "--line lot=A9", ("lot=A9",)),
+    ("region", "region = [0, 0.2, 1, 0.6]", (0.0, 0.2, 1.0, 0.6), "0, 0.1, 1, 0.5", (0.0, 0.1, 1.0, 0.5),
+     "--region 0 0 0.5 1", (0.0, 0.0, 0.5, 1.0)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source[0])
+def test_flags_go_over_environment_over_file(
+    source: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, toml, of_file, variable, of_variable, flags, of_flags = source
+    Path("other.toml").write_text(toml, encoding="utf-8")
+    assert getattr(reading("--config", "other.toml"), name) == of_file
+    FILE.write_text(f"{toml}\n[service]\nport = 1\n", encoding="utf-8")
+    assert getattr(reading(), name) == getattr(serving()[1], name) == of_file
+    monkeypatch.setenv(f"TACTILE_MARKS_{name.upper()}", variable)
+    assert getattr(reading(), name) == getattr(serving()[1], name) == of_variable
+    assert getattr(reading(*flags.split()), name) == of_flags
 
 
 def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,77 +146,6 @@ def test_a_command_whose_flags_mean_something_else_has_settings_of_the_file() ->
     assert run(command, "--font", "press-7") == ("press-7", ReadSettings(font=("gothic",)))
 
 
-def test_another_file_by_name_and_fonts_by_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    Path("other.toml").write_text('height_mm = 7\nfont = "gothic"\n', encoding="utf-8")
-    assert reading("--config", "other.toml").font == ("gothic",)
-    monkeypatch.setenv("TACTILE_MARKS_FONT", "futural, my font.ttf")
-    settings = reading("--config", "other.toml")
-    assert (settings.height_mm, settings.font) == (7.0, ("futural", "my font.ttf"))
-
-
-def test_formats_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
-    FILE.write_text(
-        'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]\ncheck = "luhn@2-"\nexclude = "7"\naccept_confidence = 0.5\n',
-        encoding="utf-8",
-    )
-    settings = reading()
-    assert settings.format == ("sets:AB,0-9,0-9", "re:A\\d+")
-    assert (settings.check, settings.exclude, settings.accept_confidence) == (("luhn@2-",), "7", 0.5)
-    # a format has commas of its own, so the environment gives one; check digits have none
-    monkeypatch.setenv("TACTILE_MARKS_FORMAT", "sets:AB,0-9,0-9")
-    monkeypatch.setenv("TACTILE_MARKS_CHECK", "luhn@2-, iso7064mod11_10@2-")
-    settings = reading("--mode", "auto")
-    assert settings.format == ("sets:AB,0-9,0-9",)
-    assert settings.check == ("luhn@2-", "iso7064mod11_10@2-")
-    assert settings.mode == "auto"
-    assert reading("--format", "AA", "--format", "re:A.").format == ("AA", "re:A.")
-
-
-def test_experts_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert reading().experts == ()
-    FILE.write_text('experts = ["network", "templates"]\n[service]\nport = 1\n', encoding="utf-8")
-    assert reading().experts == serving()[1].experts == ("network", "templates")
-    monkeypatch.setenv("TACTILE_MARKS_EXPERTS", "templates, network")
-    assert reading().experts == serving()[1].experts == ("templates", "network")
-    assert reading("--experts", "network,templates").experts == ("network", "templates")
-    assert reading("--experts", "network", "--experts", "templates").experts == ("network", "templates")
-    with pytest.raises(
-        SettingsError, match=r"--experts is .* there is no expert nose; there are network, templates"
-    ):
-        reading("--experts", "network,nose")
-
-
-def test_other_lines_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert reading().line == ()
-    FILE.write_text('[line]\nlot = "AAA99"\ndate = "99/99"\n[service]\nport = 1\n', encoding="utf-8")
-    assert reading().line == serving()[1].line == ("lot=AAA99", "date=99/99")
-    monkeypatch.setenv("TACTILE_MARKS_LINE", '{"lot": "AA9", "heat": "sets:H,0-9"}')
-    assert reading().line == ("lot=AA9", "heat=sets:H,0-9")
-    monkeypatch.setenv("TACTILE_MARKS_LINE", "heat=sets:H,0-9")
-    assert serving()[1].line == ("heat=sets:H,0-9",)
-    assert reading("--line", "lot=AAA99", "--line", "date=99/99").line == ("lot=AAA99", "date=99/99")
-    FILE.write_text('line = ["lot=AAA99", "date=99/99"]\n', encoding="utf-8")
-    monkeypatch.delenv("TACTILE_MARKS_LINE")
-    assert reading().line == ("lot=AAA99", "date=99/99")
-
-
-def test_regions_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert reading().region is None
-    FILE.write_text(
-        'region = [0, 0.2, 1, 0.6]\n[line.lot]\nformat = "AAA99"\nregion = [0.0, 0.5, 1.0, 1.0]\n'
-        '[line.date]\nformat = "99/99"\n',
-        encoding="utf-8",
-    )
-    assert reading().region == (0.0, 0.2, 1.0, 0.6)
-    assert serving()[1].line == reading().line == ("lot@0,0.5,1,1=AAA99", "date=99/99")
-    monkeypatch.setenv("TACTILE_MARKS_REGION", "0, 0.1, 1, 0.5")
-    monkeypatch.setenv("TACTILE_MARKS_LINE", '{"lot": {"format": "A9", "region": [0, 0, 1, 0.5]}}')
-    assert (reading().region, reading().line) == ((0.0, 0.1, 1.0, 0.5), ("lot@0,0,1,0.5=A9",))
-    given = ("--region", "0", "0", "0.5", "1", "--line", "lot@0,0.5,1,1=AAA99")
-    assert reading(*given).region == (0.0, 0.0, 0.5, 1.0)
-    assert reading(*given).line == ("lot@0,0.5,1,1=AAA99",)
-
-
 def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text('height_mm = 3\nexclude = "I"\n', encoding="utf-8")
     monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
@@ -200,18 +158,6 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
     assert over == job.model_copy(update={"format": ("A9",), "mode": "auto"})
     with pytest.raises(SettingsError, match="--job and --config both say how to read; name one"):
         reading("--job", "jobs/left.toml", "--config", str(FILE))
-
-
-def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert (reading().depth_rule, reading().min_depth_mm) == ((), None)
-    FILE.write_text('depth_rule = "27 cfr 478.92"\nmin_depth_mm = 0.1\n', encoding="utf-8")
-    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
-    assert (reading().depth_rule, reading().min_depth_mm) == (("27 cfr 478.92",), 0.2)
-    assert reading("--min-depth-mm", "0.3").min_depth_mm == 0.3
-    written = ("70-16-05", "press-7=0.1:0.25@4:6 burr=0.03")
-    assert reading("--depth-rule", written[0], "--depth-rule", written[1]).depth_rule == written
-    FILE.write_text(f"depth_rule = {list(written)}\n", encoding="utf-8")
-    assert reading().depth_rule == written
 
 
 @pytest.mark.parametrize(
@@ -292,6 +238,10 @@ def test_a_bad_environment_is_an_error_with_its_variable(
     ("flags", "message"),
     [
         (("--depth-rule", "x"), r"--depth-rule is \['x'\]: unknown depth rule"),
+        (
+            ("--experts", "network,nose"),
+            "--experts is .* there is no expert nose; there are network, templates",
+        ),
         (("--config", "none.toml"), r"none\.toml is not there"),
         (("--config", "."), "is not a file"),
     ],
@@ -347,13 +297,6 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
     assert main(["serve", "--init-config", "other.toml"]) == 2
     assert "other.toml is there already" in capsys.readouterr().err
     assert Path("other.toml").read_text(encoding="utf-8") == text
-
-
-def test_what_cannot_be_is_bad_usage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    FILE.write_text("hight_mm = 5\n", encoding="utf-8")
-    assert main(["read", "part.npz"]) == 2
-    said = "tactile-marks: unknown setting hight_mm in tactile-marks.toml; did you mean height_mm or height_image?\n"
-    assert capsys.readouterr().err == said
 
 
 def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:

@@ -57,34 +57,26 @@ def told(record: ReadingRecord) -> tuple[object, ...]:
     )
 
 
-@pytest.mark.parametrize(("kinds", "mode"), [(("photo",), "vision"), (("photo", "height_map"), "fused")])
-def test_whoever_reads_a_part_reads_the_same(
-    kinds: tuple[str, ...], mode: str, files: dict[str, Path], tmp_path: Path
-) -> None:
-    given = {kind: files[kind] for kind in kinds}
+def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: Path) -> None:
     # the same settings for all, that templates are made once; the service reads by whatever files there are
-    settings = SETTINGS.model_copy(update={"mode": mode})
-    listed = PartFiles("part", **{kind: str(path) for kind, path in given.items()})
+    settings = SETTINGS.model_copy(update={"mode": "fused"})
+    listed = PartFiles("part", **{kind: str(path) for kind, path in files.items()})
     by_command = read_listed(RunOrder(settings), listed).record
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
     )
-    order = PartOrder(
-        tmp_path,
-        photos=tuple(path for kind, path in given.items() if kind == "photo"),
-        height_map=given.get("height_map"),
-    )
+    order = PartOrder(tmp_path, photos=(files["photo"],), height_map=files["height_map"])
     by_service = read_order(order, settings, Limits()).readings[-1]
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)
 
-    by_library = pipeline.read(*given.values(), font="gothic", format="AA99", mode=mode)
+    by_library = pipeline.read(*files.values(), font="gothic", format="AA99", mode="fused")
     assert (by_library.text, by_library.decision) == (by_command.text, by_command.decision)
     assert by_library.confidence == pytest.approx(by_command.confidence, abs=1e-6)  # as the record rounds
 
     folder = files["photo"].parent
     parts = ListedParts.of_files([str(folder)], folder / "truth.csv", Condition(format="AA99"))
-    (trial,) = try_part(Benchmark(parts, (mode,), ReaderSettings(fonts=("gothic",))), parts.items()[0])
+    (trial,) = try_part(Benchmark(parts, ("fused",), ReaderSettings(fonts=("gothic",))), parts.items()[0])
     assert (trial.error, trial.text, trial.decision) == ("", by_command.text, by_command.decision)
     assert trial.confidence == pytest.approx(by_command.confidence, abs=1e-6)
     assert [c.char for c in trial.characters] == [c.char for c in by_command.characters]

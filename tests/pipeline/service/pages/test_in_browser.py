@@ -161,7 +161,6 @@ def sit_down(chromium: Any, service: Service) -> Iterator[Sit]:
         page.on("request", lambda r: hosts.add(urlsplit(r.url).hostname))
         if address:
             page.goto(service.url + address)
-            settled(page)
         return page
 
     yield open_page
@@ -174,6 +173,7 @@ def sit_down(chromium: Any, service: Service) -> Iterator[Sit]:
 def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Sit) -> None:
     ids = [service.put(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
     page = sit_down("/")
+    settled(page)
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[0]}")
     settled(page)
@@ -301,6 +301,7 @@ def test_a_picture_that_does_not_come_is_told_in_words(service: Service, sit_dow
 def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: Sit) -> None:
     ids = [service.put("KX407251"), service.put("KX407252")]
     page = sit_down(f"/review/{ids[0]}")
+    settled(page)
     page.keyboard.down("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?*")
     settled(page)
@@ -317,6 +318,7 @@ def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: S
 def test_a_name_is_asked_for_once_and_skipped_parts_stay(service: Service, sit_down: Sit) -> None:
     ids = [service.put("KX407251"), service.put("KX407252")]
     page = sit_down(f"/review/{ids[0]}", who="")
+    settled(page)
     assert page.evaluate("document.activeElement.id") == "who"
     page.keyboard.press("Enter")
     assert service.store.reviews(ids[0]) == ()
@@ -336,6 +338,7 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(service: Service, sit_d
 def test_an_open_part_is_its_readers_until_the_page_is_left(service: Service, sit_down: Sit) -> None:
     first, second = service.put("KX407251", name="P-1"), service.put("KX407252", name="P-2")
     ada, grace = sit_down("/review"), sit_down("/review", who="Grace")
+    settled(ada)
     ada.keyboard.press("Enter")
     ada.wait_for_url(f"**/review/{first}")
     settled(ada)
@@ -417,7 +420,7 @@ def test_a_job_is_taught_by_a_box_and_a_text(service: Service, sit_down: Sit) ->
     part_id = service.put("KX407251", name="tray-7/housing-left-0012", around=200)
     page = sit_down(f"/parts/{part_id}")
     page.click("text=Teach a job")
-    settled(page)
+    page.wait_for_load_state("load")
     assert page.input_value("[name=name]") == "housing-left"
     assert (page.input_value("#text"), page.input_value("#format")) == ("KX407251", "AA999999")
     # the box that is drawn, in the middle half of the picture, and the four numbers say the same
