@@ -191,7 +191,8 @@ def test_head_is_answered_as_get_without_a_body(line: Line, path: str) -> None:
 def test_a_file_that_is_named_in_the_extended_form_alone_is_read(
     line: Line, tmp_path: Path, encoded: str
 ) -> None:
-    Image.new("L", (80, 40), 128).save(tmp_path / "photo.png")
+    noise = np.random.default_rng(5).integers(90, 160, (30, 60), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "photo.png")
     head = f'Content-Disposition: form-data; name="photo"; {encoded}\r\nContent-Type: image/png\r\n\r\n'
     body = b"--XyZ\r\n" + head.encode() + (tmp_path / "photo.png").read_bytes() + b"\r\n--XyZ--\r\n"
     kind = {"Content-Type": "multipart/form-data; boundary=XyZ"}

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -30,8 +31,9 @@ def people(service: RunningService) -> Iterator[tuple[httpx.Client, httpx.Client
 @pytest.fixture
 def part(service: RunningService) -> dict[str, Any]:
     """A part that waits for a person: nothing stands on its photograph."""
+    noise = np.random.default_rng(5).integers(90, 160, (30, 60), dtype=np.uint8)
     photo = io.BytesIO()
-    Image.new("L", (80, 40), 128).save(photo, "PNG")
+    Image.fromarray(noise).save(photo, "PNG")
     answer = httpx.post(
         f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=120.0
     )
