@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 LINE_END = b"\r\n"
 _LINGER_S = 0.5
+# seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
+_KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 _log = logging.getLogger(__name__)
 _END = re.compile(rb"[\r\n]")
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
@@ -140,6 +142,9 @@ class TcpPort:
             self._callers[task] = caller
             raw = writer.get_extra_info("socket")  # the system notices a controller that was switched off
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            for name, value in _KEEPALIVE.items():
+                if hasattr(socket, name):
+                    raw.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             await self._converse(caller, reader)
         except _LineError as error:

@@ -173,6 +173,20 @@ async def test_more_connections_than_may_be_are_told_so() -> None:
             raise AssertionError("the place of a caller who has gone is not given away")
 
 
+@pytest.mark.skipif(not hasattr(socket, "TCP_KEEPIDLE"), reason="the system has its own limits")
+async def test_a_controller_that_was_switched_off_is_noticed_within_minutes() -> None:
+    async with listening() as port:
+        reader, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"PING\r\n")
+        assert await reader.readline() == b"PONG\r\n"
+        (caller,) = port._callers.values()
+        raw = caller.writer.get_extra_info("socket")
+        names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
+        idle_s, every_s, times = (raw.getsockopt(socket.IPPROTO_TCP, getattr(socket, name)) for name in names)
+        assert idle_s + times * every_s <= 120
+        writer.close()
+
+
 async def test_callers_who_say_nothing_keep_nobody_out() -> None:
     async with listening(limits=TcpLimits(connections=2)) as port:
         speaks, writer = await asyncio.open_connection(port.host, port.port)
