@@ -22,7 +22,7 @@ from recognition.language.grammar import Grammar
 from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.ink import on_ink
-from recognition.lines.moves import MOVES, anywhere, lengthen, longer, move_line, whole_view
+from recognition.lines.moves import MOVES, SIZES, anywhere, lengthen, longer, move_line, whole_view
 from recognition.lines.tiles import find_in_tiles
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, ViewKind
@@ -50,6 +50,7 @@ class SearchLimits:
             smaller ones are not searched: on 24 cluttered frames the clutter reached 1.1.
         most_refits: most refits of a line to its ink.
         refit_gain: share of a line's doubt that a refit must remove.
+        most_resized: how often a doubtful line of a photograph is made higher or lower.
         growths: character heights by which a line is lengthened if a character lies at its end.
         most_growths: how often a line is lengthened at most.
 
@@ -68,6 +69,7 @@ class SearchLimits:
     clear_heights: float = 1.2
     most_refits: int = 3
     refit_gain: float = 0.3
+    most_resized: int = 2
     growths: tuple[float, ...] = (1.0, 2.2)
     most_growths: int = 3
 
@@ -269,12 +271,25 @@ class LineSearch:
         elif self.grammar is None:
             # the length is unknown, so another word may follow after a gap
             best = _rank([best, *self._read_inside(view, longer(best.line))])[0]
+        if self.height_mm is None and view.kind is ViewKind.PHOTO:
+            best = self._resize(view, best)
         for _ in range(self.limits.most_growths):
             first, last = _touches_ends(best)
             if not (first or last):
                 break
             tried = [lengthen(best.line, first * far, last * far) for far in self.limits.growths]
             looked = self._read_inside(view, tried)
+            if not looked or promise_of(looked[0]) <= promise_of(best):
+                break
+            best = looked[0]
+        return best
+
+    def _resize(self, view: View, best: ReadLine) -> ReadLine:
+        """Make a doubtful line higher or lower, as long as that makes it more promising."""
+        for _ in range(self.limits.most_resized):
+            if is_convincing([best], self.limits.settled):
+                break
+            looked = self._read_inside(view, [move_line(best.line, 0.0, size) for size in SIZES])
             if not looked or promise_of(looked[0]) <= promise_of(best):
                 break
             best = looked[0]

@@ -11,14 +11,15 @@ from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
 from recognition.belief.line_reader import LineReader, apart
-from recognition.belief.line_search import LineSearch
+from recognition.belief.line_search import LineSearch, SearchLimits, promise_of
 from recognition.belief.part_lines import LineFormat, stands_in
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
+from recognition.lines.moves import move_line
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
-from recognition.views.view import heights_view
+from recognition.views.view import ViewKind, heights_view
 
 PART = stamp(
     "KXB4071", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
@@ -43,6 +44,16 @@ def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant:
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == meant
     assert [text_of(one.belief.open_places[0]) for one in part.others] == [other]
+
+
+def test_a_doubtful_line_of_a_photograph_is_laid_at_another_height() -> None:
+    photo = replace(VIEW, kind=ViewKind.PHOTO)
+    search = LineSearch(Grammar(format="AAA9999"), ALPHANUMERIC, limits=SearchLimits(most_refits=0))
+    best = search.refine(photo, search.lines(photo)).line
+    seen = search.read_once(photo, [move_line(best, 0.0, 1.7)])
+    refined = search.refine(photo, seen)
+    assert promise_of(refined) > promise_of(seen[0])
+    assert refined.line.height_mm < 1.5 * best.height_mm
 
 
 UPPER, LOWER = (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0)
