@@ -130,8 +130,11 @@ class WatchedFolder:
         """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
         async with self._at_once:
             began_s, (_, due_s) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
-            if self._stopping.is_set() or began_s < due_s or not self._intake.can_read(self._settings.job):
+            if self._stopping.is_set() or began_s < due_s:
                 return  # the next look finds it again
+            # a job whose file has changed is checked by a worker, for which this waits
+            if not await asyncio.to_thread(self._intake.can_read, self._settings.job):
+                return
             problems: dict[Path, str] = {}
             read: PartRecord | None = None
             try:

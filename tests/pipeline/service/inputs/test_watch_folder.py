@@ -117,6 +117,18 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
+def test_whether_a_job_can_be_read_is_not_asked_in_the_event_loop(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked_in: list[object] = []
+    monkeypatch.setattr(
+        bench.parts, "can_read", lambda _: asked_in.append(asyncio._get_running_loop()) is None
+    )
+    bench.put("part-3.png")
+    assert bench.look() == ["part-3"]
+    assert asked_in == [None]
+
+
 def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None:
     bench.put("part-3.png")
     assert bench.look(1) == []
