@@ -57,11 +57,7 @@ class TrainingPart:
 
 
 def draw_text(font: Font, rng: np.random.Generator) -> str:
-    """A text of a font's: serials, words and numbers with signs between them, 2 to 12 characters.
-
-    Raises:
-        MarksError: the font cannot draw one of its characters; draw again.
-    """
+    """A text of a font's characters: serials, words and numbers with signs between them, 2 to 12 characters."""
     length = int(rng.integers(3, 12))
     every = _CAPITALS + _FIGURES + (_SMALL if has_small_letters(font) else "")
     pools = (_CAPITALS + _FIGURES, _FIGURES, _CAPITALS, every)
