@@ -32,6 +32,7 @@ from pipeline.reading.part_orders import Done
 from pipeline.service import app as service_module
 from pipeline.service import ports as ports_module
 from pipeline.service.app import Service, create_app
+from pipeline.service.logs import set_up_logs
 from pipeline.service.outputs.dispatch import Dispatcher, Pace
 from pipeline.service.settings import ServiceSettings, WebhookSettings
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -58,6 +59,7 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     )
     log = (folder / f"log-{port}").open("a")
     with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+        set_up_logs(settings.log)  # else every traceback takes long to be drawn
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
         service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
         uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()
