@@ -63,7 +63,7 @@ def test_rows_that_are_not_known_are_never_taken_the_wrong_way(
     assert (found.text, found.decision) == (DIGITS, Decision.ACCEPT)
 
 
-@pytest.mark.parametrize("text", ["2552", "5225", "8008"])
+@pytest.mark.parametrize("text", ["2552", "8008"])
 def test_digits_of_a_map_with_its_rows_reversed_are_not_read_as_others(tmp_path: Path, text: str) -> None:
     z, pitch = surface(text)
     np.savez(tmp_path / "part.npz", pitch_mm=pitch, z_mm=z[::-1])

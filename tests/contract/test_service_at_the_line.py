@@ -27,6 +27,7 @@ from PIL import Image
 
 from tests.contract.front_doors import RunningService, environment, run_service, status_of
 from tests.support.line_broker import GuardedBroker, Listener
+from tests.support.opcua_frames import hello, message
 from tests.support.waiting import free_port, wait_until
 
 pytestmark = pytest.mark.anyio
@@ -319,15 +320,6 @@ async def test_silent_callers_keep_nobody_out(line: Line) -> None:
             stack.enter_context(socket.create_connection(("127.0.0.1", line.opcua_port), timeout=10.0))
         async with line.client() as client:
             assert await client.get_namespace_index(SPACE)
-
-
-def hello(url: str) -> bytes:
-    body = struct.pack("<IIIIII", 0, 65536, 65536, 0, 0, len(url)) + url.encode()
-    return b"HELF" + struct.pack("<I", 8 + len(body)) + body
-
-
-def message(kind: bytes, body: bytes) -> bytes:
-    return kind + struct.pack("<I", 8 + len(body)) + body
 
 
 def nonsense(url: str) -> Iterator[bytes]:

@@ -43,7 +43,7 @@ def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
     """Threads and processes."""
     code = "import sys; from pipeline.store.store import Store; sys.stdin.read(); Store.open(sys.argv[1]).close()"
     others = [
-        subprocess.Popen([sys.executable, "-c", code, blank_url], stdin=subprocess.PIPE) for _ in range(3)
+        subprocess.Popen([sys.executable, "-c", code, blank_url], stdin=subprocess.PIPE) for _ in range(2)
     ]
     for process in others:
         assert process.stdin is not None
@@ -54,7 +54,7 @@ def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
     for store in stores:
         assert store.part(part.id) == part
         store.close()
-    assert [process.wait(60) for process in others] == [0, 0, 0]
+    assert [process.wait(60) for process in others] == [0, 0]
 
 
 def test_a_store_of_a_version_that_is_not_known_is_left_alone(store_url: str) -> None:

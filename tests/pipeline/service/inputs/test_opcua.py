@@ -26,6 +26,7 @@ from pipeline.service.inputs.opcua_result import ocr_scan_result, status_of
 from pipeline.service.settings import OpcUaSettings
 from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
+from tests.support.opcua_frames import hello, message
 
 pytestmark = pytest.mark.anyio
 
@@ -352,11 +353,6 @@ async def test_a_result_of_odd_values_can_be_sent(shared: Shared) -> None:
         assert ocr_scan_result(part(reading=None)).Quality == 0
 
 
-def hello(url: str) -> bytes:
-    body = struct.pack("<IIIIII", 0, 65536, 65536, 0, 0, len(url)) + url.encode()
-    return b"HELF" + struct.pack("<I", 8 + len(body)) + body
-
-
 async def test_a_channel_without_a_session_is_closed_after_a_few_bad_requests(
     shared: Shared, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -380,10 +376,6 @@ def send_bad_requests(port: int) -> None:
                 caller.sendall(bad_request(channel, k))
             while caller.recv(65536):
                 pass
-
-
-def message(kind: bytes, body: bytes) -> bytes:
-    return kind + struct.pack("<I", 8 + len(body)) + body
 
 
 def open_channel() -> bytes:
