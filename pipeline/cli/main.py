@@ -142,6 +142,7 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     shell
         Which shell.
     """
+    _read_docstrings_once()
     script = app.generate_completion(shell=shell)
     # many an argument is the name of a file or something else: where nothing better is known, complete files
     if shell == "bash":
@@ -213,9 +214,18 @@ def whole_help(*names: str) -> None:
     Args:
         names: of the command, such as tokens, add; what follows it on a command line may follow.
     """
+    _read_docstrings_once()
     _, command = _command_of(names)
     if command.default_command is not None:
         command.help = None
+
+
+def _read_docstrings_once() -> None:
+    """Let cyclopts read the source of a class once, not for every command and flag that has its settings."""
+    import docstring_parser
+
+    if not hasattr(docstring_parser.parse_from_object, "cache_info"):
+        docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -34,7 +34,6 @@ PROFILERS = {
     ),
 }
 BEVELS = (30, 45, 60)
-FRICTIONS = (0.1, 0.3, 0.5)
 
 Masks = dict[str, np.ndarray]
 
@@ -95,9 +94,14 @@ def bias_sd(values: np.ndarray) -> tuple[float, float]:
     return float(np.nanmean(values)), float(np.nanstd(values))
 
 
-@pytest.mark.parametrize("mu", FRICTIONS)
-@pytest.mark.parametrize("alpha_deg", BEVELS)
-@pytest.mark.parametrize("profiler", list(PROFILERS))
+# every bevel and friction with either profiler, and the steepest and roughest, which jams, with both
+@pytest.mark.parametrize(
+    ("profiler", "alpha_deg", "mu"),
+    [
+        *zip(["raised sensor"] * 4, (30, 45, 60, 60), (0.5, 0.3, 0.1, 0.5), strict=True),
+        *zip(["straight"] * 4, (30, 45, 60, 60), (0.1, 0.5, 0.3, 0.5), strict=True),
+    ],
+)
 @pytest.mark.parametrize("fidelity", list(Fidelity))
 def test_bias_and_spread_with_noise(fidelity: Fidelity, profiler: str, alpha_deg: int, mu: float) -> None:
     scan = scan_of(alpha_deg, mu, fidelity, others=(PROFILERS[profiler],), two_way=True)
@@ -143,7 +147,7 @@ def test_bias_and_spread_with_noise(fidelity: Fidelity, profiler: str, alpha_deg
         assert sd < 0.02  # one pixel: noise of 0.1 % is 0.006 of mu
 
 
-@pytest.mark.parametrize("mu", FRICTIONS)
+@pytest.mark.parametrize("mu", [0.1, 0.5])
 @pytest.mark.parametrize("profiler", [None, *PROFILERS])
 @pytest.mark.parametrize("fidelity", list(Fidelity))
 def test_turned_about_floors_are_right_at_any_assumed_friction(

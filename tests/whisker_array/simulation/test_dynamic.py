@@ -199,16 +199,18 @@ def finite_elements(
     lag = CONTACT_DAMPING * period / math.pi
     d = np.linalg.inv(k)[n - 3 : n - 1, n - 3 : n - 1]
 
-    def slope(x: float) -> float:
-        return float((profile(np.array([x + 1e-4])) - profile(np.array([x - 1e-4])))[0] / 2e-4)
+    (d00, d01), (d10, d11) = d.tolist()
 
     def height(x: float) -> float:
-        return float(profile(np.array([x]))[0])
+        return float(profile(x))  # type: ignore[arg-type]
+
+    def slope(x: float) -> float:
+        return (height(x + 1e-4) - height(x - 1e-4)) / 2e-4
 
     def slow_shift(x: float) -> float:
         p = slope(x)
-        a = np.array([-(p + MU), 1.0 - MU * p])
-        return float(d[0, :2] @ a) * (PRELOAD + height(x)) / float(d[1, :2] @ a)
+        back, up = -(p + MU), 1.0 - MU * p
+        return (d00 * back + d01 * up) * (PRELOAD + height(x)) / (d10 * back + d11 * up)
 
     def push(t: float, y: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         u, v = y[n - 3 : n - 1], y[2 * n - 3 : 2 * n - 1]
