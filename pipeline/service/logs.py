@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from typing import Any, Literal
 
@@ -28,7 +29,10 @@ def set_up_logs(form: Literal["json", "text"] = "json") -> None:
         # a traceback with the values of all names took half a minute, during which no request was answered
         plain = structlog.dev.plain_traceback
         last = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), exception_formatter=plain)
-    handler = logging.StreamHandler(sys.stderr)
+    # in a stream of its own: the command gives its streams up when they fail, and a full disk may have room again
+    stream = open(os.dup(sys.stderr.fileno()), "w", 1, encoding="utf-8", errors="backslashreplace")  # noqa: SIM115
+    logging.raiseExceptions = False  # a line that cannot be written is left out
+    handler = logging.StreamHandler(stream)
     foreign = [*shared, structlog.stdlib.add_logger_name, processors.format_exc_info]
     handler.setFormatter(
         formatter(foreign_pre_chain=foreign, processors=[formatter.remove_processors_meta, last])
