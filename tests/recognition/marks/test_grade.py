@@ -82,12 +82,6 @@ def test_grades_follow_values(name: str, one: float, other: float) -> None:
     assert 0 <= grade_value(name, worse) <= grade_value(name, better) <= 4
 
 
-def test_the_worst_parameter_counts() -> None:
-    found = grade(0.6 * E)
-    assert found.grade == min(p.grade for p in found.parameters)
-    assert all(0.0 <= p.value <= 1.0 for p in found.parameters)
-
-
 def test_the_opposite_polarity_is_not_the_mark() -> None:
     """A raised character in place of a sunk one answers nowhere: what is felt counts against it."""
     assert grade(-E, tolerance_px=0).letter == "F"
