@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from typing import Any
 
 from asyncua.common.utils import ServiceError
@@ -25,12 +24,10 @@ from asyncua.server.server import Server
 from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua.ua_binary import nodeid_from_binary
 
-from glyphs.plain_text import visible
 from pipeline.service.inputs.opcua_device import Users
 from pipeline.service.inputs.opcua_model import ua
-from pipeline.service.inputs.trigger import one_of_the_busiest
+from pipeline.service.inputs.trigger import SparingLog, one_of_the_busiest
 
-_log = logging.getLogger(__name__)
 _KINDS = frozenset({b"HEL", b"OPN", b"MSG", b"CLO", b"ERR"})
 # connections that have not signed in
 MOST_STRANGERS = 32
@@ -44,40 +41,12 @@ MOST_CALLS = 8
 WRONG_PASSWORD_S = 1.0
 # bytes of one message
 MESSAGE_BYTES = 1 << 20
-# seconds between two lines of the log of one kind
-LOG_EVERY_S = 10.0
-# kinds of lines kept in mind: callers may make addresses up
-_MOST_KINDS = 1000
 _CREATE, _ACTIVATE, _CALL, *_REGISTER = (
     ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary"))
     for name in ("CreateSession", "ActivateSession", "Call", "RegisterServer", "RegisterServer2")
 )
 _CODES = ua.StatusCodes
 _WRONG = (_CODES.BadUserAccessDenied, _CODES.BadIdentityTokenInvalid, _CODES.BadIdentityTokenRejected)
-
-
-class SparingLog(logging.Handler):
-    """Log a message of each kind once in a while, without its traceback."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self._last_s: dict[str, float] = {}
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Take a record of asyncua."""
-        error = record.exc_info[1] if record.exc_info else None
-        why = f": {type(error).__name__}: {error}" if error is not None else ""
-        self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")
-
-    def say(self, kind: str, message: str) -> None:
-        """Log a message, unless one of its kind was logged just now."""
-        now = time.monotonic()
-        if now - self._last_s.get(kind, -LOG_EVERY_S) < LOG_EVERY_S:
-            return
-        if len(self._last_s) >= _MOST_KINDS:
-            self._last_s.clear()
-        self._last_s[kind] = now
-        _log.warning("OPC UA: %s", visible(message[:300]))
 
 
 class GuardedServer(Server):
@@ -91,7 +60,7 @@ class GuardedServer(Server):
 
     def __init__(self, users: Users, *, sessions: int) -> None:
         super().__init__(user_manager=users)
-        self.users, self.sessions, self.log = users, sessions, SparingLog()
+        self.users, self.sessions, self.log = users, sessions, SparingLog("OPC UA")
         library = logging.getLogger("asyncua")
         library.handlers[:] = [self.log]
         library.propagate = False

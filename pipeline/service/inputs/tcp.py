@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.plain_text import is_hidden
 from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.inputs.trigger import EXPECTED, Trigger, in_words, one_of_the_busiest
+from pipeline.service.inputs.trigger import EXPECTED, SparingLog, Trigger, in_words, one_of_the_busiest
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.own_user import is_in
 
@@ -103,6 +103,7 @@ class TcpPort:
         self._callers: dict[asyncio.Task[None], _Caller] = {}
         self._reading: set[asyncio.Task[bytes]] = set()
         self._stopping = False
+        self._log = SparingLog("TCP port")
 
     async def start(self) -> dict[str, object]:
         """Listen; returns where.
@@ -135,6 +136,7 @@ class TcpPort:
         # a task of the stream server that ends as cancelled is logged as a failure
         try:
             if self._clients and not is_in(caller.address, self._clients):
+                self._log.say(caller.address, f"{caller.address} has called and is not one of tcp.clients")
                 return
             if self._stopping or not self._has_room():
                 await self._write(writer, _error("too many connections"))
@@ -177,7 +179,7 @@ class TcpPort:
         async for line in _lines(reader, self._limits):
             if not caller.spoken and _WEB.match(line):
                 # a page in somebody's browser can have that send here, and the lines after it might be a trigger
-                _log.warning("a web browser or the like has called the TCP port; it was let go")
+                self._log.say("web", "a web browser or the like has called; it was let go")
                 return
             caller.spoken, caller.idle = True, False
             await self._write(caller.writer, await self._answer(line))

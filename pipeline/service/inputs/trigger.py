@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import Protocol, TypeVar
 
 from glyphs.errors import MarksError
-from glyphs.plain_text import is_hidden
+from glyphs.plain_text import is_hidden, visible
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.web.problem import Problem
@@ -18,6 +20,11 @@ EXPECTED = (Problem, MarksError)
 
 NO_READING = ReadingRecord("", "", "", 0.0)
 _MOST_WORDS = 200
+LOG_EVERY_S = 10.0
+"""Seconds between two lines of the log of one kind."""
+_MOST_KINDS = 1000
+"""Kinds of lines kept in mind: callers may make addresses up."""
+_log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
@@ -26,6 +33,31 @@ class Trigger(Protocol):
 
     async def __call__(self, name: str, job: str = "", /) -> PartRecord:
         """The part of that name (it may be empty), read by the job of that name, once it is durable."""
+
+
+class SparingLog(logging.Handler):
+    """Log a message of each kind once in a while, without its traceback."""
+
+    def __init__(self, port: str) -> None:
+        super().__init__(logging.ERROR)
+        self._port = port
+        self._last_s: dict[str, float] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Take a record of a library."""
+        error = record.exc_info[1] if record.exc_info else None
+        why = f": {type(error).__name__}: {error}" if error is not None else ""
+        self.say(f"{record.name}:{record.lineno}", f"{record.getMessage()}{why}")
+
+    def say(self, kind: str, message: str) -> None:
+        """Log a message, unless one of its kind was logged just now."""
+        now = time.monotonic()
+        if now - self._last_s.get(kind, -LOG_EVERY_S) < LOG_EVERY_S:
+            return
+        if len(self._last_s) >= _MOST_KINDS:
+            self._last_s.clear()
+        self._last_s[kind] = now
+        _log.warning("%s: %s", self._port, visible(message[:300]))
 
 
 class LineDecision(StrEnum):

@@ -220,9 +220,17 @@ def test_a_web_page_cannot_trigger(sent: bytes) -> None:
     assert (answer_to(sent, trigger), triggered) == (b"", [])
 
 
-def test_only_the_clients_named_may_call() -> None:
+async def test_many_web_pages_are_one_line_of_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    async with listening() as port:
+        for _ in range(5):
+            assert await said(port, b"GET / HTTP/1.1\r\n") == b""
+    assert caplog.text.count("TCP port: a web browser") == 1
+
+
+def test_only_the_clients_named_may_call(caplog: pytest.LogCaptureFixture) -> None:
     with contextlib.suppress(ConnectionResetError):  # what was sent is not even read
         assert answer_to(b"PING\r\n", clients=("10.0.0.0/8",)) == b""
+    assert "127.0.0.1 has called and is not one of tcp.clients" in caplog.text
     assert answer_to(b"PING\r\n", clients=("10.0.0.0/8", "127.0.0.1")) == b"PONG\r\n"
     with pytest.raises(ValueError, match="10"):
         TcpSettings(clients=("10.0.0.300",))
