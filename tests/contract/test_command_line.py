@@ -39,7 +39,7 @@ def test_help_needs_nothing_heavy() -> None:
 
 
 COMMANDS = (
-    *[
+    *(
         "read",
         "inspect",
         "demo",
@@ -51,7 +51,7 @@ COMMANDS = (
         "calibrate",
         "identify",
         "import",
-    ],
+    ),
     *("design", "figures", "serve", "worker", "completion", "glyphs list", "glyphs show", "glyphs build"),
     *("bench check", "bench home", "bench calibrate", "bench scan"),
     *("tokens add", "tokens list", "tokens revoke", "store backup", "store restore", "store check"),

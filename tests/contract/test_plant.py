@@ -105,13 +105,18 @@ def test_an_expected_serial_is_confirmed_or_refuted(plant: Plant, http: httpx.Cl
         assert part["state"] == state
 
 
-def test_one_key_makes_one_part(plant: Plant, http: httpx.Client) -> None:
-    key = {"Idempotency-Key": "tray-3"}
-    first = http.post("/v1/parts", files=plant.scan("clean"), headers=key)
-    again = http.post("/v1/parts", files=plant.scan("clean"), headers=key)
+def test_one_key_makes_one_part_which_is_searched_and_exported(plant: Plant, http: httpx.Client) -> None:
+    key, about = {"Idempotency-Key": "tray-3"}, {"name": "searched-5"}
+    first = http.post("/v1/parts", files=plant.scan("clean"), headers=key, data=about)
+    again = http.post("/v1/parts", files=plant.scan("clean"), headers=key, data=about)
     assert (first.status_code, again.status_code) == (201, 200)
     assert first.json()["id"] == again.json()["id"]
-    is_problem(http.post("/v1/parts", files=plant.scan("filthy"), headers=key), 422)
+    is_problem(http.post("/v1/parts", files=plant.scan("filthy"), headers=key, data=about), 422)
+    found = http.get("/v1/parts", params={"text": plant.truth["clean"], "limit": 500}).json()
+    assert [one["id"] for one in found].count(first.json()["id"]) == 1
+    table = http.get("/v1/parts.csv")
+    assert table.headers["content-type"].startswith("text/csv")
+    assert table.text.count("searched-5") == 1
 
 
 def test_a_review_is_kept_beside_what_was_read(plant: Plant, http: httpx.Client) -> None:
@@ -148,15 +153,6 @@ def test_what_is_not_there_is_404(http: httpx.Client) -> None:
     unknown = "01JD0000000000000000000000"
     for path in (f"/v1/parts/{unknown}", f"/v1/parts/{unknown}/history", "/v1/nothing"):
         assert http.get(path).status_code == 404
-
-
-def test_parts_are_searched_and_exported(plant: Plant, http: httpx.Client) -> None:
-    part = http.post("/v1/parts", files=plant.scan("clean"), data={"name": "searched-5"}).json()
-    found = http.get("/v1/parts", params={"text": plant.truth["clean"], "limit": 500}).json()
-    assert part["id"] in [one["id"] for one in found]
-    table = http.get("/v1/parts.csv")
-    assert table.headers["content-type"].startswith("text/csv")
-    assert "searched-5" in table.text
 
 
 def test_health_readiness_and_metrics(http: httpx.Client) -> None:
