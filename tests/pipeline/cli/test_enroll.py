@@ -21,6 +21,7 @@ from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
@@ -68,7 +69,9 @@ def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     path, _ = taught
     parts = [stamped(1004)]
     fonts = tuple(load_database(path).fonts.values())
-    given = ReaderSettings(format="9999", height_mm=5.0, experts=("templates",))
+    given = ReaderSettings(
+        format="9999", height_mm=5.0, experts=("templates",), orientation=Orientation.UPRIGHT
+    )
     before, after = Reader(given, fonts=("gothic",)), Reader(given, fonts=fonts)
     first = [before.read(p.height_map) for p in parts]
     second = [after.read(p.height_map) for p in parts]
