@@ -15,7 +15,7 @@ KEPT: dict[tuple[object, str], TypeAdapter[Any]] = {}
 
 def kept(annotation: Any, *, config: Any = None) -> TypeAdapter[Any]:
     """The adapter of a type; it is not changed by those who use it."""
-    key = (annotation.__origin__, f"{annotation} {config}")
+    key = (getattr(annotation, "__origin__", annotation), f"{annotation} {config}")
     if key not in KEPT:
         KEPT[key] = TypeAdapter(annotation, config=config)
     return KEPT[key]
