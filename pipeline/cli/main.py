@@ -27,12 +27,6 @@ from pipeline.cli.exit_status import (
 )
 from pipeline.workers.interrupts import interrupts_noted
 
-with contextlib.suppress(ImportError):
-    import docstring_parser
-
-    # cyclopts parses the classes of settings anew for every command that takes them: 10 s for a completion script
-    docstring_parser.parse_from_object = functools.cache(docstring_parser.parse_from_object)
-
 PROGRAM = "tactile-marks"
 _HELP = ("--help", "-h", "--help-all")
 
@@ -221,7 +215,7 @@ def whole_help(*names: str) -> None:
 
 
 def _read_docstrings_once() -> None:
-    """Let cyclopts read the source of a class once, not for every command and flag that has its settings."""
+    """Let cyclopts read the source of a class once, not for every command that takes its settings: 10 s saved."""
     import docstring_parser
 
     if not hasattr(docstring_parser.parse_from_object, "cache_info"):

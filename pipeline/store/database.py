@@ -267,7 +267,7 @@ def _prepare_postgresql(connection: DBAPIConnection, _entry: ConnectionPoolEntry
         "SELECT set_config('synchronous_commit', 'on', false)"
         " WHERE current_setting('synchronous_commit') = 'off'"
     )
-    # nobody who holds a lock keeps requests waiting without an end
+    # a lock that is never released must not block requests for ever
     cursor.execute(
         f"SELECT set_config('lock_timeout', '{_WAIT_S:g}s', false) WHERE current_setting('lock_timeout') = '0'"
     )

@@ -174,7 +174,7 @@ def files_in(folders: Iterable[Path]) -> list[Path]:
     """The files of samples in folders, less those that are being written.
 
     Raises:
-        ValueError: there are none.
+        ValueError: the folders hold no samples.
     """
     files = sorted(p for folder in folders for p in folder.glob("*.npz") if not p.name.startswith("."))
     if not files:
