@@ -45,14 +45,15 @@ def posteriors(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
 
 def features_of(strip: Layers) -> Features:
     """(features, rows, steps) of a strip, as the network has them before its last layers."""
-    return _run(_widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
+    return _run(widen(strip), "features")[..., : math.ceil(strip.shape[2] / FEATURE_COLUMNS)]
 
 
 def _posteriors(strip: Layers) -> NDArray[np.float32]:
-    return _run(_widen(strip), "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
+    return _run(widen(strip), "posteriors")[: math.ceil(strip.shape[2] / STEP_COLUMNS)]
 
 
-def _widen(strip: Layers) -> Layers:
+def widen(strip: Layers) -> Layers:
+    """A strip as the network is shown it."""
     size = (math.ceil(WIDER * strip.shape[2]), strip.shape[1])
     return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 

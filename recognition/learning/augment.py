@@ -1,7 +1,7 @@
 """Augmentation of strips beyond the models of parts and scans.
 
-Strips are cut again at another place, size, slant and bend; lines of a scan are missing, directions left out, spots
-covered or piled up; brightness turned round.
+Strips are cut again at another place, size, slant and bend, and widened as for reading; lines of a scan are missing,
+directions left out, spots covered or piled up; brightness turned round.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as f
 
+from recognition.experts.recogniser import WIDER
 from recognition.learning.network import COLUMNS
 from recognition.views.text_line import HEIGHT_ROWS, ROWS
 from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
@@ -52,15 +53,19 @@ def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
     return strips
 
 
-def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator) -> Tensor:
+def _cut_again(
+    tall: Tensor, columns: Tensor, rng: torch.Generator, *, size: tuple[float, float] = (0.08, 0.16)
+) -> Tensor:
+    # size: spread of the logarithm of heights, felt and photographed: those of lines in photographs are found worse.
     n, _, rows, wide = tall.shape
+    seen = (tall[:, GREY].amax(dim=(1, 2)) > 0).float().reshape(n, 1, 1)
 
-    def draw(spread: float, *, normal: bool = True) -> Tensor:
+    def draw(spread: float | Tensor, *, normal: bool = True) -> Tensor:
         drawn = torch.randn(n, 1, 1, generator=rng) if normal else 2 * torch.rand(n, 1, 1, generator=rng) - 1
         return spread * drawn
 
-    size = torch.exp(draw(0.08))
-    wider = torch.exp(draw(0.14)) * size
+    high = torch.exp(draw(size[0] + (size[1] - size[0]) * seen))
+    wider = torch.exp(draw(0.14)) * high / WIDER
     before = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS  # of the file's margin cut off
     after = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS
     own = columns.reshape(n, 1, 1).float()
@@ -72,7 +77,7 @@ def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator) -> Tensor:
     u = (torch.arange(out).float() + 0.5).reshape(1, 1, out)
     along = u / needed - 0.5
     bend = draw(0.06) * HEIGHT_ROWS * (4 * along * along - 0.5) + torch.tan(draw(0.02)) * (u - needed / 2)
-    down = v * size + bend + draw(0.06) * HEIGHT_ROWS
+    down = v * high + bend + draw(0.06) * HEIGHT_ROWS
     right = before + u * wider + draw(0.12) * v
     # a few pixels of smooth displacement
     shift = torch.randn(n, 2, 4, 12, generator=rng) * draw(0.6).abs().unsqueeze(1)

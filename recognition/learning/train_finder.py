@@ -11,11 +11,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as f
+from torch.utils.data import IterableDataset, get_worker_info
 
 from recognition.learning.augment import noisy
 from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
-from recognition.learning.training_loop import Task, Training, export
-from recognition.learning.training_samples import VIEW_ROWS, Places, TrainingView, files_in, read_samples
+from recognition.learning.training_loop import DEVICE, Task, Training, export, ready_made
+from recognition.learning.training_samples import (
+    VIEW_ROWS,
+    Places,
+    TrainingView,
+    files_in,
+    read_samples,
+    rounds,
+)
 from recognition.views.text_line import TextLine, points_along
 from recognition.views.view import HEIGHTS, LAYERS
 
@@ -31,6 +39,8 @@ _FITS, _LEAST = 0.45, 0.75
 """Octaves: lines whose height is so near to the scale's are to be found, those beyond are not; between, either."""
 _HELD = 240
 """Views that are measured on."""
+_FILES, _WINDOWS = 24, 4
+"""Files that are read at a time, and windows drawn of each of their views before the next are read."""
 
 
 def draw_window(
@@ -113,7 +123,7 @@ def _dense(line: Places) -> NDArray[np.float64]:
 
 
 def _batch(
-    views: Sequence[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
+    views: Sequence[TrainingView], rng: np.random.Generator, *, plain: bool = False
 ) -> tuple[Tensor, Tensor]:
     strips, truths, window = [], [], WINDOW
     if not plain and rng.random() < _TIGHT_SHARE:
@@ -129,8 +139,26 @@ def _batch(
         strip[:, HEIGHTS] *= 2.0**octaves
         strips.append(strip)
         truths.append(torch.from_numpy(truth))
-    batch = torch.cat(strips)
-    return (batch if plain else noisy(batch, rng=draw)), torch.stack(truths)
+    return torch.cat(strips), torch.stack(truths)
+
+
+class Windows(IterableDataset[tuple[Tensor, Tensor]]):
+    """Batches of windows and their truths for ever; each worker process draws its own."""
+
+    def __init__(self, folders: Sequence[Path], *, size: int, seed: int) -> None:
+        self.folders, self.size, self.seed = tuple(folders), size, seed
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yield batches.
+
+        Raises:
+            ValueError: there are no views.
+        """
+        worker = get_worker_info()
+        rng = np.random.default_rng(self.seed if worker is None else self.seed + 1000 * (worker.id + 1))
+        for views in rounds(TrainingView, self.folders, rng, files=_FILES):
+            for _ in range(max(1, len(views) * _WINDOWS // self.size)):
+                yield _batch([views[i] for i in rng.integers(len(views), size=self.size)], rng)
 
 
 def loss_of(found: Tensor, truth: Tensor) -> Tensor:
@@ -140,7 +168,8 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
         f.binary_cross_entropy_with_logits(found[:, 0], truth[:, 2], weight=judged, reduction="sum")
         / judged.sum()
     )
-    off = ((found[:, 1:] - truth[:, 3:]).abs() * torch.tensor([1.0, 2.0, 1.5]).reshape(1, 3, 1, 1)).sum(dim=1)
+    counts = torch.tensor([1.0, 2.0, 1.5], device=found.device).reshape(1, 3, 1, 1)
+    off = ((found[:, 1:] - truth[:, 3:]).abs() * counts).sum(dim=1)
     return 4 * middle + (off * on).sum() / on.sum().clamp(min=1.0)
 
 
@@ -148,11 +177,9 @@ def loss_of(found: Tensor, truth: Tensor) -> Tensor:
 def measure_finder(network: Finder, views: Sequence[TrainingView]) -> tuple[float, dict[str, Any]]:
     """Loss on plain views; and shares of cells judged rightly, and mean errors on the lines."""
     network.eval()
-    rng, draw = np.random.default_rng(0), torch.Generator()
-    found, truth = zip(
-        *((network(x), truth) for x, truth in (_batch([one], rng, draw, plain=True) for one in views)),
-        strict=True,
-    )
+    rng, device = np.random.default_rng(0), network.head.weight.device
+    made = (_batch([one], rng, plain=True) for one in views)
+    found, truth = zip(*((network(x.to(device)).cpu(), truth) for x, truth in made), strict=True)
     said, true = torch.cat(found), torch.cat(truth)
     network.train()
     judged, line, middle = true[:, 0] > 0, true[:, 2] > 0, said[:, 0] > 0
@@ -174,25 +201,19 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         held_out: folder of views to measure on.
         how: as asked.
     """
-    network = Finder().to(memory_format=torch.channels_last)
+    network = Finder()
     if how.start is not None:
         network.load_state_dict(torch.load(how.start, weights_only=True))
-    views = read_samples(TrainingView, files_in(folders))
+    network = network.to(DEVICE, memory_format=torch.channels_last)
     held = read_samples(TrainingView, files_in([held_out]))[:_HELD]
-
-    def batches() -> Iterator[tuple[Tensor, Tensor]]:
-        rng, draw = np.random.default_rng(how.seed), torch.Generator().manual_seed(how.seed)
-        while True:
-            yield _batch([views[i] for i in rng.integers(len(views), size=how.batch or BATCH)], rng, draw)
-
     optimiser = torch.optim.AdamW(network.parameters(), lr=how.rate or 2e-3, weight_decay=0.01)
     # any number of views of any size
     axes = {0: "n", 2: "rows", 3: "columns"}
     return Task(
         network,
         optimiser,
-        batches(),
-        lambda batch, _: _loss(network, *batch),
+        ready_made(Windows(folders, size=how.batch or BATCH, seed=how.seed), how),
+        lambda batch, draw: _loss(network, *batch, draw),
         lambda one: measure_finder(one, held),
         lambda out: export(
             network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes)
@@ -200,9 +221,10 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     )
 
 
-def _loss(network: Finder, views: Tensor, truth: Tensor) -> Tensor:
-    with torch.no_grad():
-        drawn = network.drawn(views).to(memory_format=torch.channels_last)
-    with torch.autocast("cpu", torch.bfloat16):
+def _loss(network: Finder, views: Tensor, truth: Tensor, draw: torch.Generator) -> Tensor:
+    device = draw.device
+    with torch.no_grad(), device:
+        drawn = network.drawn(noisy(views.to(device), rng=draw)).to(memory_format=torch.channels_last)
+    with torch.autocast(device.type, torch.bfloat16):
         found = network.read(drawn)
-    return loss_of(found, truth)
+    return loss_of(found, truth.to(device))

@@ -19,22 +19,23 @@ from numpy.typing import NDArray
 from rapidfuzz.distance import Levenshtein
 from torch import Tensor, nn
 from torch.nn import functional as f
-from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+from torch.utils.data import IterableDataset, get_worker_info
 
-from recognition.experts.recogniser import CHARACTERS
+from recognition.experts.recogniser import CHARACTERS, widen
 from recognition.learning.augment import augment
 from recognition.learning.covers import cover_rivals
 from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import quantise
 from recognition.learning.surroundings import vary_surroundings
-from recognition.learning.training_loop import Task, Training, export
+from recognition.learning.training_loop import DEVICE, Task, Training, export, ready_made
 from recognition.learning.training_samples import (
     TALL_ROWS,
     WIDE_MARGIN,
     TrainingStrip,
     files_in,
     read_samples,
+    rounds,
 )
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS
 from recognition.views.view import LAYERS
@@ -43,7 +44,7 @@ _SIZES = (0.003, 0.1)
 """Least and greatest size of weights by which their rate is measured."""
 _FILES = 12
 """Read at a time: some 4,000 strips, a gigabyte."""
-_SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
+_SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.7}
 """Share of the strips of a kind that are used each time: of a part there are three photographs and one scan."""
 
 
@@ -69,11 +70,10 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
                 module.reset_parameters()
     if how.start is not None:
         network.load_state_dict(torch.load(how.start, weights_only=True))
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    network = network.to(device, memory_format=torch.channels_last).train()
+    network = network.to(DEVICE, memory_format=torch.channels_last).train()
     rate = how.rate or 1e-3
     optimiser = torch.optim.Adam(
-        [{"params": [p], "lr": rate * _size(p)} for p in network.parameters()], fused=device == "cuda"
+        [{"params": [p], "lr": rate * _size(p)} for p in network.parameters()], fused=DEVICE == "cuda"
     )
     held = read_samples(TrainingStrip, files_in([held_out]))
 
@@ -89,15 +89,14 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         axes = ({0: "n", 3: "columns"}, {0: "n", 1: "steps"})
         export(network, strip, whole, names=("strip", "posteriors"), axes=axes)
         # a hundred strips give the ranges of the eight-bit layers
-        seen = next(rounds(folders, np.random.default_rng(how.seed)))
-        quantise(whole, out, [plain(one) for one in seen[:100]])
+        seen = next(rounds(TrainingStrip, folders, np.random.default_rng(how.seed), files=_FILES))
+        quantise(whole, out, [as_read(one) for one in seen[:100]])
 
     made = Batches(folders, size=how.batch or 16, covers=how.covers, seed=how.seed)
-    ahead = 4 if how.workers else None
     return Task(
         network,
         optimiser,
-        DataLoader(made, batch_size=None, num_workers=how.workers, prefetch_factor=ahead),
+        ready_made(made, how),
         lambda batch, draw: _loss(network, batch, draw),
         judge,
         write,
@@ -136,8 +135,13 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
     tall = strip.layers.astype(np.float32)
     up = (TALL_ROWS - ROWS) // 2
     cut = round((WIDE_MARGIN - MARGIN) * HEIGHT_ROWS)
-    tall = tall[:, up : up + ROWS, cut : tall.shape[2] - cut]
-    return np.pad(tall, ((0, 0), (0, 0), (0, -tall.shape[2] % COLUMNS)))
+    return tall[:, up : up + ROWS, cut : tall.shape[2] - cut]
+
+
+def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
+    """The same as the network is shown it."""
+    wide = widen(plain(strip))
+    return np.pad(wide, ((0, 0), (0, 0), (0, -wide.shape[2] % COLUMNS)))
 
 
 def decode(beliefs: NDArray[np.float32]) -> str:
@@ -153,7 +157,7 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
     network.eval()
     found: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     for strip in strips:
-        fed = torch.from_numpy(plain(strip))[None].to(network.drawn.bell.device)
+        fed = torch.from_numpy(as_read(strip))[None].to(network.drawn.bell.device)
         said = decode(network(fed)[0].cpu().numpy()).replace(" ", "")
         text = strip.text.replace(" ", "")
         level = min(0.9, 0.3 * round(strip.severity / 0.3 + 0.001))
@@ -165,19 +169,9 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
     return {key: (n, wrong, lines) for key, (n, wrong, lines) in sorted(found.items())}
 
 
-def rounds(folders: Sequence[Path], rng: np.random.Generator) -> Iterator[list[TrainingStrip]]:
-    """Strips of a few files at a time, for ever; files that are put into the folders meanwhile are read as well.
-
-    Raises:
-        ValueError: there are no files.
-    """
-    waiting: list[Path] = []
-    while True:
-        if not waiting:
-            files = files_in(folders)
-            waiting = [files[k] for k in rng.permutation(len(files))]
-        now, waiting = waiting[:_FILES], waiting[_FILES:]
-        yield [strip for strip in read_samples(TrainingStrip, now) if rng.random() < _share(strip)]
+def used(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
+    """Those that are learned from this time."""
+    return [strip for strip in strips if rng.random() < _share(strip)]
 
 
 def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: float = 0.3) -> float:
@@ -253,7 +247,8 @@ class Batches(IterableDataset[Batch]):
         worker = get_worker_info()
         seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)
         rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
-        for chosen in rounds(self.folders, rng):
+        for read in rounds(TrainingStrip, self.folders, rng, files=_FILES):
+            chosen = used(read, rng)
             if len(chosen) < self.size:
                 raise ValueError(
                     f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more of them"

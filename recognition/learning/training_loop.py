@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ import torch
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import LambdaLR
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.utils.data import DataLoader, IterableDataset
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Training:
         start: weights to go on from.
         noise: begin the recogniser from noise instead of public weights.
         covers: lay covers over the strokes that tell characters apart.
-        workers: processes that make the recogniser's batches ready.
+        workers: processes that make batches ready.
+        times: that a batch is learned from, changed anew each time.
     """
 
     minutes: float
@@ -41,6 +46,7 @@ class Training:
     noise: bool = False
     covers: bool = True
     workers: int = 0
+    times: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +70,13 @@ class Task:
     measure: Callable[[Any], tuple[float, dict[str, Any]]]
     write: Callable[[Path], None]
     early: Sequence[nn.Parameter] = ()
+
+
+def ready_made(batches: IterableDataset[Any], how: Training) -> Iterator[Any]:
+    """Batches that worker processes make ready, each as often as asked."""
+    ahead = 4 if how.workers else None
+    for batch in DataLoader(batches, batch_size=None, num_workers=how.workers, prefetch_factor=ahead):
+        yield from repeat(batch, how.times)
 
 
 def fit(

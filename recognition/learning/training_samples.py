@@ -10,7 +10,7 @@ character, heights in character heights.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -193,6 +193,23 @@ def read_samples(kind: type[Sample], paths: Iterable[Path]) -> list[Sample]:
                 layers[one.pop("layers")] = kept
                 samples.append(kind(layers, **{name: _as_tuples(value) for name, value in one.items()}))
     return samples
+
+
+def rounds(
+    kind: type[Sample], folders: Sequence[Path], rng: np.random.Generator, *, files: int
+) -> Iterator[list[Sample]]:
+    """Samples of so many files at a time, for ever; files that are put into the folders meanwhile are read as well.
+
+    Raises:
+        ValueError: there are no files.
+    """
+    waiting: list[Path] = []
+    while True:
+        if len(waiting) < files:
+            there = files_in(folders)
+            waiting += [there[k] for k in rng.permutation(len(there))]
+        now, waiting = waiting[:files], waiting[files:]
+        yield read_samples(kind, now)
 
 
 def _as_tuples(value: Any) -> Any:

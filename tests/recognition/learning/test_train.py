@@ -22,7 +22,16 @@ from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.sketches import sketch_strips
 from recognition.learning.train import train
-from recognition.learning.train_recogniser import batches, decode, gather, measure, plain, rounds, targets
+from recognition.learning.train_recogniser import (
+    as_read,
+    batches,
+    decode,
+    gather,
+    measure,
+    plain,
+    targets,
+    used,
+)
 from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
 from recognition.learning.training_samples import (
@@ -32,6 +41,7 @@ from recognition.learning.training_samples import (
     TrainingView,
     lines_of,
     read_samples,
+    rounds,
     write_samples,
 )
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
@@ -108,7 +118,7 @@ def test_what_is_written_reads_as_what_was_trained(trained: Path, folder: Path) 
     network.eval()
     whole, session = open_network(trained.with_suffix(".float.onnx")), open_network(trained)
     for strip in kept_in(folder):
-        fed = plain(strip)[None]
+        fed = as_read(strip)[None]
         (said,) = whole.run(None, {"strip": fed})
         with torch.no_grad():
             expected = network(torch.from_numpy(fed)).numpy()
@@ -170,7 +180,9 @@ def test_a_plain_strip_is_what_is_read(folder: Path) -> None:
     strip = kept_in(folder)[0]
     cut = plain(strip)
     assert cut.shape[:2] == (LAYERS, ROWS)
-    assert cut.shape[2] % COLUMNS == 0
+    shown = as_read(strip)
+    assert shown.shape[2] % COLUMNS == 0
+    assert 0 <= shown.shape[2] - WIDER * cut.shape[2] < COLUMNS + 1
     view, line, _ = line_of(TEXTS[0])
     asked = view.strip(line)
     # the margins are no whole number of columns: fifths of one, sixteen bits
@@ -206,23 +218,23 @@ def test_batches_have_every_strip_once_and_alike_widths(folder: Path) -> None:
 
 def test_strips_that_come_later_are_read_as_well(tmp_path: Path) -> None:
     write_samples(tmp_path / "a.npz", [strip_of("K7")] * 8)
-    drawn = rounds([tmp_path], np.random.default_rng(0))
+    drawn = rounds(TrainingStrip, [tmp_path], np.random.default_rng(0), files=2)
     assert {s.text for s in next(drawn)} == {"K7"}
     write_samples(tmp_path / "b.npz", [strip_of("B2")] * 8)
     assert {s.text for s in next(drawn)} == {"K7", "B2"}
+    write_samples(tmp_path / "c.npz", [strip_of("27")] * 8)
+    # three files, two at a time: none is read alone
+    assert [len(next(drawn)) for _ in range(3)] == [16] * 3
     with pytest.raises(ValueError, match="no samples"):
-        next(rounds([tmp_path / "none"], np.random.default_rng(0)))
+        next(rounds(TrainingStrip, [tmp_path / "none"], np.random.default_rng(0), files=2))
 
 
-def test_hopeless_photographs_are_seldom_learned_from(tmp_path: Path) -> None:
+def test_hopeless_photographs_are_seldom_learned_from() -> None:
     def strip(source: str, severity: float) -> TrainingStrip:
         return TrainingStrip(np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, severity)
 
-    write_samples(
-        tmp_path / "a.npz",
-        [strip("photo", 0.9)] * 200 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 200,
-    )
-    kept = next(rounds([tmp_path], np.random.default_rng(0)))
+    strips = [strip("photo", 0.9)] * 200 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 200
+    kept = used(strips, np.random.default_rng(0))
     hard, easy = (sum(s.source == "photo" and s.severity == level for s in kept) for level in (0.9, 0.2))
     assert sum(s.source == "felt" for s in kept) == 50
     assert 0 < hard < 0.6 * easy < 120
@@ -245,7 +257,7 @@ def test_covers_hide_what_tells_characters_apart_and_nothing_else() -> None:
 
 def test_heights_and_brightness_are_seen_relative_to_what_lies_around(folder: Path) -> None:
     network = Recogniser(load_start(), "ABCD").eval()
-    strip = torch.from_numpy(plain(kept_in(folder)[0]))[None]
+    strip = torch.from_numpy(as_read(kept_in(folder)[0]))[None]
     lifted = strip.clone()
     lifted[:, 0] += 3.0 * strip[:, 6]
     with torch.no_grad():
