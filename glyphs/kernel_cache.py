@@ -13,11 +13,13 @@ from hashlib import sha256
 from typing import Any
 
 from numba.core import caching, serialize
+from numba.core.runtime.nrt import rtsys
 
 # numba has types for few of its functions
 _Impl: Any = caching.CompileResultCacheImpl
 _Cache: Any = caching.FunctionCache
 _dumps: Any = serialize.dumps
+_runtime: Any = rtsys
 
 
 class DamagedKernelError(Exception):
@@ -50,7 +52,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The kernel of a signature; None where it is not on disk, or not as it was written."""
         try:
-            return super().load_overload(sig, target_context)
+            # all that a kernel on disk calls; numba would import here what compiling needs, for a third of a second
+            _runtime.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception:  # damage can raise anything; whatever it is, the kernel is compiled again
             with contextlib.suppress(OSError):
                 self.flush()

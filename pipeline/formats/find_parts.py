@@ -32,7 +32,6 @@ from pipeline.formats.part_files import (
     split_name,
     with_unique_names,
 )
-from pipeline.formats.text_maps import is_number_table
 
 _MOST_NAME = 80
 _MOST_NAMES = 20
@@ -141,7 +140,11 @@ def discover(
 
 def _is_manifest(name: str) -> bool:
     """Whether an input is a table of parts, and no folder of that name or table of heights."""
-    return is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name))
+    if not is_manifest(name) or os.path.isdir(name):
+        return False
+    from pipeline.formats.text_maps import is_number_table  # slow, and few inputs are tables
+
+    return not is_number_table(Path(name))
 
 
 class FoundFiles:

@@ -15,7 +15,6 @@ from glyphs.compiling import show_compiling
 from glyphs.plain_text import visible
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord
-from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.formats.find_parts import Listing, discover
@@ -87,7 +86,11 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         from pipeline.reading.drift import watch_of  # slow to import, like all of recognition
 
         watch = watch_of(settings)
-    expected = load_expected(options.verify, serial_format(settings)) if options.verify is not None else None
+    expected = None
+    if options.verify is not None:
+        from pipeline.common.serial_format import serial_format  # likewise
+
+        expected = load_expected(options.verify, serial_format(settings))
     parts: Sequence[PartFiles] = found
     if expected is not None:
         by_part = expected.text_of if isinstance(expected, PartTexts) else lambda _: expected

@@ -213,7 +213,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
         network,
         optimiser,
         ready_made(Windows(folders, size=how.batch or BATCH, seed=how.seed), how),
-        lambda batch, draw: _loss(network, *batch, draw),
+        lambda batch, draw: _loss(network, batch, draw),
         lambda one: measure_finder(one, held),
         lambda out: export(
             network, torch.zeros(1, LAYERS, 64, 160), out, names=("view", "found"), axes=(axes, axes)
@@ -221,8 +221,8 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     )
 
 
-def _loss(network: Finder, views: Tensor, truth: Tensor, draw: torch.Generator) -> Tensor:
-    device = draw.device
+def _loss(network: Finder, batch: tuple[Tensor, Tensor], draw: torch.Generator) -> Tensor:
+    (views, truth), device = batch, draw.device
     with torch.no_grad(), device:
         drawn = network.drawn(noisy(views.to(device), rng=draw)).to(memory_format=torch.channels_last)
     with torch.autocast(device.type, torch.bfloat16):
