@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -17,7 +18,8 @@ from pipeline.cli.settings import READING, ReadingOfFile
 from pipeline.cli.store import STORE, AtStore
 
 if TYPE_CHECKING:
-    from pipeline.reading.enrolment import EnrolReport, ReviewedPart
+    from pipeline.formats.part_files import PartFiles
+    from pipeline.reading.enrolment import EnrolReport
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 
@@ -110,11 +112,10 @@ def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
     save_figure(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
 
 
-def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
+def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
     """List the parts whose text is in a table."""
     from pipeline.formats.find_parts import discover
     from pipeline.formats.truth import load_truth
-    from pipeline.reading.enrolment import ReviewedPart
 
     texts = load_truth(truth)
     found = []
@@ -123,30 +124,29 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
         if part.problem is not None:
             raise part.problem
         if text and part.felt:
-            scan, height_map = (Path(file) if file else None for file in (part.scan, part.height_map))
-            found.append(ReviewedPart(part.name, text, scan, height_map))
+            found.append(replace(part, expected=text))
     return found
 
 
 def _of_store(
     opened: Store, folder: EvidenceFolder, links: Path, since_days: float | None
-) -> tuple[list[ReviewedPart], int]:
+) -> tuple[list[PartFiles], int]:
     """List the reviewed parts of a store, and count those left out.
 
     Files of evidence are named by their hash; links to them, in a folder of their own, have the suffixes of their kind.
     """
     from pipeline.common.records import EvidenceKind, ReviewAction
-    from pipeline.reading.enrolment import ReviewedPart
+    from pipeline.formats.part_files import PartFiles
 
     since = None if since_days is None else datetime.now(UTC) - timedelta(days=since_days)
-    found: list[ReviewedPart] = []
+    found: list[PartFiles] = []
     left_out, after = 0, None
     while page := opened.reviewed(since=since, after=after, limit=_PAGE):
         after = page[-1].id
         for part in page:
             if part.review is None or part.review.action is ReviewAction.UNREADABLE or not part.text:
                 continue
-            files: dict[EvidenceKind, Path] = {}
+            files: dict[str, Any] = {}
             for record in opened.evidence(part.id):
                 if record.kind not in (EvidenceKind.SCAN, EvidenceKind.HEIGHT_MAP):
                     continue
@@ -154,10 +154,9 @@ def _of_store(
                     link = links / (record.sha256 + Path(record.name).suffix)
                     if not link.exists():
                         link.symlink_to(path.absolute())
-                    files[record.kind] = link
-            if not files:
+                    files[record.kind.value] = str(link)
+            if files:
+                found.append(PartFiles(part.id, expected=part.text, **files))
+            else:
                 left_out += 1
-                continue
-            scan, height_map = files.get(EvidenceKind.SCAN), files.get(EvidenceKind.HEIGHT_MAP)
-            found.append(ReviewedPart(part.id, part.text, scan, height_map))
     return found, left_out

@@ -36,9 +36,11 @@ _MODE_HINT = "take it out; a part is read by all that it has files for, and read
 
 def files_of(settings: ReadSettings) -> list[Path]:
     """The files that the settings name."""
+    named = [path for name in FILES if (path := getattr(settings, name)) is not None]
+    if not settings.font:
+        return named
     from glyphs.fonts.outlines import is_font_file  # slow to import, and every command reads settings
 
-    named = [path for name in FILES if (path := getattr(settings, name)) is not None]
     return [*named, *(Path(font) for font in settings.font if is_font_file(font))]
 
 

@@ -26,27 +26,11 @@ from recognition.learning.exemplars import Cut, ExemplarError
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
     from pipeline.common.settings import ReadSettings
+    from pipeline.formats.part_files import PartFiles
     from recognition.learning.learned_font import Learned
 
 MOST_EXEMPLARS = 30
 """Most exemplars of a character in a font; the oldest are dropped first because dies wear."""
-
-
-@dataclass(frozen=True)
-class ReviewedPart:
-    """A part whose text a person has confirmed or corrected.
-
-    Attributes:
-        name: name of the part.
-        text: its text.
-        scan: its recorded scan, preferred to a height map.
-        height_map: its height map.
-    """
-
-    name: str
-    text: str
-    scan: Path | None = None
-    height_map: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -133,14 +117,14 @@ class EnrolReport:
 
 
 def enrol(
-    parts: Sequence[ReviewedPart],
+    parts: Sequence[PartFiles],
     database: Path,
     *,
     font: str,
     settings: ReadSettings,
     vouching: bool = True,
     now: datetime | None = None,
-    each: Callable[[Callable[[ReviewedPart], _Cuts], Sequence[ReviewedPart]], Iterable[_Cuts]] = map,
+    each: Callable[[Callable[[PartFiles], _Cuts], Sequence[PartFiles]], Iterable[_Cuts]] = map,
 ) -> EnrolReport:
     """Take the characters of reviewed parts into a database, and make a font of them.
 
@@ -148,7 +132,7 @@ def enrol(
     replaced whole at the end, or left alone where nothing changed.
 
     Args:
-        parts: with their texts.
+        parts: expected to read what a person has confirmed; of scan and height map the scan is used.
         database: glyph database.
         font: name of the font to be learned; a new one, or one learned before.
         settings: fonts, character height.
@@ -177,7 +161,7 @@ def enrol(
         if isinstance(cut, Refused):
             refused.append(cut)
             continue
-        (sha, cuts), text = cut, without_blanks(part.text)
+        (sha, cuts), text = cut, without_blanks(part.expected)
         if not cuts or any((e.font_name, e.evidence, e.note) == (font, sha, text) for e in exemplars):
             known.append(part.name)
             continue
@@ -220,15 +204,19 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
     return GlyphDatabase({f.name: f for f in fonts})
 
 
-def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: ReviewedPart) -> _Cuts:
+def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: PartFiles) -> _Cuts:
     """Cut the characters of a part with a known text; none of a part that was enrolled before."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.exemplars import cut_height_map, cut_scan
 
-    text, height_mm, path = without_blanks(part.text), settings.height_mm, part.scan or part.height_map
+    text, height_mm, path = (
+        without_blanks(part.expected),
+        settings.height_mm,
+        Path(part.scan or part.height_map),
+    )
     try:
-        if path is None:
+        if not part.felt:
             raise ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
         try:
             sha = file_sha256(path)
@@ -236,7 +224,7 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Revi
             raise FileError(path, f"cannot be read ({error.strerror})", "check the name") from error
         if (sha, text) in before:
             return sha, ()
-        if part.scan is not None:
+        if part.scan:
             cuts = cut_scan(read_scan(path), text, height_mm=height_mm)
         else:
             soil = read_soil(path, settings)

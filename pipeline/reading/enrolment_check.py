@@ -14,7 +14,8 @@ from glyphs.errors import MarksError
 from glyphs.stamping.database import load_database, save_database
 from pipeline.common.settings import ReadSettings
 from pipeline.common.texts import without_blanks
-from pipeline.reading.enrolment import ReviewedPart, enrol
+from pipeline.formats.part_files import PartFiles
+from pipeline.reading.enrolment import enrol
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class HeldOutCheck:
 
 
 def check_held_out(
-    parts: Sequence[ReviewedPart],
+    parts: Sequence[PartFiles],
     database: Path,
     *,
     font: str,
@@ -97,11 +98,11 @@ def _copy_without(database: Path, copy: Path, font: str) -> None:
     save_database(replace(held, fonts=fonts, exemplars=exemplars), copy)
 
 
-def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: ReadSettings) -> tuple[int, ...]:
+def _compare(parts: Sequence[PartFiles], without: ReadSettings, learned: ReadSettings) -> tuple[int, ...]:
     """Fields of `HeldOutCheck`."""
     from rapidfuzz.distance import Levenshtein
 
-    texts = [without_blanks(part.text) for part in parts]
+    texts = [without_blanks(part.expected) for part in parts]
     edits = [
         sum(
             Levenshtein.distance(_read(part, settings), text) for part, text in zip(parts, texts, strict=True)
@@ -111,15 +112,13 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
     return len(parts), sum(map(len, texts)), *edits
 
 
-def _read(part: ReviewedPart, settings: ReadSettings) -> str:
+def _read(part: PartFiles, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
-    from pipeline.formats.part_files import PartFiles
     from pipeline.reading.part_reader import PartReader
     from pipeline.reading.readers import reader_of
 
     reader = PartReader(reader_of(settings), mode="tactile", maps=settings)
     try:
-        found = reader.read(PartFiles(part.name, str(part.height_map or ""), str(part.scan or "")))
+        return without_blanks(reader.read(part).text)
     except MarksError:
         return ""
-    return without_blanks(found.text)

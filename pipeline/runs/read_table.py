@@ -6,6 +6,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 from rich.cells import cell_len
+from rich.console import Console
+from rich.text import Text
 
 from glyphs.plain_text import visible
 from pipeline.common.reading_records import CharacterRecord, ReadingRecord
@@ -26,9 +28,6 @@ _SHORT_NAME = 8
 
 def print_table(records: Sequence[ReadingRecord]) -> None:
     """Print one row per part: cut to the width of a terminal, in full if a script reads them."""
-    from rich.console import Console
-    from rich.text import Text
-
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     for line in table_lines(records, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
         text = Text(line)

@@ -94,7 +94,7 @@ class SecondPass:
             executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
-        from pipeline.reading.enrolment import ReviewedPart, enrol  # slow to import
+        from pipeline.reading.enrolment import enrol  # slow to import
 
         unsure = {first.part for first, again in journal.entries() if again is None and needs_another(first)}
         waiting = [p for p in parts if p.name in unsure and _learns_or_teaches(p)]
@@ -103,10 +103,7 @@ class SecondPass:
         name = _font_name(parts)
         able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}
         texts = teachers(first for first, _ in journal.entries() if first.part in able)
-        reviewed = [
-            ReviewedPart(part, text, _path(able[part].scan), _path(able[part].height_map))
-            for part, text in texts.items()
-        ]
+        reviewed = [replace(able[part], expected=text) for part, text in texts.items()]
         why = ""
         try:
             report = enrol(
@@ -143,10 +140,6 @@ class SecondPass:
 def _learns_or_teaches(part: PartFiles) -> bool:
     """Whether a part has touch data, no problem and no font of its own."""
     return bool(part.height_map or part.scan) and not part.font and part.problem is None
-
-
-def _path(name: str | Path) -> Path | None:
-    return Path(name) if name else None
 
 
 def _font_name(parts: Sequence[PartFiles]) -> str:

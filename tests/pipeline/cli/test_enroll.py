@@ -14,9 +14,10 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.npz import write_npz
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.exemplars_picture import exemplars_figure
-from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, SetAside, enrol, exemplar_places
+from pipeline.reading.enrolment import MOST_EXEMPLARS, SetAside, enrol, exemplar_places
 from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -51,7 +52,7 @@ def folder(tmp_path_factory):
 
 def reviewed(folder, *numbers, text=None):
     return [
-        ReviewedPart(f"part-{k}", text or stamped(k).text, height_map=folder / f"part-{k}.npz")
+        PartFiles(f"part-{k}", str(folder / f"part-{k}.npz"), expected=text or stamped(k).text)
         for k in numbers
     ]
 
@@ -152,7 +153,7 @@ def test_the_same_part_twice_is_enrolled_once(taught, folder):
     # a copy under another name is the same evidence
     copy = path.parent / "copy.npz"
     copy.write_bytes((folder / "part-0.npz").read_bytes())
-    renamed = [ReviewedPart("other", stamped(0).text, height_map=copy)]
+    renamed = [PartFiles("other", str(copy), expected=stamped(0).text)]
     assert enrol(renamed, path, font="press-7", settings=SETTINGS).known == ("other",)
 
 
@@ -185,23 +186,23 @@ def test_what_cannot_be_enrolled_is_refused_and_the_rest_is_taken(folder, tmp_pa
     damaged = tmp_path / "damaged.npz"
     damaged.write_bytes(b"PK\x03\x04 nothing")
     parts = [
-        ReviewedPart("flat", "1234", height_map=flat),
-        ReviewedPart("damaged", "1234", height_map=damaged),
-        ReviewedPart("gone", "1234", height_map=tmp_path / "gone.npz"),
-        ReviewedPart("photo only", "1234"),
-        ReviewedPart("no text", " ", height_map=folder / "part-0.npz"),
-        ReviewedPart("another text", "MWMWMWMWMWMW", height_map=folder / "part-0.npz"),
+        PartFiles("flat", str(flat), expected="1234"),
+        PartFiles("damaged", str(damaged), expected="1234"),
+        PartFiles("gone", str(tmp_path / "gone.npz"), expected="1234"),
+        PartFiles("photo only", expected="1234"),
+        PartFiles("no text", str(folder / "part-0.npz"), expected=" "),
+        PartFiles("another text", str(folder / "part-0.npz"), expected="MWMWMWMWMWMW"),
         *reviewed(folder, 0),
     ]
     report = enrol(parts, tmp_path / "press.glyphs", font="press-7", settings=SETTINGS)
     assert [r.part for r in report.refused] == [p.name for p in parts[:-1]]
     assert all(r.why for r in report.refused)
-    assert report.enrolled == (("part-0", parts[-1].text),)
+    assert report.enrolled == (("part-0", parts[-1].expected),)
 
 
 def test_nothing_taken_leaves_no_database(tmp_path):
     path = tmp_path / "press.glyphs"
-    report = enrol([ReviewedPart("photo only", "1234")], path, font="press-7", settings=SETTINGS)
+    report = enrol([PartFiles("photo only", expected="1234")], path, font="press-7", settings=SETTINGS)
     assert report.enrolled == ()
     assert not path.exists()
 

@@ -12,7 +12,7 @@ import pytest
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
-from pipeline.reading.enrolment import EnrolReport, ReviewedPart
+from pipeline.reading.enrolment import EnrolReport
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
@@ -71,11 +71,11 @@ REPORT = EnrolReport("lot-die", (("p00", "A0"),), (), (), (), 20, "AB", "Z", Fal
 
 
 @pytest.fixture
-def enrolled(monkeypatch: pytest.MonkeyPatch) -> list[list[ReviewedPart]]:
+def enrolled(monkeypatch: pytest.MonkeyPatch) -> list[list[PartFiles]]:
     """The parts of each enrolment."""
-    calls: list[list[ReviewedPart]] = []
+    calls: list[list[PartFiles]] = []
 
-    def enrol(parts: Sequence[ReviewedPart], database: Path, *, vouching: bool, **_: Any) -> EnrolReport:
+    def enrol(parts: Sequence[PartFiles], database: Path, *, vouching: bool, **_: Any) -> EnrolReport:
         assert not vouching
         calls.append(list(parts))
         database.write_bytes(b"shapes")
@@ -100,7 +100,7 @@ EXPECTED = {
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
 def test_what_was_not_accepted_is_read_again_and_the_better_counts(
-    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
+    suffix: str, tmp_path: Path, enrolled: list[list[PartFiles]]
 ) -> None:
     path, executor = tmp_path / f"rows{suffix}", Reads()
     with RunJournal(path, {}) as book:
@@ -120,7 +120,7 @@ def test_what_was_not_accepted_is_read_again_and_the_better_counts(
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_run_broken_off_in_the_second_pass_goes_on_there(
-    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
+    suffix: str, tmp_path: Path, enrolled: list[list[PartFiles]]
 ) -> None:
     path = tmp_path / f"rows{suffix}"
     executors = [Reads(breaks_after=9), Reads(breaks_after=7), Reads(breaks_after=1)]
@@ -142,7 +142,7 @@ def test_a_run_broken_off_in_the_second_pass_goes_on_there(
 
 
 def test_a_run_that_breaks_off_as_it_ends_is_ended(
-    tmp_path: Path, enrolled: list[list[ReviewedPart]], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, enrolled: list[list[PartFiles]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "rows.csv"
     with RunJournal(path, {}) as book, monkeypatch.context() as patched:
@@ -176,7 +176,7 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def enrol(parts: Sequence[ReviewedPart], database: Path, **_: Any) -> EnrolReport:
+    def enrol(parts: Sequence[PartFiles], database: Path, **_: Any) -> EnrolReport:
         database.write_bytes(b"shapes")
         if isinstance(report, Exception):
             database.unlink()
@@ -196,7 +196,7 @@ def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
 
 
 def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn(
-    tmp_path: Path, enrolled: list[list[ReviewedPart]]
+    tmp_path: Path, enrolled: list[list[PartFiles]]
 ) -> None:
     parts = [*PARTS]
     parts[0] = replace(parts[0], font="gothic")
@@ -255,7 +255,7 @@ def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) ->
         assert database.read_bytes() == b"of this lot"
 
 
-def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[ReviewedPart]]) -> None:
+def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[PartFiles]]) -> None:
     told: dict[str, str] = {}
     with opened(RunOptions(), {}, learns=True) as run:
         run.on_row = lambda row: told.update({row.part: row.text})
