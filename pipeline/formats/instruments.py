@@ -42,6 +42,8 @@ _PACKED = {
     **{b"\x1f\x8b": "packed (gzip)", b"7z\xbc\xaf": "packed (7z)", b"Rar!": "packed (RAR)"},
     b"PK\x03\x04": "a workbook or packed (ZIP)",
 }
+_LONGEST_LINE = 1_000_000
+"""Bytes of a text's first line, at most: a row of 40,000 heights has half of them."""
 _EXPORT = "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm"
 _OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
@@ -57,8 +59,11 @@ def read_instrument(path: Path, most: int = MAX_PIXELS) -> RawMap:
         DataError: the file cannot be used, or the extra `formats` is not installed.
     """
     with path.open("rb") as stream:
-        head = stream.read(12)
-    if head == b"DSCOMPRESSED":
+        head = stream.read(_LONGEST_LINE)
+    if len(head) == _LONGEST_LINE and not re.search(rb"[\0\n\r]", head):
+        # a text without lines: every one of the library's parsers would search it to its end
+        raise DataError(_NO_FORMAT, _EXPORT)
+    if head.startswith(b"DSCOMPRESSED"):
         raise DataError("is compressed", "save it uncompressed, or export it as X3P")
     named = path.suffix.lower() in FORMATS_SUFFIXES
     packed = next((name for magic, name in _PACKED.items() if head.startswith(magic)), "")

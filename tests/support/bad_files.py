@@ -232,6 +232,7 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     yield "zip-in-zip.npz", _raw_npz({"z_mm.npy": good, "pitch_mm.npy": _pitch()})
     yield "encrypted.npz", _encrypted(good)
     yield "no-suffix", good
+    yield "one-line.txt", b"1.5 " * 500_000
     yield "script.py", b"print('hello')"
     yield "empty.x3p", b""
     yield "no-member.x3p", _raw_npz({})
