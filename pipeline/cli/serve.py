@@ -118,7 +118,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
     import uvicorn
 
     from pipeline.service.app import Service as RunningService
-    from pipeline.service.app import check_folder, create_app
+    from pipeline.service.app import check_folder
     from pipeline.service.logs import set_up_logs
     from pipeline.service.web.web_server import (
         KEEP_ALIVE_S,
@@ -126,6 +126,7 @@ def _serve(settings: ServiceSettings, reading: ReadSettings) -> int:
         DrainingServer,
         patient_protocol,
     )
+    from pipeline.service.web_app import create_app
 
     check_folder(settings)
     check_tls(settings)

@@ -9,44 +9,27 @@ from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import structlog
-from fastapi import APIRouter, FastAPI
-from fastapi.responses import Response
-from starlette.middleware.trustedhost import TrustedHostMiddleware
-from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+from fastapi import FastAPI
 
 from glyphs.errors import FileError
 from pipeline.common.private import private_folder
-from pipeline.common.records import Scope
 from pipeline.common.settings import SettingsError
-from pipeline.common.version import program_version
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.api.answers import may, problems
-from pipeline.service.api.export import export_router
-from pipeline.service.api.golden import golden_router
-from pipeline.service.api.jobs import jobs_router
-from pipeline.service.api.lookup import lookup_router
-from pipeline.service.api.parts import parts_router
 from pipeline.service.connections import Connection
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
-from pipeline.service.pages.routes import add_pages
+from pipeline.service.metrics import Metrics
 from pipeline.service.ports import Ports, senders_of
 from pipeline.service.recent_files import GlyphDatabases
-from pipeline.service.reviews import Reviews
 from pipeline.service.tasks import end_tasks, repeat
-from pipeline.service.web.access import Access, Caller
-from pipeline.service.web.door import Door
-from pipeline.service.web.openapi import describe_api
+from pipeline.service.web.access import Access
 from pipeline.service.web.problem import Problem, without_folders
-from pipeline.service.web.problem_responses import add_problem_handlers
-from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.worker_calls import WorkerCalls
 from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
 from pipeline.store.errors import StoreError
@@ -147,7 +130,6 @@ class Service:
             targets=tuple(senders),
             watch=self.jobs.watch,
         )
-        self.reviews = Reviews(self.intake)
         self.ports = Ports(settings, self.intake, senders)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)
         self._add_gauges()
@@ -282,82 +264,6 @@ class Service:
             await asyncio.sleep(LOOK_AT_WORKERS_S)
         seconds = round(time.monotonic() - self._started_s, 1)
         log.info("ready", seconds=seconds, workers=self.settings.jobs)
-
-
-def create_app(service: Service) -> FastAPI:
-    """The web application of a service."""
-    settings = service.settings
-    app = FastAPI(
-        title="tactile-marks",
-        summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
-        version=program_version(),
-        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        docs_url=None,  # its pages would load scripts from the internet; ours is pages.interface
-        redoc_url=None,
-        openapi_url="/openapi.json",
-        lifespan=service.running,
-        max_body_size=settings.limits.upload_bytes,
-        telemetry={"tracing": False, "metrics": False, "logs": False},
-        redirect_slashes=False,
-    )
-    app.include_router(parts_router(service))
-    app.include_router(golden_router(service))
-    for router in (export_router(service), lookup_router(service), jobs_router(service)):
-        app.include_router(router, max_body_size=SMALL_BODY)
-    add_pages(app, service)
-    app.include_router(_service_router(service))
-    add_problem_handlers(app)
-    app.openapi = lambda: describe_api(app, asked=service.access.required, root_path=settings.root_path)  # type: ignore[method-assign]
-    # the last one lies outermost
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
-    if settings.trusted_proxies:
-        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
-    app.add_middleware(
-        Door,
-        settings=settings,
-        access=service.access,
-        metrics=service.metrics,
-        busy=lambda: service.intake.calls.busy,
-    )
-    return app
-
-
-def _names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Names that the service answers to; any if tokens are asked for and no list is given."""
-    if settings.tokens_asked and not settings.hosts:
-        return ("*",)
-    names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
-    return tuple(f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names)
-
-
-def _service_router(service: Service) -> APIRouter:
-    """Routes about the service itself; the first three need no token."""
-    router, Reads = APIRouter(tags=["service"]), may(service.access, Scope.READ)
-    not_yet = {**problems(503)[503], "description": "not yet; the detail says why"}
-
-    @router.get("/healthz")
-    async def healthz() -> dict[str, str]:
-        """Whether the service is alive."""
-        return {"status": "alive"}
-
-    @router.get("/readyz", responses={503: not_yet})
-    def readyz() -> dict[str, str]:
-        """Whether parts can be read."""
-        if why := service.why_not_ready():
-            raise Problem(503, why, headers={"Retry-After": "1"})
-        return service.state()
-
-    @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-    def metrics() -> Response:
-        """Numbers for Prometheus."""
-        return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
-
-    @router.get("/v1/databases", responses=problems(401, 403))
-    def databases(caller: Caller = Reads) -> list[dict[str, Any]]:
-        """Glyph databases that a part may be read with."""
-        return service.databases.listed()
-
-    return router
 
 
 def check_folder(settings: ServiceSettings) -> Path:

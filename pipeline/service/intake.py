@@ -22,10 +22,11 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
 from pipeline.common.serial_rules import SerialRules
 from pipeline.formats.truth import read_order
@@ -316,12 +317,8 @@ class Intake:
         return self._settings.shadow or (isinstance(part, PartRecord) and part.shadow is not None)
 
     async def _give_up_touch(self, part: PartRecord, why: str) -> None:
-        targets = self.targets_of(part)
-        self._announce(await asyncio.to_thread(self.store.give_up_touch, part.id, why=why, targets=targets))
-
-    def targets_of(self, part: PartRecord) -> tuple[str, ...]:
-        """Targets of a part's results; empty in shadow mode."""
-        return () if self._in_shadow(part) else self.targets
+        give_up = partial(self.store.give_up_touch, part.id, why=why, targets=self.targets)
+        self._announce(await asyncio.to_thread(give_up))
 
     # ------------------------------------------------------------------------------------------------------- keep
 
@@ -348,7 +345,7 @@ class Intake:
                 readings=done.readings,
                 state=decision.state,
                 evidence=files,
-                targets=() if decision.shadow is not None else self.targets,
+                targets=self.targets,
                 shadow=decision.shadow,
                 audit=self.policy.draw_audit(),
                 rules=self._rules,
@@ -360,6 +357,28 @@ class Intake:
         return part
 
     # ----------------------------------------------------------------------------------------------------- answer
+
+    def review(self, part_id: str, **said: Any) -> PartRecord:
+        """Keep a person's review of a part, and publish the part; arguments as `Store.review`.
+
+        Raises:
+            StoreError: as `Store.review`.
+        """
+        part = self.store.review(part_id, targets=self.targets, readers=self.policy.readers, **said)
+        self.on_result()
+        if part.state is PartState.REVIEWED and part.review is not None:
+            self.metrics.reviews.labels(part.review.action.value).inc()
+        return part
+
+    def undo_review(self, part_id: str, person: Person) -> PartRecord:
+        """Take a person's own review back.
+
+        Raises:
+            StoreError: as `Store.undo_review`.
+        """
+        part = self.store.undo_review(part_id, person=person, targets=self.targets)
+        self.on_result()
+        return part
 
     def _announce(self, part: PartRecord) -> None:
         self.on_result()

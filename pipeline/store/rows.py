@@ -93,7 +93,7 @@ def write_part(
         tx: the transaction; it has the part locked unless it is new.
         part: as it stands now.
         happened: in order.
-        targets: where it is published.
+        targets: where it is published; a part that was read in shadow mode never is.
         new: insert it.
         figures: columns that do not follow from its record.
 
@@ -111,7 +111,7 @@ def write_part(
     elif not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part.id} already", hint="take a new id")
     add_events(tx, part.id, happened)
-    put_in_outbox(tx, part.id, targets, record)
+    put_in_outbox(tx, part.id, targets if part.shadow is None else (), record)
     return part
 
 

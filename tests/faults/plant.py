@@ -31,10 +31,11 @@ from pipeline.common.settings import ReadSettings
 from pipeline.reading.part_orders import Done
 from pipeline.service import app as service_module
 from pipeline.service import ports as ports_module
-from pipeline.service.app import Service, create_app
+from pipeline.service.app import Service
 from pipeline.service.logs import set_up_logs
 from pipeline.service.outputs.dispatch import Dispatcher, Pace
 from pipeline.service.settings import ServiceSettings, WebhookSettings
+from pipeline.service.web_app import create_app
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged

@@ -13,8 +13,9 @@ from starlette.testclient import TestClient
 from pipeline.common.records import PartRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.service import app as service_module
-from pipeline.service.app import Service, create_app
+from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
+from pipeline.service.web_app import create_app
 from pipeline.workers.pool import BusyError
 from tests.support.kept_adapters import keep_adapters
 

@@ -8,14 +8,12 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Form, Header, Path, Request
-from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, ConfigDict, Field
 
 from glyphs.plain_text import HIDDEN
-from pipeline.common.part_id import is_part_id
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
 from pipeline.service.web.access import Access, Caller
-from pipeline.service.web.problem import MEDIA_TYPE, Problem, ProblemBody
+from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
 
 _PROBLEMS = {
     400: "not understood",
@@ -143,20 +141,7 @@ class SoughtPage(Sought):
 def may(access: Access, scope: Scope) -> Any:
     """The dependency of a route that only callers with a scope may use."""
 
-    async def check(request: Request) -> Caller:
-        if access.is_known(request):
-            return access.caller(request, scope)
-        return await run_in_threadpool(access.caller, request, scope)
+    def check(request: Request) -> Caller:
+        return access.caller(request, scope)
 
     return Depends(check)
-
-
-def checked_id(part_id: str) -> str:
-    """The id, if it can be one.
-
-    Raises:
-        Problem: 404, it cannot.
-    """
-    if not is_part_id(part_id):
-        raise Problem(404, f"there is no part {part_id[:64]!r}; /v1/parts lists them")
-    return part_id

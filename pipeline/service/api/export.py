@@ -18,7 +18,7 @@ from pipeline.service.web.access import Caller
 from pipeline.store.store import Store
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 COLUMNS = {
     "id": "id", "name": "name", "received": "created_at", "state": "state", "serial": "text",
@@ -30,7 +30,7 @@ COLUMNS = {
 _AT_ONCE = 500
 
 
-def export_router(service: ServiceParts) -> APIRouter:
+def export_router(service: Service) -> APIRouter:
     """The route of the table."""
     router = APIRouter(prefix="/v1", tags=["parts"], responses=problems(401, 403, 422))
     Reads, store = may(service.access, Scope.READ), service.store

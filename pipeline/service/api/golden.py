@@ -16,7 +16,7 @@ from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class GoldenAnswer(GoldenRecord):
     worn: tuple[str, ...] = ()
 
 
-def golden_router(service: ServiceParts) -> APIRouter:
+def golden_router(service: Service) -> APIRouter:
     """The routes of /v1/golden."""
     responses = problems(401, 403)
     router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute, responses=responses)

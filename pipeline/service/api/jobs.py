@@ -16,7 +16,7 @@ from pipeline.service.job_folder import JobAnswer
 from pipeline.service.web.access import Caller
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 JobName = Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])]
 _OVER: dict[int | str, dict[str, Any]] = {
@@ -24,7 +24,7 @@ _OVER: dict[int | str, dict[str, Any]] = {
 }
 
 
-def jobs_router(service: ServiceParts) -> APIRouter:
+def jobs_router(service: Service) -> APIRouter:
     """The routes of /v1/jobs."""
     router = APIRouter(prefix="/v1", tags=["jobs"], responses=problems(401, 403))
     Reads, Reviews = may(service.access, Scope.READ), may(service.access, Scope.REVIEW)

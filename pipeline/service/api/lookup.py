@@ -21,7 +21,6 @@ from pipeline.service.api.answers import (
     PictureName,
     SoughtPage,
     answer,
-    checked_id,
     may,
     problems,
 )
@@ -31,7 +30,7 @@ from pipeline.service.web.problem import Problem
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 _LASTING = "private, max-age=31536000, immutable"
 
@@ -47,7 +46,7 @@ class FiguresAnswer(Statistics):
     audits: AuditFigures
 
 
-def lookup_router(service: ServiceParts) -> APIRouter:
+def lookup_router(service: Service) -> APIRouter:
     """The routes that look up /v1/parts."""
     router = APIRouter(prefix="/v1", responses=problems(401, 403, 422))
     Reads, store, files = may(service.access, Scope.READ), service.store, service.evidence
@@ -63,7 +62,7 @@ def lookup_router(service: ServiceParts) -> APIRouter:
     )
     def one_part(part_id: PartId, caller: Caller = Reads) -> PartAnswer:
         """A part as it stands."""
-        return answer(store.part(checked_id(part_id)), root_path)
+        return answer(store.part(part_id), root_path)
 
     @router.get(
         "/parts/{part_id}/history",
@@ -75,8 +74,8 @@ def lookup_router(service: ServiceParts) -> APIRouter:
 
         Where two people must agree, what the first has read is left out until the second has read it.
         """
-        part, person = store.part(checked_id(part_id)), Person(caller.token, token=caller.token)
-        hidden = service.reviews.policy.hidden(part, person, store.opinions(part_id))
+        part, person = store.part(part_id), Person(caller.token, token=caller.token)
+        hidden = service.intake.policy.hidden(part, person, store.opinions(part_id))
         reviews = tuple(review for review in store.reviews(part_id) if review not in hidden)
         return History(store.history(part_id), store.readings(part_id), reviews, store.evidence(part_id))
 
@@ -88,7 +87,7 @@ def lookup_router(service: ServiceParts) -> APIRouter:
     )
     def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Response:
         """A picture of a part: as photographed, as scanned, or the last reading's with the boxes of its characters."""
-        part, evidence = store.part(checked_id(part_id)), store.evidence(part_id)
+        part, evidence = store.part(part_id), store.evidence(part_id)
         reading = part.reading
         if picture != "boxes":
             return _file(files, _last(evidence, PICTURES[picture], part_id))
@@ -107,7 +106,7 @@ def lookup_router(service: ServiceParts) -> APIRouter:
         part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
     ) -> Response:
         """A file kept for a part."""
-        records = [e for e in store.evidence(checked_id(part_id)) if e.sha256 == sha256]
+        records = [e for e in store.evidence(part_id) if e.sha256 == sha256]
         if not records:
             raise Problem(404, f"the part {part_id} has no such file; its history lists them")
         return _file(files, records[0], download=True)

@@ -21,7 +21,6 @@ from pipeline.service.api.answers import (
     PartId,
     ReviewBody,
     answer,
-    checked_id,
     may,
     problems,
 )
@@ -35,7 +34,7 @@ from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receiv
 from pipeline.store.parts import IdempotencyKey
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 Photos = Annotated[
     list[UploadFile] | None,
@@ -58,7 +57,7 @@ _REPLAYED = {
 }
 
 
-def parts_router(service: ServiceParts) -> APIRouter:
+def parts_router(service: Service) -> APIRouter:
     """The routes that add to /v1/parts."""
     responses = problems(401, 403, 422)
     router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute, responses=responses)
@@ -111,7 +110,6 @@ def parts_router(service: ServiceParts) -> APIRouter:
         caller: Caller = Writes,
     ) -> Response:
         """Add a scan; the answer is the fused reading."""
-        checked_id(part_id)
         with intake.work_folder() as folder:
             scanned = await receive(scan, "scan", folder)
             key = _idempotency(request, caller, idempotency_key, [scanned], part_id)
@@ -129,7 +127,7 @@ def parts_router(service: ServiceParts) -> APIRouter:
     )
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> PartAnswer:
         """Have the service's own stage scan a part that waits for touch."""
-        return answer(await intake.touch(checked_id(part_id)), root_path)
+        return answer(await intake.touch(part_id), root_path)
 
     @router.post("/parts/{part_id}/review", max_body_size=SMALL_BODY, responses=problems(400, 404, 409))
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> PartAnswer:
@@ -139,13 +137,13 @@ def parts_router(service: ServiceParts) -> APIRouter:
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
         if not who.strip():
             raise Problem(422, "the name is missing; give yours as who")
-        standing = service.store.part(checked_id(part_id))
+        standing = service.store.part(part_id)
         checked = body.action is not ReviewAction.UNREADABLE and not body.outside_format
         if checked and (against := intake.calls.outside_format(text, standing.job)):
             raise Problem(
                 422, f"{text!r}: {against}; if the part reads so, send it with outside_format: true"
             )
-        part = service.reviews.review(
+        part = intake.review(
             standing.id,
             action=body.action,
             text=text,
@@ -164,7 +162,7 @@ def parts_router(service: ServiceParts) -> APIRouter:
     ) -> PartAnswer:
         """Undo one's own review: the part waits for review again."""
         person = Person(caller.token or who, token=caller.token)
-        return answer(service.reviews.undo(checked_id(part_id), person), root_path)
+        return answer(intake.undo_review(part_id, person), root_path)
 
     return router
 

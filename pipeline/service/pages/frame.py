@@ -27,7 +27,7 @@ from pipeline.service.web.addresses import relative, to_root
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 SEAT_COOKIE, WHO_COOKIE = "tactile_marks_seat", "tactile_marks_who"
 MOST_WHO = 80
@@ -47,7 +47,7 @@ _HEADERS = {
 class Frame:
     """Templates and services shared by all pages."""
 
-    def __init__(self, service: ServiceParts) -> None:
+    def __init__(self, service: Service) -> None:
         """Load the templates for the pages of a service."""
         self.service, self.store, self.access = service, service.store, service.access
         self.assets = StaticFiles(packages=[(__package__, "static")])

@@ -62,7 +62,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         found, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
         pictures = picture_pair(found, readings, evidence, frame.service.evidence)
         places = [places_of(reading) for reading in readings]
-        hidden = frame.service.reviews.policy.hidden(found, view.person, store.opinions(part_id))
+        hidden = frame.service.intake.policy.hidden(found, view.person, store.opinions(part_id))
         return view.page(
             "part.html.j2",
             part=found,

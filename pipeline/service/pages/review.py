@@ -79,7 +79,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             "queue.html.j2",
             parts=store.queue(limit=QUEUE_SHOWN),
             others={part: c.who for part, c in store.claims().items() if c.holder != person.holder},
-            halves=store.half_reviewed() if frame.service.reviews.policy.readers > 1 else {},
+            halves=store.half_reviewed() if frame.service.intake.policy.readers > 1 else {},
             free=store.next_in_queue(person=person) is not None,
             audits=store.queue_length(audits=True),
             **_outcome(frame, done),
@@ -124,7 +124,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.post("/review/{part_id}/undo")
     def undo(part_id: str, view: View = reviews) -> Response:
-        frame.service.reviews.undo(part_id, view.person)
+        frame.service.intake.undo_review(part_id, view.person)
         return view.redirect(f"/review/{part_id}?undone=1")
 
     @router.post("/review/{part_id}/takeover")
@@ -163,7 +163,7 @@ def _keep(view: View, part: PartRecord, said: ReviewForm) -> PartRecord | None:
     before = said.before if said.mode is ReviewMode.OPEN else None
     stands = text == (part.text if before is None else before.strip())
     action = ReviewAction.UNREADABLE if not text else ReviewAction.CONFIRM if stands else ReviewAction.CORRECT
-    view.frame.service.reviews.review(
+    view.frame.service.intake.review(
         part.id,
         action=action,
         text=text if action is ReviewAction.CORRECT else "",
@@ -214,7 +214,7 @@ def _page(
 ) -> Response:
     frame, store, person = view.frame, view.frame.store, view.person
     opinions, awaits_audit = store.opinions(part.id), store.awaits_audit(part.id)
-    mode = frame.service.reviews.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
+    mode = frame.service.intake.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
     waits = view.may_review and (part.state is PartState.REVIEW or mode is ReviewMode.AUDIT)
     readings = store.readings(part.id)
     pictures = picture_pair(part, readings, store.evidence(part.id), frame.service.evidence)

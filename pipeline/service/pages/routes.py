@@ -22,10 +22,10 @@ from pipeline.service.pages.shadow import add_shadow_page
 from pipeline.service.web.uploads import SMALL_BODY
 
 if TYPE_CHECKING:
-    from pipeline.service.service_parts import ServiceParts
+    from pipeline.service.app import Service
 
 
-def add_pages(app: FastAPI, service: ServiceParts) -> None:
+def add_pages(app: FastAPI, service: Service) -> None:
     """Add the routes of all pages of a service, and its page of a problem."""
     frame, router = Frame(service), APIRouter(include_in_schema=False)
     for add in (

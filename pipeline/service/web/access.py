@@ -68,11 +68,6 @@ class Access:
         """Whether this caller needs a token."""
         return self.required or bool(getattr(request.state, "other_user", False))
 
-    def is_known(self, request: HTTPConnection) -> bool:
-        """Whether the store need not be asked for the caller."""
-        has_secret = "authorization" in request.headers or COOKIE in request.cookies
-        return hasattr(request.state, "token") or not (has_secret or self.asked(request))
-
     def caller(self, request: HTTPConnection, scope: Scope) -> Caller:
         """The caller, if the request is allowed.
 
