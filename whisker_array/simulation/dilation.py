@@ -48,22 +48,13 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     lift = (np.sqrt(np.maximum(square, 0.0)) - radius_mm).astype(np.float32)
     half = (square >= 0.0).sum(axis=1) // 2
     padded = np.pad(np.ascontiguousarray(z_mm, dtype=np.float32), reach, mode="edge")
-    highest = _highest(padded, reach, z_mm.shape[1])
+    # of each row and block: the highest place that its balls can meet
+    ends = [(left, min(left + _BLOCK, z_mm.shape[1]) + 2 * reach) for left in range(0, z_mm.shape[1], _BLOCK)]
+    highest = np.stack([padded[:, first:end].max(axis=1) for first, end in ends], axis=1)
     out = np.array(z_mm, dtype=np.float32)
     given = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, out
     in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
     return out
-
-
-@kernel()
-def _highest(padded, reach, cols):  # type: ignore[no-untyped-def]
-    """(padded rows, blocks): the highest place of each row that a block's balls can meet."""
-    blocks = (cols + _BLOCK - 1) // _BLOCK
-    found = np.empty((padded.shape[0], blocks), dtype=np.float32)
-    for r in range(padded.shape[0]):
-        for b in range(blocks):
-            found[r, b] = padded[r, b * _BLOCK : min((b + 1) * _BLOCK, cols) + 2 * reach].max()
-    return found
 
 
 @kernel(allow=FAST)
@@ -72,8 +63,13 @@ def _dilate(first, last, padded, lift, half, highest, reach, out):  # type: igno
         for left in range(0, out.shape[1], _BLOCK):
             right = min(left + _BLOCK, out.shape[1])
             here = out[r, left:right]
+            lowest, top = here[0], highest[r, left // _BLOCK]
+            for c in range(here.size):
+                lowest = min(lowest, here[c])
+            for i in range(1, 2 * reach + 1):
+                top = max(top, highest[r + i, left // _BLOCK])
             # on top of all around it the ball stands on the very place
-            if here.min() >= highest[r : r + 2 * reach + 1, left // _BLOCK].max():
+            if lowest >= top:
                 continue
             for i in range(2 * reach + 1):
                 for j in range(reach - half[i], reach + half[i] + 1):
