@@ -19,9 +19,7 @@ import secrets
 import ssl
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from glyphs.errors import MarksError, MissingExtraError
@@ -98,9 +96,7 @@ class Client:
     def __enter__(self) -> Client:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -141,9 +137,9 @@ class Client:
         """
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
         photos = [photo] if isinstance(photo, (str, bytes, Path)) else list(photo or ())
-        files = [("photo", (one, "photo")) for one in photos]
+        files = [("photo", _read(one, "photo")) for one in photos]
         if scan is not None:
-            files.append(("scan", (scan, "scan.h5")))
+            files.append(("scan", _read(scan, "scan.h5")))
         if not files:
             raise ValueError("give a photograph, a scan, or both")
         data = {key: value for key, value in fields.items() if value}
@@ -172,9 +168,7 @@ class Client:
             ServiceError: refused, or not reached in time.
             OSError: the file cannot be read.
         """
-        return self._send_files(
-            f"{_path(part_id)}/scan", [("scan", (scan, "scan.h5"))], idempotency_key, data={}
-        )
+        return self._send_files(f"{_path(part_id)}/scan", [("scan", _read(scan, "scan.h5"))], idempotency_key)
 
     def touch(self, part_id: str) -> PartRecord:
         """Have the service's own stage scan a part that waits for touch.
@@ -264,22 +258,16 @@ class Client:
         return self._send("GET", f"{_path(part_id)}/pictures/{which}").content
 
     def _send_files(
-        self,
-        path: str,
-        files: Sequence[tuple[str, tuple[Source, str]]],
-        key: str | None,
-        *,
-        data: Mapping[str, str],
+        self, path: str, files: Sequence[tuple[str, tuple[str, bytes]]], key: str | None, **request: Any
     ) -> PartRecord:
         headers = {"idempotency-key": key or secrets.token_urlsafe(24)}
-        return _record(PartRecord, self._send("POST", path, data=data, files=files, headers=headers))
+        return _record(PartRecord, self._send("POST", path, files=files, headers=headers, **request))
 
     def _send(
         self,
         method: str,
         path: str,
         *,
-        files: Sequence[tuple[str, tuple[Source, str]]] = (),
         repeatable: bool = True,
         **request: Any,
     ) -> httpx.Response:
@@ -288,14 +276,12 @@ class Client:
         Args:
             method: HTTP method.
             path: path on the service.
-            files: form field of each file with its source, and a file name for sources that are bytes.
             repeatable: whether the request is idempotent. If not, it is sent again only if it was certainly not
                 carried out.
             request: further arguments for httpx.
 
         Raises:
             ServiceError: refused, or not reached in time.
-            OSError: a file cannot be read.
         """
         import httpx
 
@@ -304,10 +290,7 @@ class Client:
             attempt += 1
             wait_s = 0.0
             try:
-                with ExitStack() as opened:
-                    if files:
-                        request["files"] = [(key, _opened(opened, *file)) for key, file in files]
-                    answer = self._http.request(method, path, **request)
+                answer = self._http.request(method, path, **request)
             except httpx.TransportError as error:
                 # if there was no connection, nothing was sent
                 safe = repeatable or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
@@ -327,11 +310,8 @@ class Client:
             time.sleep(wait_s)
 
 
-def _opened(stack: ExitStack, source: Source, name: str) -> tuple[str, Any]:
-    if isinstance(source, bytes):
-        return name, source
-    path = Path(source)
-    return path.name, stack.enter_context(path.open("rb"))
+def _read(source: Source, name: str) -> tuple[str, bytes]:
+    return (name, source) if isinstance(source, bytes) else (Path(source).name, Path(source).read_bytes())
 
 
 def _refused(answer: httpx.Response) -> ServiceError:

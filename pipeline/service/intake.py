@@ -33,7 +33,7 @@ from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, Done, PartOrder
 from pipeline.reading.triage import compared
-from pipeline.service.new_part import Decision, NewPart, Touch
+from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.part_log import count_reading
 from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.stage.devices import ScanOrder
@@ -44,7 +44,7 @@ from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
 from pipeline.service.web.problem import OwnProblem, Problem, no_room, stopping
 from pipeline.service.web.uploads import Upload
-from pipeline.store.parts import IdempotencyKey
+from pipeline.store.parts import Added, IdempotencyKey
 from pipeline.store.store import Store
 from whisker_array.scan.stage_error import StageError
 
@@ -148,7 +148,6 @@ class Intake:
             self._refuse_if_draining()
             part_id = new_part_id()
             done = await self._read(new, sent)
-            decision = self._decide(done, new)
             write = partial(
                 self.store.add_part,
                 part_id=part_id,
@@ -157,12 +156,9 @@ class Intake:
                 database=new.database,
                 job=new.job,
                 line=self._settings.line,
-                plan=decision.plan,
-                touch=decision.touch,
-                not_felt=decision.not_felt,
                 idempotency=idempotency,
             )
-            return await self._keep(write, done, sent, decision)
+            return await self._keep(write, done, sent, new)
 
         received = await self._requests.carry_out(idempotency, work)
         part = received.part
@@ -186,7 +182,7 @@ class Intake:
             part = await self._unreviewed(part_id)
             done = await self._read(part, [scan], earlier_photos=await self._photos_of(part))
             write = partial(self.store.add_readings, part.id, idempotency=idempotency)
-            return await self._keep(write, done, [scan], self._decide(done, part))
+            return await self._keep(write, done, [scan], part)
 
         return await self._requests.carry_out(idempotency, work)
 
@@ -284,7 +280,7 @@ class Intake:
                 await asyncio.to_thread(self._note_failure, part, str(error))
                 raise _stage_problem(error) from error
             write = partial(self.store.add_readings, part.id)
-            return await self._keep(write, done, sent, self._decide(done, part))
+            return await self._keep(write, done, sent, part)
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
         def photos() -> tuple[Path, ...]:
@@ -301,16 +297,17 @@ class Intake:
 
     # ----------------------------------------------------------------------------------------------------- decide
 
-    def _decide(self, done: Done, part: NewPart | PartRecord) -> Decision:
+    def _decide(self, done: Done, part: NewPart | PartRecord) -> Added:
         """Decide the state of a part; only the store's serial rules may still send it to a person."""
         if self._in_shadow(part):
-            return Decision(PartState.SHADOW, compared(done.readings[-1], part.expected))
+            return {"state": PartState.SHADOW, "shadow": compared(done.readings[-1], part.expected)}
         if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):
-            return Decision(done.state)
+            return {"state": done.state}
         if part.touch is not Touch.PLAN and not self.stage.there:
-            return Decision(PartState.REVIEW, plan=done.plan, not_felt="there is no stage to feel it")
+            why = "there is no stage to feel it"
+            return {"state": PartState.REVIEW, "plan": done.plan, "not_felt": why}
         wait = TouchWait(part.touch is Touch.STAGE, self.touching.until())
-        return Decision(PartState.TOUCH_NEEDED, plan=done.plan, touch=wait)
+        return {"state": PartState.TOUCH_NEEDED, "plan": done.plan, "touch": wait}
 
     def _in_shadow(self, part: NewPart | PartRecord) -> bool:
         """Whether a part is in shadow mode; a part that was read in shadow mode stays in it."""
@@ -323,9 +320,9 @@ class Intake:
     # ------------------------------------------------------------------------------------------------------- keep
 
     async def _keep(
-        self, write: Callable[..., PartRecord], done: Done, sent: Sequence[Upload], decision: Decision
+        self, write: Callable[..., PartRecord], done: Done, sent: Sequence[Upload], part: NewPart | PartRecord
     ) -> PartRecord:
-        """Keep the files, then write the part in one transaction; count and log it.
+        """Keep the files, then write the part as it is decided in one transaction; count and log it.
 
         Raises:
             Problem: no room for the files.
@@ -342,19 +339,18 @@ class Intake:
             except FileError as error:
                 raise no_room(error) from error
             return write(
+                **self._decide(done, part),
                 readings=done.readings,
-                state=decision.state,
                 evidence=files,
                 targets=self.targets,
-                shadow=decision.shadow,
                 audit=self.policy.draw_audit(),
                 rules=self._rules,
             )
 
-        part = await asyncio.to_thread(keep)
-        self._announce(part)
-        count_reading(part, done, metrics=self.metrics, bench=self.bench, watch=self._watch(part.job))
-        return part
+        kept = await asyncio.to_thread(keep)
+        self._announce(kept)
+        count_reading(kept, done, metrics=self.metrics, bench=self.bench, watch=self._watch(kept.job))
+        return kept
 
     # ----------------------------------------------------------------------------------------------------- answer
 

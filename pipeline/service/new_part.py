@@ -1,12 +1,9 @@
-"""A part on its way through the service: as it is sent, and what is decided about it."""
+"""A part as it is sent to the service."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-
-from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.common.records import PartState, ShadowRecord, TouchWait
 
 
 class Touch(StrEnum):
@@ -37,22 +34,3 @@ class NewPart:
     database: str = ""
     job: str = ""
     touch: Touch = Touch.ASKED
-
-
-@dataclass(frozen=True)
-class Decision:
-    """Decision about a part after a reading.
-
-    Attributes:
-        state: new state of the part.
-        shadow: comparison with the line's own reader, in shadow mode.
-        plan: scan plan.
-        touch: wait for touch.
-        not_felt: why it is not felt, though the camera is unsure.
-    """
-
-    state: PartState
-    shadow: ShadowRecord | None = None
-    plan: ScanPlanRecord | None = None
-    touch: TouchWait | None = None
-    not_felt: str = ""

@@ -58,6 +58,8 @@ class Added(TypedDict, total=False):
         readings: the first one first; the last one counts.
         evidence: files that are kept already.
         plan: what to scan; with a reading by touch it says that the part was scanned because of it.
+        touch: of a new part, with TOUCH_NEEDED: how it waits.
+        not_felt: of a new part, why it is not felt though the camera is unsure.
         targets: where the result is published, also that touch is needed.
         idempotency: of the request.
         shadow: comparison with the line's own reader, in shadow mode.
@@ -69,6 +71,8 @@ class Added(TypedDict, total=False):
     readings: Sequence[ReadingRecord]
     evidence: Sequence[EvidenceRecord]
     plan: ScanPlanRecord | None
+    touch: TouchWait
+    not_felt: str
     targets: Sequence[str]
     idempotency: IdempotencyKey | None
     shadow: ShadowRecord | None
@@ -85,8 +89,6 @@ def add_part(
     database: str = "",
     job: str = "",
     line: str = "",
-    touch: TouchWait | None = None,
-    not_felt: str = "",
     **added: Unpack[Added],
 ) -> PartRecord:
     """Receive a part with what was read of it.
@@ -99,8 +101,6 @@ def add_part(
         database: glyph database asked for.
         job: that it was read by.
         line: that it comes from.
-        touch: with TOUCH_NEEDED, how it waits.
-        not_felt: why a part of which the camera is unsure is not felt.
         added: readings and what comes with them, as `Added`.
 
     Raises:
@@ -118,9 +118,11 @@ def add_part(
     }
     _ask_for_serials(tx, added)
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
-    part = PartRecord(id=part_id, state=added["state"], text="", touch=touch, **times, **given)
+    part = PartRecord(id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **given)
     part, happened, changed = _read(tx, part, added)
-    happened = [("received", given), *happened, *([("not_felt", {"why": not_felt})] if not_felt else ())]
+    happened = [("received", given), *happened]
+    if why := added.get("not_felt"):
+        happened.append(("not_felt", {"why": why}))
     figures = {"fell_back": False, "by_camera": False, "rejected": False, **changed}
     part = write_part(tx, part, happened, targets=added.get("targets", ()), new=True, figures=figures)
     _keep_files(tx, part_id, added.get("evidence", ()))
