@@ -64,14 +64,14 @@ class Shop:
             evidence=self.evidence,
             access=Access(self.store, required=required),
             jobs=self.jobs,
-            intake=SimpleNamespace(calls=SimpleNamespace(outside_format=lambda text, job: "")),
-            golden=SimpleNamespace(scans=tuple),
-            connections=tuple,
-            reviews=SimpleNamespace(
+            intake=SimpleNamespace(
+                calls=SimpleNamespace(outside_format=lambda text, job: ""),
                 policy=policy,
                 review=partial(self.store.review, targets=("webhook",), readers=policy.readers),
-                undo=lambda part_id, person: self.store.undo_review(part_id, person=person),
+                undo_review=lambda part_id, person: self.store.undo_review(part_id, person=person),
             ),
+            golden=SimpleNamespace(scans=tuple),
+            connections=tuple,
         )
         self.app = FastAPI()
         add_pages(self.app, service)
