@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import html
-import io
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
-from PIL import Image
 
 from tests.contract.front_doors import RunningService
 
@@ -28,23 +26,19 @@ def people(service: RunningService) -> Iterator[tuple[httpx.Client, httpx.Client
         yield ada, bob
 
 
-def new_part(service: RunningService) -> dict[str, Any]:
-    """A part that waits for a person: nothing stands on its photograph."""
-    noise = np.random.default_rng(5).integers(90, 160, (30, 60), dtype=np.uint8)
-    photo = io.BytesIO()
-    Image.fromarray(noise).save(photo, "PNG")
-    answer = httpx.post(
-        f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=120.0
-    )
+def new_part(service: RunningService, height_map: Path) -> dict[str, Any]:
+    """A part that waits for a person: it bears another serial than the one expected."""
+    scan = {"scan": ("K7.npz", height_map.read_bytes())}
+    answer = httpx.post(f"{service.url}/v1/parts", files=scan, data={"expected": "Q0"}, timeout=120.0)
     made: dict[str, Any] = answer.json()
     assert made["state"] == "review"
     return made
 
 
 @pytest.fixture(scope="module")
-def part(service: RunningService) -> dict[str, Any]:
+def part(service: RunningService, height_map: Path) -> dict[str, Any]:
     """A part that waits for a person again after each test."""
-    return new_part(service)
+    return new_part(service, height_map)
 
 
 def submit(browser: httpx.Client, page: httpx.Response, to: str, **fields: str) -> httpx.Response:
@@ -66,9 +60,9 @@ def is_taken(page: httpx.Response) -> bool:
 
 
 def test_a_part_that_a_closed_browser_holds_can_be_taken_over(
-    people: tuple[httpx.Client, httpx.Client], service: RunningService
+    people: tuple[httpx.Client, httpx.Client], service: RunningService, height_map: Path
 ) -> None:
-    (ada, bob), part = people, new_part(service)
+    (ada, bob), part = people, new_part(service, height_map)
     address = f"/review/{part['id']}"
     ada.get("/review")  # the first page gives a browser its cookie
     bob.get("/review")
@@ -76,13 +70,13 @@ def test_a_part_that_a_closed_browser_holds_can_be_taken_over(
     blocked = bob.get(address)
     assert is_taken(blocked)
     assert "Take over" in blocked.text
-    refused = submit(bob, blocked, part["id"], text="K7", who="Bob")
+    refused = submit(bob, blocked, part["id"], text="K8", who="Bob")
     assert refused.status_code == 409
     assert not is_taken(submit(bob, blocked, "/takeover"))
     assert is_taken(ada.get(address))
-    saved = submit(bob, bob.get(address), part["id"], text="K7", who="Bob")
+    saved = submit(bob, bob.get(address), part["id"], text="K8", who="Bob")
     assert saved.status_code == 200
-    assert bob.get(f"/v1/parts/{part['id']}").json()["text"] == "K7"
+    assert bob.get(f"/v1/parts/{part['id']}").json()["text"] == "K8"
 
 
 def test_a_review_can_be_undone_by_the_one_who_made_it(
@@ -90,7 +84,7 @@ def test_a_review_can_be_undone_by_the_one_who_made_it(
 ) -> None:
     ada, bob = people
     here = f"/v1/parts/{part['id']}"
-    said = {"action": "correct", "text": "K7", "who": "Ada"}
+    said = {"action": "correct", "text": "K6", "who": "Ada"}
     assert ada.post(f"{here}/review", json=said).json()["state"] == "reviewed"
     assert bob.delete(f"{here}/review", params={"who": "Bob"}).status_code == 409
     undone = ada.delete(f"{here}/review", params={"who": "Ada"}).json()
@@ -152,6 +146,7 @@ def test_the_page_of_a_part_says_why_it_is_not_accepted_and_what_to_do(
     page = html.unescape(people[0].get(f"/parts/{part['id']}").text)
     begin, _, rest = page.partition("What to do")
     assert "Why not accepted" in begin
+    assert part["reading"]["messages"]
     for why in part["reading"]["messages"]:
         assert why in begin
     assert f'<a href="../review/{part["id"]}">Review it</a>' in rest

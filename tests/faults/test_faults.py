@@ -17,7 +17,8 @@ from tests.support.programs import program
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 
 SHARES = {
-    **dict.fromkeys(("journal of lines", "jobs"), 0.2),
+    "jobs": 0.2,
+    "journal of lines": 0.06,
     **dict.fromkeys(("rows.csv", "rows.jsonl", "tokens"), 0.015),
     **dict.fromkeys(("evidence", "rows.parquet", "run into a store", "watched folder"), 0.002),
 }

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from glyphs.soiling.soiled import Soiling
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ScanPlanRecord
-from pipeline.common.records import PartState, ReviewAction, Scope
+from pipeline.common.records import PartState, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.reading.part_orders import Done
@@ -18,10 +17,10 @@ from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
 from tests.support.page_shop import goes_to
-from tests.support.service_fixtures import FORMAT, inline_service, triggered
+from tests.support.service_fixtures import FORMAT, inline_service
 from tests.support.store_samples import PLAN, reading
 
-CLEAN, FILTHY = "clean", "filthy"
+CLEAN = "clean"
 WEBHOOK = {"url": "http://127.0.0.1:9/none"}
 
 
@@ -30,23 +29,17 @@ Served = tuple[Service, TestClient]
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A clean part that the camera reads, and a filthy one that it is unsure of."""
+    """A clean part that the camera reads."""
     folder = tmp_path_factory.mktemp("parts")
-    for name, dirt, number in ((CLEAN, 0.0, 0), (FILTHY, 0.8, 3)):
-        text = write_part(
-            SynthSpec(format=FORMAT, seed=21, soiling=Soiling(severity=dirt)),
-            folder / name,
-            number,
-            photos=True,
-        )
-        (folder / f"{name}.txt").write_text(text)
+    text = write_part(SynthSpec(format=FORMAT, seed=21), folder / CLEAN, 0, photos=True)
+    (folder / f"{CLEAN}.txt").write_text(text)
     return folder
 
 
 @pytest.fixture(scope="module")
-def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("service")
-    with inline_service(folder, stage={"folder": parts}, camera={"folder": parts}, webhook=WEBHOOK) as both:
+    with inline_service(folder, webhook=WEBHOOK) as both:
         yield both
 
 
@@ -77,19 +70,6 @@ def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts
     refused = client.post("/v1/parts", files=[*photo(parts, CLEAN).items()] * 13)
     assert refused.status_code == 422
     assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
-
-
-def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(served: Served) -> None:
-    store = served[0].store
-    before = store.undelivered()
-    part = triggered(served, FILTHY)
-    assert store.undelivered() == before + 2  # that touch is needed, and what it has read
-    assert part.reading is not None
-    assert part.reading.source == "fused"
-    assert part.reading.passes
-    assert part.state is not PartState.TOUCH_NEEDED
-    store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Anna")
-    assert store.part(part.id).state is PartState.REVIEWED
 
 
 def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Served) -> None:
@@ -249,7 +229,7 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
         unsure = Done((reading(source="vision", decision="review"),), plan=PLAN)
         service.pool.instead = lambda *_: unsure  # type: ignore[attr-defined]
         asked = {} if touch is None else {"touch": touch}
-        part = client.post("/v1/parts", files=photo(parts, FILTHY), data=asked).json()
+        part = client.post("/v1/parts", files=photo(parts, CLEAN), data=asked).json()
         assert part["state"] == state
         assert part["plan"]["region_mm"]
         assert service.store.undelivered() == 1

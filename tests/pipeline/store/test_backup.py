@@ -103,6 +103,10 @@ def backup(filled: Store, evidence: EvidenceFolder, tmp_path: Path) -> Path:
     return tmp_path / "backup"
 
 
+ON_SQLITE = pytest.mark.parametrize("store_url", ["sqlite"], indirect=True)
+INTO_SQLITE = pytest.mark.parametrize("other", ["sqlite"], indirect=True)
+
+
 @pytest.fixture(params=["sqlite", "postgresql"])
 def other(request: pytest.FixtureRequest, empty_stores: Stores, clock: Clock) -> Iterator[Store]:
     """A second, empty store, in one database after the other."""
@@ -170,6 +174,7 @@ def test_a_backup_taken_while_parts_come_in_is_of_one_moment(
     assert (report.parts, report.findings) == (made.rows["parts"], [])
 
 
+@ON_SQLITE
 def test_files_of_the_backup_before_are_linked(
     filled: Store, backup: Path, evidence: EvidenceFolder, tmp_path: Path
 ) -> None:
@@ -184,6 +189,7 @@ def test_files_of_the_backup_before_are_linked(
     assert not os.path.samefile(second.path(whole), evidence.path(whole)), "one disk's fault is not both's"
 
 
+@ON_SQLITE
 def test_a_backup_appears_whole_or_not_at_all(
     filled: Store,
     evidence: EvidenceFolder,
@@ -212,6 +218,7 @@ def test_a_backup_appears_whole_or_not_at_all(
         back_up(filled, evidence, tmp_path / "backup")
 
 
+@INTO_SQLITE
 def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
     filled: Store, backup: Path, other: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -244,6 +251,7 @@ def test_a_restore_is_of_a_whole_backup_and_if_killed_is_begun_again(
     assert _all_rows(other) == _all_rows(filled)
 
 
+@INTO_SQLITE
 def test_what_retention_takes_meanwhile_is_gone_and_not_lost(
     store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -293,20 +301,20 @@ def test_a_store_that_is_well(filled: Store, evidence: EvidenceFolder) -> None:
     assert (report.parts, report.files, report.findings, report.well) == (6, 5, [], True)
 
 
+TAMPERED = [
+    ("events", "UPDATE events SET data = '{}' WHERE kind = 'reviewed'", True),
+    ("events", "UPDATE events SET data = (SELECT data FROM events WHERE id = 2) WHERE actor = 'fused'", True),
+    ("events", "DELETE FROM events WHERE kind = 'touch_needed'", False),
+    ("evidence", "UPDATE evidence SET name = 'another' WHERE id = 5", False),
+    ("parts", "UPDATE parts SET text_folded = 'kx0' WHERE state = 'reviewed'", True),
+    ("parts", "UPDATE parts SET state = 'accepted' WHERE state = 'reviewed'", True),
+]
+
+
 @pytest.mark.parametrize(
-    ("table", "statement", "derived"),
-    [
-        ("events", "UPDATE events SET data = '{}' WHERE kind = 'reviewed'", True),
-        (
-            "events",
-            "UPDATE events SET data = (SELECT data FROM events WHERE id = 2) WHERE actor = 'fused'",
-            True,
-        ),
-        ("events", "DELETE FROM events WHERE kind = 'touch_needed'", False),
-        ("evidence", "UPDATE evidence SET name = 'another' WHERE id = 5", False),
-        ("parts", "UPDATE parts SET text_folded = 'kx0' WHERE state = 'reviewed'", True),
-        ("parts", "UPDATE parts SET state = 'accepted' WHERE state = 'reviewed'", True),
-    ],
+    ("store_url", "table", "statement", "derived"),
+    [*(("sqlite", *one) for one in TAMPERED), ("postgresql", *TAMPERED[1])],
+    indirect=["store_url"],
 )
 def test_what_is_changed_behind_the_programs_back_is_found(
     filled: Store, backup: Path, evidence: EvidenceFolder, table: str, statement: str, derived: bool
@@ -333,6 +341,7 @@ def test_a_part_that_is_gone_is_found_by_a_backup(
     assert _told(check(store, evidence, against=tmp_path / "backup"), Fault.CHANGED) == [gone]
 
 
+@ON_SQLITE
 def test_files_that_are_missing_damaged_or_nobodys_are_found(filled: Store, evidence: EvidenceFolder) -> None:
     missing, damaged, *_ = sorted(_files(evidence))
     evidence.path(missing).unlink()

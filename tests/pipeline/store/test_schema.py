@@ -39,22 +39,31 @@ def _engine(url: str) -> Engine:
     return sa.create_engine(url.replace("postgresql://", "postgresql+psycopg://"), poolclass=sa.NullPool)
 
 
-def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
-    """Threads and processes."""
-    code = "import sys; from pipeline.store.store import Store; sys.stdin.read(); Store.open(sys.argv[1]).close()"
-    others = [
-        subprocess.Popen([sys.executable, "-c", code, blank_url], stdin=subprocess.PIPE) for _ in range(2)
-    ]
-    for process in others:
+START_ONE = """
+import sys
+from pipeline.store.store import Store
+Store.open("sqlite:///" + sys.argv[2]).close()  # all that it imports is there
+print("ready", flush=True)
+sys.stdin.read()
+Store.open(sys.argv[1]).close()
+"""
+
+
+def test_many_starts_at_once_make_one_store(blank_url: str, tmp_path: Path) -> None:
+    """Threads, and a process that is ready when they begin."""
+    command = [sys.executable, "-c", START_ONE, blank_url, str(tmp_path / "other.db")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
         process.stdin.close()
-    with ThreadPoolExecutor(3) as pool:
-        stores = list(pool.map(lambda _: Store.open(blank_url), range(3)))
-    part = received(stores[0])
-    for store in stores:
-        assert store.part(part.id) == part
-        store.close()
-    assert [process.wait(60) for process in others] == [0, 0]
+        with ThreadPoolExecutor(3) as pool:
+            stores = list(pool.map(lambda _: Store.open(blank_url), range(3)))
+        part = received(stores[0])
+        for store in stores:
+            assert store.part(part.id) == part
+            store.close()
+        assert process.wait(60) == 0
 
 
 def test_a_store_of_a_version_that_is_not_known_is_left_alone(store_url: str) -> None:
