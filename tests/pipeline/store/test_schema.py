@@ -6,7 +6,6 @@ import contextlib
 import re
 import shutil
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +19,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy.engine import Engine
 
+from pipeline.common.file_lock import exclusively
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction, TouchWait
@@ -39,31 +39,27 @@ def _engine(url: str) -> Engine:
     return sa.create_engine(url.replace("postgresql://", "postgresql+psycopg://"), poolclass=sa.NullPool)
 
 
-START_ONE = """
-import sys
-from pipeline.store.store import Store
-Store.open("sqlite:///" + sys.argv[2]).close()  # all that it imports is there
-print("ready", flush=True)
-sys.stdin.read()
-Store.open(sys.argv[1]).close()
-"""
+def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        stores = list(pool.map(lambda _: Store.open(blank_url), range(3)))
+    part = received(stores[0])
+    for store in stores:
+        assert store.part(part.id) == part
+        store.close()
 
 
-def test_many_starts_at_once_make_one_store(blank_url: str, tmp_path: Path) -> None:
-    """Threads, and a process that is ready when they begin."""
-    command = [sys.executable, "-c", START_ONE, blank_url, str(tmp_path / "other.db")]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        process.stdin.close()
-        with ThreadPoolExecutor(3) as pool:
-            stores = list(pool.map(lambda _: Store.open(blank_url), range(3)))
-        part = received(stores[0])
-        for store in stores:
-            assert store.part(part.id) == part
-            store.close()
-        assert process.wait(60) == 0
+def test_a_start_waits_for_that_of_another_process(blank_url: str) -> None:
+    with ThreadPoolExecutor(1) as pool, contextlib.ExitStack() as held:
+        if blank_url.startswith("sqlite"):
+            held.enter_context(exclusively(Path(blank_url.removeprefix("sqlite:///") + ".lock")))
+        else:
+            other = held.enter_context(_engine(blank_url).begin())
+            other.execute(sa.select(sa.func.pg_advisory_xact_lock(database._ADVISORY_LOCK)))
+        opening = pool.submit(Store.open, blank_url)
+        with pytest.raises(TimeoutError):
+            opening.result(0.3)
+        held.close()
+        opening.result(60).close()
 
 
 def test_a_store_of_a_version_that_is_not_known_is_left_alone(store_url: str) -> None:
