@@ -162,7 +162,7 @@ def test_bad_files_are_rows_and_the_rest_is_read(capsys: pytest.CaptureFixture[s
     save_map(Path("parts/pitch.npz"), np.zeros((20, 30)), 0.0)
     Path("parts/rubbish.npz").write_bytes(b"rubbish")
     Path("parts/scan.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    known = ("--font", "gothic", "--format", "9", "--height-mm", "4", "--orientation", "upright")
+    known = ("--font", "gothic", "--format", "A9", "--height-mm", "4", "--orientation", "upright")
     assert main(["read", "parts", "parts/none.npz", *known, "--out", "t.csv"]) == 1
     shown = capsys.readouterr()
     assert "Traceback" not in shown.out + shown.err

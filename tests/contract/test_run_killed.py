@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from tests.contract.front_doors import save_height_map, start_process
+from tests.contract.front_doors import main, save_height_map, start_process
 from tests.support.waiting import PATIENCE_S, children, is_alive, wait_until
 
 PARTS = 8
@@ -55,14 +55,16 @@ def killed_after(process: subprocess.Popen[str], table: Path, count: int) -> Non
 
 
 def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_once(
-    parts: Path, tmp_path: Path
+    parts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, and kills again and again
     table = tmp_path / "rows.csv"
     first = started(parts, tmp_path, table.name)
     wait_for_lines(first, table, 1)
     first.send_signal(signal.SIGSTOP)  # or it might be done before the second one looks
-    _, error = started(parts, tmp_path, table.name).communicate(timeout=PATIENCE_S)
+    monkeypatch.chdir(tmp_path)
+    assert main([*READ, "--jobs", "1", "--out", table.name]) == 1
+    error = capsys.readouterr().err
     assert "rows.csv" in error
     assert "another run" in error
     first.send_signal(signal.SIGINT)

@@ -31,7 +31,12 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     kind = file_kind(Path(name).suffix) or "height_map"
     sent: dict[str, Any] = {"photos": (path,)} if kind == "photo" else {kind: path}
     settings = ReadSettings(
-        font=("gothic",), format=("9",), height_mm=5.0, orientation="upright", rows="top-first"
+        font=("gothic",),
+        format=("A9",),
+        height_mm=5.0,
+        experts=("network",),
+        orientation="upright",
+        rows="top-first",
     )
     try:
         done = read_order(PartOrder(folder, **sent, names={path: name}), settings, Limits())

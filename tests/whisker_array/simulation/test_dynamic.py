@@ -183,7 +183,7 @@ def frame_matrices(
 def finite_elements(
     profile: Profile, speed: float, *, length: float, at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Moment at the sensor by finite elements, solved in time by scipy's Radau; the same contact, no modes.
+    """Moment at the sensor by finite elements, solved in time by scipy's LSODA; the same contact, no modes.
 
     Damping is 2 zeta sqrt(M^-1 K) by its matrix root, which is the same share for every mode there is.
     """
@@ -234,7 +234,7 @@ def finite_elements(
     load[n - 3 : n - 1] = lam0 * np.array([-MU, 1.0])
     start[:n] = np.linalg.solve(k, load)
     found = solve_ivp(
-        change, (0.0, length / speed), start, method="Radau", t_eval=at / speed, rtol=1e-4, atol=1e-8,
+        change, (0.0, length / speed), start, method="LSODA", t_eval=at / speed, rtol=1e-4, atol=1e-8,
         max_step=2e-4,
     )  # fmt: skip
     assert found.success

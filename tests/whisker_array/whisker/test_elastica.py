@@ -124,7 +124,7 @@ def shoot(whisker: Whisker, lift: float, mu: float, alpha: float) -> tuple[np.nd
                 c, n = math.cos(angle + v[0]), math.sin(angle + v[0])
                 return [v[1] / ei_at(whisker, i, min(s / length, 1.0)), -(c * fy - n * fx), c, n]
 
-            run = integrate.solve_ivp(slope, (0.0, length), state, rtol=1e-10, atol=1e-12)
+            run = integrate.solve_ivp(slope, (0.0, length), state, method="DOP853", rtol=1e-10, atol=1e-12)
             state = run.y[:, -1]
         return state
 
@@ -354,7 +354,8 @@ def test_snapping_through_is_told_where_it_is() -> None:
                 c, n = math.cos(rest + v[0]), math.sin(rest + v[0])
                 return [-v[1] / ei, force * (c * fy - n * fx), -c, -n]
 
-            state = integrate.solve_ivp(rate, (0.0, length), state, rtol=1e-8, atol=1e-10).y[:, -1]
+            run = integrate.solve_ivp(rate, (0.0, length), state, method="DOP853", rtol=1e-8, atol=1e-10)
+            state = run.y[:, -1]
         return state
 
     turn, lifts = 0.0, []
