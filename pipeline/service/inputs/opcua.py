@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.inputs.opcua_device import Users, bad, build_device, settings_fit, variant
+from pipeline.service.inputs.opcua_device import Users, bad, set_up_device, settings_fit, variant
 from pipeline.service.inputs.opcua_guard import GuardedServer
 from pipeline.service.inputs.opcua_model import load_model, ua
 from pipeline.service.inputs.opcua_result import (
@@ -70,7 +70,6 @@ class OpcUaPort:
         settings: OpcUaSettings,
         trigger: Trigger,
         *,
-        name: str = "tactile-marks",
         connections: int = 16,
         answer_s: float = 120.0,
     ) -> None:
@@ -79,12 +78,11 @@ class OpcUaPort:
         Args:
             settings: of the server; port 0 takes any that is free, without users everybody may call.
             trigger: reads a part.
-            name: of the device.
             connections: that have signed in, at once.
             answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
         """
         self.host, self.port = settings.host, settings.port or 0
-        self._settings, self._trigger, self._name = settings, trigger, name
+        self._settings, self._trigger = settings, trigger
         self._connections, self._answer_s = connections, answer_s
         self._server: Any = None
         self._nodes: dict[str, Any] = {}
@@ -103,7 +101,7 @@ class OpcUaPort:
         """
         server: Any = GuardedServer(Users(self._settings.users), sessions=self._connections)
         await server.init()
-        server.set_server_name(self._name)
+        server.set_server_name("tactile-marks")
         await server.set_application_uri("urn:tactile-marks:server")
         server.application_type = ua.ApplicationType.Server
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}/tactile-marks")
@@ -127,7 +125,7 @@ class OpcUaPort:
             "TriggerJob": self._trigger_part,
         }
         model = await load_model(server)
-        self._nodes, self._events = await build_device(server, model, name=self._name, methods=methods)
+        self._nodes, self._events = await set_up_device(server, model, methods)
         await server.start()
         if server.bserver is not None:
             self.port = server.bserver.port

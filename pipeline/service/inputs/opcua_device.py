@@ -14,72 +14,44 @@ from asyncua.server.user_managers import UserManager
 from pipeline.common.version import program_version
 from pipeline.service.inputs.opcua_model import Model, ua
 
+# texts that are empty at first, which the file of the model cannot say
+_EMPTY = (
+    *("DeviceInfo", "LastScanData", "LastPartId", "LastDecision"),
+    *("SerialNumber", "DeviceManual", "DeviceRevision", "HardwareRevision"),
+)
 
-async def build_device(
-    server: Any, model: Model, *, name: str, methods: Mapping[str, Callable[..., Any]]
+
+async def set_up_device(
+    server: Any, model: Model, methods: Mapping[str, Callable[..., Any]]
 ) -> tuple[dict[str, Any], Any]:
-    """Put the device into DeviceSet.
+    """Make the device of the model ready to be called.
 
     Args:
         server: with the model loaded.
-        model: of the specification.
-        name: of the device.
+        model: with the device.
         methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
 
     Returns:
-        Its variables by name, and the generator of its events.
+        Its nodes by name, and the generator of its events.
     """
-    kinds, own = ua.VariantType, model.reader
-
-    def named(namespace: int, one: str) -> tuple[Any, Any]:
-        return ua.NodeId(f"reader.{one}", own), ua.QualifiedName(one, namespace)
-
-    def argument(one: str, kind: Any, rank: Any = ua.ValueRank.Scalar) -> Any:
-        return ua.Argument(Name=one, DataType=kind, ValueRank=rank)
-
-    device = await model.device_set.add_object(
-        ua.NodeId("reader", own), ua.QualifiedName(name, own), objecttype=model.ocr_reader.nodeid
-    )
-    nodes: dict[str, Any] = {}
-    for namespace, one, value in (
-        (model.autoid, "DeviceName", name),
-        (model.autoid, "DeviceInfo", ""),
-        (model.autoid, "AutoIdModelVersion", "1.01"),
-        (model.autoid, "DeviceStatus", ua.Variant(0, kinds.Int32)),
-        (model.autoid, "LastScanData", ""),
-        (model.autoid, "LastScanTimestamp", ua.Variant(None, kinds.DateTime)),
-        (model.di, "Manufacturer", ua.LocalizedText("tactile-marks")),
-        (model.di, "Model", ua.LocalizedText("camera and whisker array")),
-        (model.di, "SoftwareRevision", program_version()),
-        (model.di, "RevisionCounter", ua.Variant(-1, kinds.Int32)),
-        *(
-            (model.di, one, "")
-            for one in ("SerialNumber", "DeviceManual", "DeviceRevision", "HardwareRevision")
-        ),
-    ):
-        nodes[one] = await device.get_child(ua.QualifiedName(one, namespace))
-        await nodes[one].write_value(value)
-    for one, first in (("LastPartId", ""), ("LastDecision", ""), ("LastConfidence", 0.0)):
-        nodes[one] = await device.add_variable(*named(own, one), first)
-    text, number = ua.NodeId(kinds.String.value), ua.NodeId(kinds.Double.value)
-    settings = argument("Settings", ua.NodeId(3010, model.autoid))
-    status = argument("Status", ua.NodeId(3013, model.autoid))
-    results = argument("Results", ua.NodeId(3002, model.autoid), ua.ValueRank.OneDimension)
-    plain = [argument(one, text) for one in ("PartId", "Text", "Decision")]
-    plain += [argument("Confidence", number), argument("Source", text)]
-    called = [argument(one, text) for one in ("PartName", "JobName")]
-    for namespace, one, inputs, outputs in (
-        (model.autoid, "Scan", [settings], [results, status]),
-        (model.autoid, "ScanStart", [settings], [status]),
-        (model.autoid, "ScanStop", [], []),
-        (own, "TriggerPart", called[:1], plain),
-        (own, "TriggerJob", called, plain),
-    ):
-        await device.add_method(*named(namespace, one), methods[one], inputs, outputs)
-    events = await server.get_event_generator(model.ocr_event, device)
-    events.event.DeviceName = name
+    nodes = {(await node.read_browse_name()).Name: node for node in await model.device.get_children()}
+    words = {
+        **dict.fromkeys(_EMPTY, ""),
+        "SoftwareRevision": program_version(),
+        "Manufacturer": ua.LocalizedText("tactile-marks"),
+        "Model": ua.LocalizedText("camera and whisker array"),
+    }
+    for name, value in words.items():
+        await nodes[name].write_value(value)
+    for name, method in methods.items():
+        server.link_method(nodes[name], method)
+    events = await server.get_event_generator(model.ocr_event, model.device)
+    events.event.DeviceName = await nodes["DeviceName"].read_value()
     # the node set has no values to take them from
-    events.event.data_types |= {"DeviceName": kinds.String, "ScanResult": kinds.ExtensionObject}
+    events.event.data_types |= {
+        "DeviceName": ua.VariantType.String,
+        "ScanResult": ua.VariantType.ExtensionObject,
+    }
     return nodes, events
 
 

@@ -36,24 +36,17 @@ class Model:
     """Nodes of the model in a server.
 
     Attributes:
-        di, autoid, reader: indexes of the namespaces.
-        ocr_reader: type of the device.
+        device: the OCR reader.
         ocr_event: type of its events.
-        device_set: parent of devices.
     """
 
-    di: int
-    autoid: int
-    reader: int
-    ocr_reader: Any
+    device: Any
     ocr_event: Any
-    device_set: Any
 
 
 async def load_model(server: Any) -> Model:
-    """Load the types into a server that has been initialised."""
-    di, autoid, reader = [await server.register_namespace(uri) for uri in (DI_URI, AUTOID_URI, READER_URI)]
+    """Load the types and the device into a server that has been initialised."""
+    _, autoid, reader = [await server.register_namespace(uri) for uri in (DI_URI, AUTOID_URI, READER_URI)]
     await server.import_xml(NODE_SET)
     await server.load_data_type_definitions()
-    ids = ((autoid, 1002), (autoid, 1005), (di, 5001))
-    return Model(di, autoid, reader, *(server.get_node(ua.NodeId(id, ns)) for ns, id in ids))
+    return Model(server.get_node(ua.NodeId("reader", reader)), server.get_node(ua.NodeId(1005, autoid)))
