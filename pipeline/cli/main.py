@@ -29,6 +29,8 @@ from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"
 _HELP = ("--help", "-h", "--help-all")
+_READ_BY = ("pipeline.runs.task", "pipeline.reading.readers", "recognition.senses.touch")
+"""Modules that a worker needs for its first part."""
 
 
 def _version() -> str:
@@ -245,6 +247,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             interrupts_noted(),
             show_compiling(lambda line: print(line, file=sys.stderr, flush=True)),
             failures_reported(),
+            _worker_of(given) if arguments is None else contextlib.nullcontext(),
         ):
             status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
         if tell is not None:
@@ -263,6 +266,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(f"{describe_fault(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
+
+
+def _worker_of(given: Sequence[str]) -> contextlib.AbstractContextManager[None]:
+    """A worker that imports what reading needs while this process parses its arguments; only `read` wants one."""
+    if given[:1] != ["read"] or any(word.partition("=")[0] in (*_HELP, "--cluster") for word in given):
+        return contextlib.nullcontext()
+    from pipeline.workers.process import started_early
+
+    return started_early(_READ_BY)
 
 
 class _Output(io.TextIOWrapper):

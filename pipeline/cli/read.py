@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
 from pipeline.cli.settings import READING, Config, JobPath, Reading
-from pipeline.runs.options import MODULES, RunOptions
+from pipeline.runs.options import RunOptions
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ def read(
     """
     if not (inputs or run.manifest):
         raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")
-    # a worker loads the libraries of reading while this process loads its own
-    with resumable(run.out), executors.opened(modules=MODULES) as executor:
+    with resumable(run.out), executors.opened() as executor:
         from pipeline.runs.production import run_batch
 
         return run_batch(inputs, reading, run, executor)

@@ -9,9 +9,6 @@ from glyphs.atomic import check_writable
 from pipeline.common.settings import SettingsError
 from pipeline.runs.store_target import is_store
 
-MODULES = ("pipeline.runs.task", "pipeline.reading.readers", "recognition.senses.touch")
-"""Modules that a worker needs for its first part."""
-
 
 @dataclass(frozen=True)
 class RunOptions:

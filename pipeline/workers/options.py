@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +11,6 @@ from typing import ParamSpec, TypeVar, cast
 from glyphs.errors import MarksError
 from pipeline.workers.executors import Executor, WorkerLostError, cores
 from pipeline.workers.pool import PART_TIMEOUT_S, WorkPool
-from pipeline.workers.process import load
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,14 +31,11 @@ class ExecutorOptions:
     cluster: str | None = None
     part_timeout_s: float = PART_TIMEOUT_S
 
-    def opened(
-        self, parts: int | None = None, modules: Sequence[str] = ()
-    ) -> AbstractContextManager[Executor]:
+    def opened(self, parts: int | None = None) -> AbstractContextManager[Executor]:
         """Open the executor.
 
         Args:
             parts: how many there are; None where that is not known yet.
-            modules: that processes of this machine import before their first part; one starts at once for them.
 
         Raises:
             ClusterError: no cluster, or none that can be used.
@@ -53,8 +49,7 @@ class ExecutorOptions:
         return WorkPool(
             jobs if parts is None else min(jobs, max(1, parts)),
             timeout_s=self.part_timeout_s,
-            warm_up=partial(load, modules),
-            started=1 if modules else 0,
+            at_once=False,
         )
 
 

@@ -30,7 +30,7 @@ from typing import Any
 from glyphs.errors import MarksError, describe_fault
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, WorkerLostError
-from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called
+from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called, worker_of
 
 _log = logging.getLogger(__name__)
 PART_TIMEOUT_S = 900.0
@@ -95,7 +95,7 @@ class WorkPool(Executor):
         timeout_s: float = PART_TIMEOUT_S,
         memory_mb: int | None = None,
         warm_up: Callable[[], object] = bool,
-        started: int | None = None,
+        at_once: bool = True,
     ) -> None:
         """Start the workers; they warm up by themselves, see `ready`.
 
@@ -105,7 +105,7 @@ class WorkPool(Executor):
             timeout_s: longest time of a job; its process is then replaced.
             memory_mb: of a worker; 0: no limit (default: its share of the machine's).
             warm_up: called by every worker before its first job; it can be pickled (default: nothing is done).
-            started: processes that start now, the others when there are jobs for them (default: all).
+            at_once: start all processes now; else when there are jobs for them.
 
         Raises:
             SettingsError: numbers that cannot be.
@@ -123,7 +123,7 @@ class WorkPool(Executor):
         self._slots: list[_Slot] = []
         self._changed = threading.Condition()  # jobs wait, or the pool closes
         self._closing, self._stopped = threading.Event(), threading.Event()
-        for _ in range(workers if started is None else started):
+        for _ in range(workers if at_once else 0):
             self._add_slot()
         # before multiprocessing's own, which waits for workers that do not end by themselves
         atexit.register(self.close, 0.0)
@@ -304,7 +304,7 @@ class WorkPool(Executor):
         """Start a worker and wait until it is warm; whether it is."""
         answer: Answer | Exception
         try:
-            slot.worker = Worker(slot.number, self.memory_mb)
+            slot.worker = worker_of(slot.number, self.memory_mb)
             late = "it was not ready after {} s"
             (answer,) = slot.worker.ask([called(self._warm_up)], [_WARM_UP_S], late, self._not_wanted)
         except Exception as error:

@@ -61,12 +61,12 @@ def _unpickled(data: bytes) -> Any:
 class Worker:
     """A worker process, as its parent sees it."""
 
-    def __init__(self, number: int, memory_mb: int) -> None:
-        """Start the process.
+    def __init__(self, number: int, modules: Sequence[str] = ()) -> None:
+        """Start the process; it waits for `limit` before its first call.
 
         Args:
             number: the worker of number 0 shows what is compiled; the others compile the same.
-            memory_mb: limit of its memory; 0: none.
+            modules: that it imports at once.
 
         Raises:
             OSError: it cannot be started.
@@ -75,7 +75,7 @@ class Worker:
             os.environ.setdefault(name, value)
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        arguments = (theirs, memory_mb, number == 0)
+        arguments = (theirs, modules, number == 0)
         self.process = context.Process(target=_serve, args=arguments, daemon=True)
         try:
             self.process.start()
@@ -84,6 +84,11 @@ class Worker:
             raise
         finally:
             theirs.close()
+
+    def limit(self, memory_mb: int) -> None:
+        """Say how much memory the process may use, in MB; 0: no limit."""
+        with contextlib.suppress(OSError):  # the process has died; the first call finds it
+            self._pipe.send(memory_mb)
 
     @property
     def is_alive(self) -> bool:
@@ -148,14 +153,35 @@ class Worker:
         self.process.join()
 
 
-def load(modules: Sequence[str]) -> None:
-    """Import modules, for the first job to find them; one that cannot be imported is the job's fault."""
-    for name in modules:
-        with contextlib.suppress(Exception):
-            importlib.import_module(name)
+_EARLY: list[Worker] = []
+"""The worker of `started_early`, until a pool takes it."""
 
 
-def _serve(pipe: Connection, memory_mb: int, shows: bool) -> None:
+@contextlib.contextmanager
+def started_early(modules: Sequence[str]) -> Iterator[None]:
+    """Have a worker import modules while this process imports its own; a pool within the block takes that worker."""
+    with contextlib.suppress(OSError):  # the pool tries again, and says why
+        _EARLY.append(Worker(0, modules))
+    try:
+        yield
+    finally:
+        for worker in _EARLY:
+            worker.end()
+        _EARLY.clear()
+
+
+def worker_of(number: int, memory_mb: int) -> Worker:
+    """Start a worker with a limit of memory; the one of number 0 may have been started early.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    worker = _EARLY.pop() if _EARLY and number == 0 else Worker(number)
+    worker.limit(memory_mb)
+    return worker
+
+
+def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
     """Call the functions that come through the pipe, and send back `Answer` or the exception."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if sys.platform == "linux":
@@ -166,17 +192,26 @@ def _serve(pipe: Connection, memory_mb: int, shows: bool) -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     os.environ.update(dict.fromkeys(_THREADS, "1"))  # before the libraries are loaded
-    if memory_mb > 0:
-        with contextlib.suppress(ImportError):  # not on Windows
-            import resource
-
-            # what is written to, that is: libraries reserve far more addresses than they use
-            resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
+    for name in modules:
+        with contextlib.suppress(
+            Exception
+        ):  # one that cannot be imported is the fault of the call that needs it
+            importlib.import_module(name)
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
+        _keep_to(pipe.recv())
         while True:
             for call in pipe.recv():
                 pipe.send_bytes(_answered(call))
                 end_part()
+
+
+def _keep_to(memory_mb: int) -> None:
+    """Limit the memory that this process writes to: libraries reserve far more addresses than they use."""
+    if memory_mb > 0:
+        with contextlib.suppress(ImportError):  # not on Windows
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_DATA, (memory_mb * _MB, memory_mb * _MB))
 
 
 def _say(line: str) -> None:
