@@ -173,13 +173,13 @@ def gate(
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.options import WorkerSettings
     from recognition.language.orientation import Orientation
     from recognition.senses.settings import ReaderSettings
 
     worse: list[str] = []
     parts = sum(floor.EDITIONS.values())
-    with tempfile.TemporaryDirectory() as scratch, ExecutorOptions(jobs).opened(parts) as executor:
+    with tempfile.TemporaryDirectory() as scratch, WorkerSettings(jobs=jobs).opened(parts) as executor:
         for edition, first in floor.EDITIONS.items():
             source = DesignedParts(design_named(edition), first)
             benchmark = Benchmark(source, floor.MODES, ReaderSettings(orientation=Orientation.UPRIGHT))
@@ -351,9 +351,9 @@ def compare(
         raise UsageError("compare: --pictures is at least 0")
     from pipeline.benchmark.report.change_report import write_comparison
     from pipeline.cli.exam_tables import print_comparison
-    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.options import WorkerSettings
 
-    with ExecutorOptions(jobs).opened(pictures) as executor:
+    with WorkerSettings(jobs=jobs).opened(pictures) as executor:
         print_comparison(write_comparison(before, after, out or after, pictures=pictures, executor=executor))
     return 0
 
@@ -362,9 +362,13 @@ def compare(
 def _at_work(n: int, kept: Path, jobs: int, cluster: str | None) -> Iterator[tuple[Progress, Executor]]:
     """Show progress and open the executor for n parts; after an interrupt, say where finished parts are kept."""
     from pipeline.runs.progress import Progress
-    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.options import WorkerSettings
 
-    with Progress() as progress, resumable(kept), ExecutorOptions(jobs, cluster).opened(n) as executor:
+    with (
+        Progress() as progress,
+        resumable(kept),
+        WorkerSettings(jobs=jobs, cluster=cluster).opened(n) as executor,
+    ):
         yield progress, executor
 
 

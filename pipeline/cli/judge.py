@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from pipeline.cli.choices import Jobs, Positive
 from pipeline.cli.exit_status import FAILED, UsageError, resumable
-from pipeline.cli.settings import READING, Config, JobPath, Reading
-from pipeline.workers.options import ExecutorOptions
+from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
+from pipeline.workers.options import WorkerSettings
 
 if TYPE_CHECKING:
     from pipeline.benchmark.study.study import Study
     from pipeline.runs.certification import Certification
 
-_EXECUTORS = ExecutorOptions()
 _MOST_NAMED = 5
 _GO_ON = "start the same command again to go on"
 
@@ -29,7 +26,7 @@ def certify(
     confidence: float = 0.95,
     out: Path = Path("certificate.json"),
     manifest: tuple[str, ...] = (),
-    executors: Annotated[ExecutorOptions, Parameter(name="*")] = _EXECUTORS,
+    workers: Workers = WORKERS,
     reading: Reading = READING,
     job: JobPath = None,
     config: Config = None,
@@ -71,7 +68,7 @@ def certify(
     check_writable(out)
     with resumable(out.parent, hint=_GO_ON):
         found = certification.certify(
-            inputs, truth, reading, executors, out=out, risk=risk, confidence=confidence, manifests=manifest
+            inputs, truth, reading, workers, out=out, risk=risk, confidence=confidence, manifests=manifest
         )
     _print_tests(found, confidence)
     if found.certificate is None:
@@ -160,7 +157,9 @@ def study(
 
     with resumable(out, hint=_GO_ON):
         plan = StudyPlan(reading, repeats, arrays)
-        found, written = run_study(plan, inputs, out, ExecutorOptions(jobs), reviewers=reviewers, truth=truth)
+        found, written = run_study(
+            plan, inputs, out, WorkerSettings(jobs=jobs), reviewers=reviewers, truth=truth
+        )
     _print(found)
     for path in written:
         print(f"wrote {path}")

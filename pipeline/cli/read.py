@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
-from pipeline.cli.settings import READING, Config, JobPath, Reading
+from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
 from pipeline.runs.options import RunOptions
-from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.formats.part_files import PartFiles
     from recognition.decision import reading as readings
 
-_RUN, _EXECUTORS = RunOptions(), ExecutorOptions()
+_RUN = RunOptions()
 
 
 def read(
     *inputs: str,
     run: Annotated[RunOptions, Parameter(name="*")] = _RUN,
-    executors: Annotated[ExecutorOptions, Parameter(name="*")] = _EXECUTORS,
+    workers: Workers = WORKERS,
     reading: Reading = READING,
     job: JobPath = None,
     config: Config = None,
@@ -42,7 +41,7 @@ def read(
     """
     if not (inputs or run.manifest):
         raise UsageError("read: name a height map, a scan, a photograph, a folder, a glob or a manifest")
-    with resumable(run.out), executors.opened() as executor:
+    with resumable(run.out), workers.opened() as executor:
         from pipeline.runs.production import run_batch
 
         return run_batch(inputs, reading, run, executor)

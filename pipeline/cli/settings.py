@@ -7,7 +7,7 @@ environment             TACTILE_MARKS_HEIGHT_MM=5, TACTILE_MARKS_SERVICE_PORT=84
 flags                   --height-mm 5, serve --port 8417
 job                     read --job housing-left.toml    (in place of environment and file; flags go over it)
 
-A command has a parameter of type `Reading` or `Service`, and one `config`. A key that is not known is an error.
+A command has a parameter of type `Reading`, `Workers` or `Service`, and one `config`. An unknown key is an error.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from pipeline.common.job_file import read_job_file
 from pipeline.common.parsed import shown, toml_of
 from pipeline.common.settings import MapSettings, ReadSettings, Settings, SettingsError, bad_value
 from pipeline.service.settings import ServiceSettings
+from pipeline.workers.options import WorkerSettings
 
 DEFAULT_FILE = Path("tactile-marks.toml")
-MODELS: tuple[type[Settings], ...] = (ReadSettings, ServiceSettings)
+MODELS: tuple[type[Settings], ...] = (ReadSettings, WorkerSettings, ServiceSettings)
 _HELP = "Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
 
 Reading = Annotated[
@@ -39,6 +40,16 @@ Reading = Annotated[
         group=Group(
             "Settings of reading",
             help=_HELP.format(example="height_mm = 5.0", variable=ReadSettings.variable("height_mm")),
+        ),
+    ),
+]
+Workers = Annotated[
+    WorkerSettings,
+    Parameter(
+        name="*",
+        group=Group(
+            "Settings of the workers",
+            help=_HELP.format(example="under [workers]", variable=WorkerSettings.variable("jobs")),
         ),
     ),
 ]
@@ -68,7 +79,7 @@ JobPath = Annotated[
         "beside it go over it."
     ),
 ]
-READING, SERVICE, MAPS = ReadSettings(), ServiceSettings(), MapSettings()
+READING, WORKERS, SERVICE, MAPS = ReadSettings(), WorkerSettings(), ServiceSettings(), MapSettings()
 
 
 def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:

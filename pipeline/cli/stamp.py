@@ -142,11 +142,11 @@ def synth(
     from glyphs.soiling.workshop.mixture import Dirt
     from pipeline.formats.synth import SynthSpec, write_parts
     from pipeline.workers.executors import ordered_map
-    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.options import WorkerSettings
 
     mixture = replace(Dirt.of(dirt), **_amounts(mix, vars(Dirt.of(0.0)))) if mix else None
     spec = SynthSpec(**vars(stamping), soiling=Soiling(listed(soil), dirt, mixture=mixture))
-    with ExecutorOptions(jobs=jobs).opened(parts) as executor:
+    with WorkerSettings(jobs=jobs).opened(parts) as executor:
         each = partial(ordered_map, executor)
         made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
     print(f"wrote {len(made)} parts and truth.csv to {out}")

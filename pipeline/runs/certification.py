@@ -29,7 +29,7 @@ from pipeline.runs.production import absolute, parts_for
 from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import ReadPart, RunOrder, lost_part, read_listed
-from pipeline.workers.options import ExecutorOptions
+from pipeline.workers.options import WorkerSettings
 from recognition.decision.accepted_risk import (
     THRESHOLDS,
     ThresholdTest,
@@ -89,7 +89,7 @@ def certify(
     inputs: Sequence[str],
     truth: Path,
     settings: ReadSettings,
-    executors: ExecutorOptions,
+    workers: WorkerSettings,
     *,
     out: Path,
     risk: float,
@@ -102,7 +102,7 @@ def certify(
         inputs: files, folders, globs, URLs and manifests.
         truth: CSV with the columns part and text.
         settings: settings of reading, for which the certificate holds.
-        executors: choice of the executor that reads.
+        workers: settings of the workers that read.
         out: certificate file to write; the journal of the parts already read is kept beside it.
         risk: largest share of wrong readings among the accepted.
         confidence: confidence level of the test.
@@ -139,7 +139,7 @@ def certify(
     }
     place = out.with_name(f"{out.name}.unfinished")
     with CertificationJournal(place, description, output=out) as journal:
-        _read_all(parts, settings, executors, journal)
+        _read_all(parts, settings, workers, journal)
         read = dict(sorted(journal.done.items()))
         accepted = {name: part.record for name, part in read.items() if part.record.decision == "accept"}
         tests = threshold_tests(
@@ -178,14 +178,14 @@ def certify(
 def _read_all(
     parts: Sequence[PartFiles],
     settings: ReadSettings,
-    executors: ExecutorOptions,
+    workers: WorkerSettings,
     journal: CertificationJournal,
 ) -> None:
     """Read the parts that the journal lacks."""
     known = len(journal.names)
     if known:
         print(f"continuing a broken-off certification: {known:,} parts are read already")
-    with Progress() as progress, show_compiling(progress.line), executors.opened(len(parts)) as executor:
+    with Progress() as progress, show_compiling(progress.line), workers.opened(len(parts)) as executor:
         progress.start(len(parts) - known)
         sent = files_to_send(settings) if executor.remote else None
         order = RunOrder(settings, digests=True, measures=True, sent=sent)

@@ -1,14 +1,16 @@
-"""Choice of an executor, as a command line asks for it."""
+"""Settings of the workers, declared once: of runs, for the command line, its file and the library."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import partial
-from typing import ParamSpec, TypeVar, cast
+from typing import ClassVar, ParamSpec, TypeVar, cast
+
+from pydantic import Field
 
 from glyphs.errors import MarksError
+from pipeline.common.settings import Settings
 from pipeline.workers.executors import Executor, WorkerLostError, cores
 from pipeline.workers.pool import PART_TIMEOUT_S, WorkPool
 
@@ -16,20 +18,18 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-@dataclass(frozen=True)
-class ExecutorOptions:
-    """Choice of the workers.
+class WorkerSettings(Settings):
+    """Settings of the workers of a run."""
 
-    Attributes:
-        jobs: Worker processes (default: one for each core). Files are opened by workers alone: one that crashes the
-            library that opens it then costs its own part, and not the run.
-        cluster: Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster.
-        part_timeout_s: Seconds after which a process of this machine gives a part up.
-    """
+    table: ClassVar[str] = "workers"
 
-    jobs: int | None = None
+    jobs: int | None = Field(default=None, ge=1)
+    """Worker processes. Default: one for each core. Files are opened by workers alone: one that crashes the library
+    that opens it then costs its own part, and not the run."""
     cluster: str | None = None
-    part_timeout_s: float = PART_TIMEOUT_S
+    """Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster."""
+    part_timeout_s: float = Field(default=PART_TIMEOUT_S, gt=0.0, allow_inf_nan=False)
+    """Seconds after which a process of this machine gives a part up."""
 
     def opened(self, parts: int | None = None) -> AbstractContextManager[Executor]:
         """Open the executor.
@@ -39,7 +39,6 @@ class ExecutorOptions:
 
         Raises:
             ClusterError: no cluster, or none that can be used.
-            SettingsError: a number of jobs that cannot be.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -60,7 +59,7 @@ def in_a_worker(function: Callable[P, R], *args: P.args, **options: P.kwargs) ->
         MarksError: it has crashed.
         Exception: whatever the function raises.
     """
-    with ExecutorOptions(jobs=1).opened() as executor:
+    with WorkerSettings(jobs=1).opened() as executor:
         try:
             return cast(R, executor.submit(partial(function, *args, **options)).result())
         except WorkerLostError as error:

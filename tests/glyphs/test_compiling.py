@@ -22,8 +22,8 @@ from contextlib import nullcontext
 from numba.core.registry import CPUDispatcher
 from pipeline.cli.main import main
 from pipeline.workers.executors import Executor
-from pipeline.workers.options import ExecutorOptions
-ExecutorOptions.opened = lambda *_, **__: nullcontext(Executor())  # here, where kernels are counted
+from pipeline.workers.options import WorkerSettings
+WorkerSettings.opened = lambda *_, **__: nullcontext(Executor())  # here, where kernels are counted
 for name in sys.argv[1:]:
     assert main(["read", name, "--font", "gothic", "--format", "AA99"]) == 0
 modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]

@@ -67,9 +67,9 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have commands that are called in this process read here too, where a test can put something in their way."""
     from pipeline.workers.executors import Executor
-    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.options import WorkerSettings
 
-    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_, **__: contextlib.nullcontext(Executor()))
+    monkeypatch.setattr(WorkerSettings, "opened", lambda *_, **__: contextlib.nullcontext(Executor()))
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

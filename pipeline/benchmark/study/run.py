@@ -17,7 +17,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import PartTexts, load_truth
 from pipeline.reading.readers import reader_of
 from pipeline.runs.progress import Progress
-from pipeline.workers.options import ExecutorOptions
+from pipeline.workers.options import WorkerSettings
 
 _MOST_NAMED = 5
 
@@ -26,7 +26,7 @@ def run_study(
     plan: StudyPlan,
     inputs: Sequence[str],
     out: Path,
-    executors: ExecutorOptions,
+    workers: WorkerSettings,
     *,
     reviewers: Path | None = None,
     truth: Path | None = None,
@@ -37,7 +37,7 @@ def run_study(
         plan: of the measurements; recordings and photographs have one array.
         inputs: parts, folders, globs and manifests.
         out: folder of the report; it also holds the journal of an interrupted study.
-        executors: options of the executors that run the work.
+        workers: settings of the workers that read.
         reviewers: table of the texts that people read.
         truth: table of the stamped texts (default for parts in a manifest: the expected text).
 
@@ -69,7 +69,7 @@ def run_study(
         if journal.names:
             print(f"continuing a broken-off study: {len(journal.names):,} parts are measured already")
         progress.start(len(parts) - len(journal.names))
-        with executors.opened(len(parts)) as executor:
+        with workers.opened(len(parts)) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
         found = study_of(measured, answers, true, notes=tuple(notes))
         written = write_study(found, out)

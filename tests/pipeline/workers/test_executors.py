@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.workers.executors import Executor, ordered_map
-from pipeline.workers.options import ExecutorOptions
+from pipeline.workers.options import WorkerSettings
 from pipeline.workers.pool import WorkPool
 from tests.support.executor_calls import dies_of_seven, dies_once, doubled, late_first, odd_fails
 
@@ -88,6 +88,6 @@ def test_a_task_whose_worker_is_killed_from_outside_is_done_by_another(tmp_path:
 def test_no_more_workers_than_parts_and_none_before_there_is_work(
     jobs: int | None, parts: int | None, workers: int
 ) -> None:
-    with ExecutorOptions(jobs).opened(parts) as executor:
+    with WorkerSettings(jobs=jobs).opened(parts) as executor:
         assert isinstance(executor, WorkPool)
         assert (executor.workers, executor.pids) == (workers, ())
