@@ -266,7 +266,7 @@ class Controller(ABC):
         self.run([*lines, *self.dialect.settle], seconds=seconds)
 
     def touch(self, moves: Moves) -> None:
-        """From where a pass begins: wait for the air samples, lower, drag, lift.
+        """Make one pass from its start: wait for the air samples, lower, drag, lift.
 
         Raises:
             StageError: as `run`, or it does not stand where it should afterwards.

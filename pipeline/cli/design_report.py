@@ -35,7 +35,7 @@ def print_report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tune
 
 
 def _described(design: Design) -> list[str]:
-    """What was asked for, what to build, and how to use it."""
+    """Describe the task, the whisker to build, and its use."""
     r, w = design.request, design.whisker
     low, high = (math.degrees(a) for a in r.alpha_rad)
     where = "below" if w.lowered_mm >= 0.0 else "above"

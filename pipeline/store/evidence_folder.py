@@ -117,7 +117,7 @@ class EvidenceFolder:
                 Path(name).unlink(missing_ok=True)
 
     def path(self, sha256: str) -> Path:
-        """Where the file of that hash is, if it is kept.
+        """Path at which the file with that hash is kept, whether it is there or not.
 
         Raises:
             ValueError: no hash.
@@ -127,7 +127,7 @@ class EvidenceFolder:
         return self._files / sha256[:2] / sha256
 
     def state(self, sha256: str, *, read: bool = True) -> FileState:
-        """Whether the file of that hash is kept, and, if all of it is read, holds what it was named after."""
+        """State of the file with that hash; only if it is read, its content is checked against the hash."""
         try:
             with self.path(sha256).open("rb") as stream:
                 whole = not read or hashlib.file_digest(stream, "sha256").hexdigest() == sha256
@@ -138,7 +138,7 @@ class EvidenceFolder:
         return FileState.WHOLE if whole else FileState.DAMAGED
 
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
-        """Where those of the files are that are kept and hold what they were named after; the others are logged."""
+        """Paths of the kept files whose contents match their hashes; the others are logged."""
         found = []
         for name in hashes:
             if (state := self.state(name)) is FileState.WHOLE:

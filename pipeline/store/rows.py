@@ -197,7 +197,7 @@ def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> bool:
 
 
 def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
-    """Which of the files of these hashes are still needed."""
+    """Find the hashes whose files are still needed."""
     kept = evidence.c.gone.is_(False)
     asked = sa.select(evidence.c.sha256).where(evidence.c.sha256.in_(list(hashes)), kept)
     return frozenset(tx.execute(asked.distinct()).scalars())

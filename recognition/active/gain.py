@@ -51,7 +51,7 @@ class Gain:
     looks: float
 
     def chance(self, way: Way, lines: Mapping[Way, int], confidences: Sequence[float]) -> float:
-        """That the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way.
+        """Probability that the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way.
 
         Args:
             way: of the next step.

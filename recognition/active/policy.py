@@ -1,4 +1,4 @@
-"""Which step comes next, and when no more is worth its stage time."""
+"""The choice of the next step, and the rule for stopping when no step is worth its stage time."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Look:
 
     @property
     def confidence(self) -> float:
-        """That all of it is right."""
+        """Probability that the whole text is right."""
         return self.choice.probability * self.read.belief.likely
 
 

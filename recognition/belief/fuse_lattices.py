@@ -49,7 +49,7 @@ def fuse_lattices(touch: Lattice, camera: Lattice, *, power: float = 0.7) -> Lat
 def contradictions(
     touch: Lattice, camera: Lattice, *, sure: float = 0.97, agreeing: float = 0.5
 ) -> tuple[tuple[int, str, str], ...]:
-    """Where both are sure of different characters: (place from 0, touch's, the camera's).
+    """Find the places at which both senses are sure of different characters: (place from 0, touch's, the camera's).
 
     Args:
         touch: posteriors.

@@ -51,7 +51,7 @@ class LineReader:
 
     @property
     def grammar(self) -> Grammar | None:
-        """What the serial's line may be."""
+        """Format of the serial's line."""
         return self.search.grammar
 
     def under(self, grammar: Grammar | None) -> LineReader:

@@ -11,7 +11,7 @@ from typing import Self
 
 
 class Kind(Enum):
-    """What follows from a flag.
+    """Effect of a flag.
 
     Attributes:
         CONTRACT: a rule about the serial is broken; the part goes to review whatever its score.

@@ -69,7 +69,7 @@ class LineSettings(Protocol):
 
     @property
     def orientation(self) -> Orientation:
-        """Which way up parts lie."""
+        """Orientation of the parts."""
 
 
 def reading_of_line(

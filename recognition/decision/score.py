@@ -67,11 +67,11 @@ class Score:
     thresholds: Sequence[tuple[float, float]] = ()
 
     def probability(self, measures: Mapping[Measure, float]) -> float:
-        """That a text is right; a quantity that is not known counts as usual."""
+        """Probability that a text is right; an unknown quantity counts as usual."""
         return share(self.bias + sum(term.nats(measures.get(name)) for name, term in self.terms.items()))
 
     def of_belief(self, belief: float) -> float:
-        """That a text is right of which nothing is known but the belief in it."""
+        """Probability that a text is right, from its posterior alone."""
         return self.probability({Measure.ODDS: log_odds(belief)})
 
     def threshold(self, risk: float) -> float:

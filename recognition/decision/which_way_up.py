@@ -139,7 +139,7 @@ def _seen_other_way(text: str, line: TextLine, view: View, lines: LineReader, wa
 
 
 def _line_in_view(line: TextLine, view: View, way: Way) -> TextLine:
-    """Where the line lies in the view that shows it the other way."""
+    """The line in the coordinates of the rotated or mirrored view."""
     points = line.centre_mm
     if way.mirrors:
         top, height = view.origin_mm[1], view.size_mm[1]

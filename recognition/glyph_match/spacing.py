@@ -1,4 +1,4 @@
-"""Where the places of a line lie: how far apart its characters stand, and where each ends."""
+"""Spacing of the characters of a line, and the bounds of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where something stands on the plate."""
+"""Boxes on the plate."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from recognition.language.lattice import Lattice
 
 
 class Orientation(StrEnum):
-    """Which way up parts lie."""
+    """Orientation of the parts."""
 
     UPRIGHT = "upright"
     ANY = "any"

@@ -39,7 +39,7 @@ class ReadText(Protocol):
 
     @property
     def confidence(self) -> float:
-        """That the text is right, 0 to 1."""
+        """Probability that the text is right, 0 to 1."""
 
     @property
     def error(self) -> str:

@@ -1,1 +1,1 @@
-"""Where lines of text are."""
+"""Find lines of text."""

@@ -1,4 +1,4 @@
-"""Where lines of text are in a view: a network looks at it at several scales, its cells are joined to lines.
+"""Find lines of text in a view: a network looks at it at several scales, and its cells are joined to lines.
 
 view --at several scales--> findings of cells --joined--> lines --best of those that overlap--> lines
 """

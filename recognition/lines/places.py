@@ -1,4 +1,4 @@
-"""Where the characters of a line stand, from the columns of its strip."""
+"""Positions of a line's characters, from the columns of its strip."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _even_out(grey: Floats, *, strong_percent: float = 90.0, least_contrast: flo
 
 
 def _pixels(heights: float) -> int:
-    """Whole cells of about so many character heights."""
+    """Number of pixels of whole cells that cover about so many character heights."""
     return round(heights * FINDER_ROWS / CELL) * CELL
 
 

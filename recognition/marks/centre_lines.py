@@ -1,4 +1,4 @@
-"""Where a character's strokes are deepest: its centre lines, as points about its reference point.
+"""Centre lines of a character's strokes, where they are deepest, as points about its reference point.
 
 Strokes know their centre lines. Of an outline they are its skeleton, without the branches into corners and serifs,
 where the edge is near.

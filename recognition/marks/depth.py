@@ -138,7 +138,7 @@ def _settle(
 
 
 def _vertex(values: Floats, at: int) -> float:
-    """Where between neighbours the parabola through a maximum has its vertex, in steps."""
+    """Offset of the vertex of the parabola through a maximum and its neighbours, in steps."""
     if not 0 < at < values.size - 1:
         return 0.0
     before, here, after = values[at - 1 : at + 2]

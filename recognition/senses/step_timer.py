@@ -1,4 +1,4 @@
-"""Where the time of a reading goes."""
+"""Time of each step of a reading."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 class StepTimer:
-    """Where the time goes, by step."""
+    """Adds up the time of each step."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

@@ -1,1 +1,1 @@
-"""Whatever can be looked at, on one grid."""
+"""Views of a part on one grid."""

@@ -1,4 +1,4 @@
-"""Where a line of text stands on a part: along a curve, for serials go round badges and shafts, too.
+"""The position of a line of text on a part: along a curve, because serials also go round badges and shafts.
 
    .--- A  B  C ---.           centre_mm: points of the curve half way up the characters
 .-'    ^ height_mm  '-.        in the order of reading; down is 90 degrees clockwise of along

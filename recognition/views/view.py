@@ -1,4 +1,4 @@
-"""Whatever of a part can be looked at, on one grid: what was felt, what a camera saw, what an instrument measured.
+"""Views of a part on one grid: felt, photographed, or measured by an instrument.
 
     scan ------------> felt_view     heights, edges of each direction \
     height map ------> heights_view  heights                           > View --strip(line)--> (LAYERS, ROWS, columns)
@@ -51,7 +51,7 @@ photographs of the calibration design 1,139 characters are read right, not 1,120
 
 
 class ViewKind(StrEnum):
-    """Where a view comes from."""
+    """Source of a view."""
 
     FELT = "felt"
     HEIGHTS = "heights"

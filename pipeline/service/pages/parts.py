@@ -21,7 +21,7 @@ Day = Annotated[date, Field(lt=date(9999, 1, 1))] | Literal[""]
 
 
 class Search(BaseModel):
-    """What is looked for in the list; days by UTC."""
+    """Search terms of the list; days by UTC."""
 
     text: Wanted = ""
     name: Wanted = ""

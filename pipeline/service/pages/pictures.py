@@ -46,7 +46,7 @@ Rectangle = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class PictureFrame:
-    """Where a picture lies, and its size in pixels."""
+    """Position of a picture, and its size in pixels."""
 
     x0_mm: float
     y0_mm: float

@@ -31,7 +31,7 @@ _NAMES = {"text": "serial", "who": "name", "note": "note"}
 
 
 class ReviewForm(BaseModel):
-    """What a person has typed of a part; `mode` is that of the page."""
+    """Text that a person has typed for a part; `mode` is that of the page."""
 
     action: str = "save"
     text: str = ""

@@ -70,7 +70,7 @@ def _counts(days: Sequence[AgreementDay]) -> dict[str, int]:
 
 
 def who_was_right(part: PartRecord) -> str:
-    """Which reader was right, by a person's review; empty before one."""
+    """Name of the reader that was right, by a person's review; empty before one."""
     if part.review is None:
         return ""
     ours = part.reading is not None and same_text(part.reading.text, part.text)
