@@ -73,7 +73,7 @@ class Reader:
         return VisionReader(self.settings)
 
     def after_photo(self) -> Reader:
-        """A reader whose regions hold for photographs alone: a scan of where the camera saw the line shows no more."""
+        """A reader whose regions apply to photographs alone: a scan covers only the line that the camera found."""
         made = Reader(self.settings)
         lines = {name: replace(line, region=None) for name, line in self.settings.asked.items()}
         made._touch_settings = replace(self.settings, region=None, lines=lines)

@@ -1,4 +1,4 @@
-"""Settings as the command line knows them: flags over environment over file over defaults.
+"""Settings of the command line: flags over environment over file over defaults.
 
 tactile-marks.toml      font = ["gothic"]               (working folder, or the file after --config)
                         [service]

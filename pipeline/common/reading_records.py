@@ -150,7 +150,7 @@ class CodeRecord:
 
 @dataclass(frozen=True)
 class PassRecord:
-    """One pass of the whiskers, and what was believed after it.
+    """One pass of the whiskers, and the posterior after it.
 
     Attributes:
         direction_deg: of travel, 0, 90, 180, 270.

@@ -263,7 +263,7 @@ def kind_of_named(file: str) -> str:
 
 
 def _with(part: PartFiles, kind: str, file: str) -> PartFiles:
-    """Add a file to a part; with two different files of one kind it is not known which is meant.
+    """Add a file to a part; two different files of one kind are an error.
 
     Photographs that are numbered (part.light-2.png) are all meant.
     """

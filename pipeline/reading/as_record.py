@@ -188,6 +188,6 @@ def _share(value: float) -> float:
 
 
 def _finite(value: float) -> float:
-    """As JSON has numbers: no infinities, and no more digits than mean anything."""
+    """A number for JSON: six decimals, and 0 in place of what is not finite."""
     number = float(value)
     return round(number, 6) if math.isfinite(number) else 0.0

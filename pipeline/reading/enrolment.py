@@ -205,7 +205,7 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
 
 
 def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: PartFiles) -> _Cuts:
-    """Cut the characters of a part with a known text; none of a part that was enrolled before."""
+    """Cut the characters of a part with a known text; none if the part is already enrolled."""
     from pipeline.formats.npz import read_soil
     from pipeline.formats.touch_file import read_height_map, read_scan
     from recognition.learning.exemplars import cut_height_map, cut_scan

@@ -358,7 +358,7 @@ class GrowingFile(FileIO):
 
 
 def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
-    """Move a file of an earlier run to the same name with a ~, and return that; one with no more than a head goes.
+    """Rename a file of an earlier run to NAME~ and return that name; a file with a header alone is deleted.
 
     Raises:
         OSError: the disk refuses.

@@ -217,7 +217,7 @@ class Service:
         self.intake.on_result()
 
     def drain(self) -> None:
-        """Take no more parts, and say so at /readyz; what is at work goes on."""
+        """Refuse new parts and report it at /readyz; parts in work are finished."""
         self.intake.draining = True
 
     def sweep(self) -> None:

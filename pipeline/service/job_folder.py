@@ -1,4 +1,4 @@
-"""The jobs that a service knows: the files of one folder, by name.
+"""The jobs of a service: the files of one folder, by name.
 
     jobs/housing-left.toml --checked with all files that it names--> settings for parts of job housing-left
 

@@ -210,7 +210,7 @@ class WorkPool(Executor):
         return f"no worker can start: {self._why_failed}"
 
     def close(self, grace_s: float) -> None:
-        """Take no more jobs, let those that there are end, and end the workers; what is not done by then is lost."""
+        """Refuse new jobs, wait for those at work, and stop the workers; jobs that are not done then are lost."""
         with self._changed:
             if self._closing.is_set():
                 return

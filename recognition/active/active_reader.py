@@ -170,7 +170,7 @@ class _Part:
         )  # fmt: skip
 
     def _feel_on(self) -> StopReason:
-        """Feel one step after the other; return why there are no more."""
+        """Make one step after the other; return the reason for stopping."""
         settings = self.active.settings
         while True:
             chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)

@@ -28,7 +28,7 @@ class StopReason(WordedEnum):
 
 @dataclass(frozen=True)
 class PassFelt:
-    """One pass, and what was believed after it.
+    """One pass, and the posterior after it.
 
     Attributes:
         order: the pass.

@@ -1,4 +1,4 @@
-"""Lines that must be felt before a text is told from its rivals.
+"""Lines that must be scanned before a text can be distinguished from its rivals.
 
     O or Q?     along x ------>  meets walls that run up and down       a wall shows where a whisker crosses it: a
                 across  |        meets walls that run along the line    tail, a bar or a gap that lies along the only

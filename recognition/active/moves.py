@@ -88,7 +88,7 @@ class Step:
 def next_step(
     fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
 ) -> Step | None:
-    """The next step of a way; None where no more are laid.
+    """The next planned step of a way; None if there is none.
 
     Args:
         fitting: whiskers, and the field that can be felt.

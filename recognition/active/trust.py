@@ -12,7 +12,7 @@ EVEN = 0.5
 
 
 class Trust:
-    """Many readings are many chances to be wrong: the more texts were believed, the surer the last must be.
+    """Raises the threshold with the number of candidate texts: many looks are many chances to be wrong.
 
     Beliefs that hold may be asked for as often as one likes; those that change their mind are one chance each
     (Bonferroni): of k texts the last may be doubted a k-th as much as one that was believed from the first.

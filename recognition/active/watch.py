@@ -1,4 +1,4 @@
-"""The line that is being felt: where it lies, and what is believed of it, looked at after every pass.
+"""The line that is being scanned: its position and posterior, updated after every pass.
 
 A look at a line takes a few milliseconds, a full reading some hundred: so that the stage need not wait, the line is
 looked at where it was last, and at a few places beside it in turns.

@@ -88,7 +88,7 @@ NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class ReadLine:
-    """A line and what is believed of it."""
+    """A line and its posteriors."""
 
     line: TextLine
     belief: LineBelief

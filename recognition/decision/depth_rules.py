@@ -175,7 +175,7 @@ def _parse_rule(text: str) -> DepthRule:
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:
-    """A rule of one's own that knows a least depth only.
+    """A rule of a least depth alone.
 
     Raises:
         DepthRuleError: not a positive number.

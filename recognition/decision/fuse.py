@@ -145,7 +145,7 @@ def fused_lattice(
 def _orientation_doubts(
     tactile: Reading, vision: Reading, text: str, settings: LineSettings
 ) -> tuple[Finding, ...]:
-    """Other ways in which the marks may be meant: of a text that both senses have read, those that neither rules out.
+    """Report other orientations in which the marks can be read: for a text of both senses, those that neither excludes.
 
     Where they have read different ones, what either doubts, and what the characters of the text say by themselves.
     """

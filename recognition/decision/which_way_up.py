@@ -1,4 +1,4 @@
-"""A reading weighed against the other ways in which its marks may be meant: upside down, or mirrored.
+"""Check whether the marks can also be read upside down or mirrored.
 
     reading, ways possible --other text? (language.orientation)--> none: as it is
                            \\--exact images------------------------> review: "also readable upside down: 809006"
@@ -36,7 +36,7 @@ _SET = {
 def ways_possible(
     orientation: Orientation, *, rows_known: bool = True, turned_deg: float = 0.0
 ) -> tuple[Way, ...]:
-    """The other ways in which the marks of a part may be meant.
+    """Orientations other than upright that the settings do not exclude.
 
     Args:
         orientation: which way up parts lie.
@@ -60,7 +60,7 @@ def weigh_orientation(
     *,
     accept_confidence: float,
 ) -> Reading:
-    """The reading, in review where another way gives another text that may be meant as well.
+    """Send a reading to review if another orientation gives another possible text.
 
     Args:
         reading: with its line in the trace.
@@ -100,7 +100,7 @@ def lead_nats(reading: Reading, view: View, lines: LineReader, way: Way) -> floa
 
 
 def also_readable(way: Way, text: str) -> Finding:
-    """The doubt that the marks may be meant another way."""
+    """Finding that the marks can also be read in another orientation."""
     return Finding(ReadingFlag.ORIENTATION_UNKNOWN, f"also readable {way}: {text} ({_SET[way]})")
 
 

@@ -98,7 +98,7 @@ class CheckDigit:
 
     @property
     def alphabet(self) -> str:
-        """Characters that the rule knows; none where that is not known."""
+        """Characters of the rule; empty if they are unknown."""
         return self.remainder.alphabet if self.remainder is not None else ""
 
     @property
@@ -187,7 +187,7 @@ def _stdnum_module(name: str) -> ModuleType:
 
 
 def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> frozenset[tuple[str, str, int]]:
-    """Pairs that may be taken for each other without the check digit noticing, with their place, from 1; worked out.
+    """Pairs of characters that the check digit does not distinguish, with their place, from 1.
 
     Args:
         check: the rule.

@@ -36,7 +36,7 @@ SWAP_SETS = {
 
 
 def swap_reason(one: str, other: str) -> str:
-    """Why the two are taken for each other; empty where no set holds both."""
+    """Reason why two characters are confused; empty if no set holds both."""
     return next(
         (why for chars, why in SWAP_SETS.items() if one != other and one in chars and other in chars), ""
     )

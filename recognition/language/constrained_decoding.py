@@ -204,7 +204,7 @@ def _log(value: float) -> float:
 
 
 def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> dict[int, str]:
-    """A sentence, by place, for each character read that no check digit tells from another one that is believed in.
+    """Warn, by place, of each character that no check digit distinguishes from a probable other one.
 
     Args:
         choice: what was chosen.

@@ -34,7 +34,7 @@ class Orientation(StrEnum):
 
 
 class Way(StrEnum):
-    """Another way in which the same marks may be meant."""
+    """Another orientation in which the same marks can be read."""
 
     UPSIDE_DOWN = "upside down"
     ROWS_REVERSED = "with its rows in the other order"

@@ -193,7 +193,7 @@ def _is_credible(
     worn_fall: float = 0.05,
     foreign_fall: float = 0.3,
 ) -> bool:
-    """Whether an exemplar without siblings is to be believed.
+    """Whether an exemplar without siblings is credible.
 
     It must be about as like the nearest font's character as others are, and not more like another one.
 

@@ -1,4 +1,4 @@
-"""At how many pixels a photograph is read: no more than the characters need, for the time grows with them.
+"""Choose the size at which a photograph is read: as few pixels as the characters need, to save time.
 
 12 million --> 0.6 million: characters 25 pixels high --> 4 million: 65 pixels, read
            \\-> 0.6 million: 90 pixels, read

@@ -182,7 +182,7 @@ class TactileReader:
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
     def weigh_orientation(self, reading: Reading, *, rows_known: bool = True) -> Reading:
-        """The reading, in review where its marks may be meant another way (`recognition.decision.which_way_up`).
+        """Send a reading to review if its marks can be read in another orientation (`which_way_up`).
 
         Args:
             reading: with its edge map and line in the trace.

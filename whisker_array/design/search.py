@@ -240,7 +240,7 @@ def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Va
 
 
 def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -> Candidate | None:
-    """Climb on from a candidate, with fresh curvatures each time, until that gains no more; None if not kept.
+    """Climb from a candidate, with fresh curvatures each time, until nothing is gained; None if it is not kept.
 
     The best of a design is often a flat ridge (setting angle against tip arm) on which one climb stops short.
     """

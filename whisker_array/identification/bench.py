@@ -1,4 +1,4 @@
-"""Unknowns of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
+"""Unknowns of a whisker and its bench: names, units, nominal values and prior standard deviations.
 
 A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own (`OF_GAUGE`).
 """

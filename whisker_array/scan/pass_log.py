@@ -1,4 +1,4 @@
-"""Log of a scan that was felt pass by pass: the passes in their order, and why there are no more.
+"""Log of a scan that was made pass by pass: the passes in order, and the reason for stopping.
 
 A recording keeps it, and a session over the recording feels the same passes again (`RecordedSession`).
 """
@@ -18,7 +18,7 @@ from whisker_array.whisker.sections import WhiskerError
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoggedPass(OneLine):
-    """One pass, what was felt, and what was believed after it.
+    """One pass, its samples, and the posterior after it.
 
     Attributes:
         order: where the whiskers ran, how fast and how hard they were pressed on.

@@ -34,7 +34,7 @@ class RiskCoverage:
     least_area: float
 
     def coverage_at(self, risk: float) -> float:
-        """The largest coverage whose risk is no more than that; 0 where there is none."""
+        """The largest coverage at which the risk does not exceed a limit; 0 if there is none."""
         within = self.coverage[self.risk <= risk + 1e-12]
         return float(within[-1]) if within.size else 0.0
 

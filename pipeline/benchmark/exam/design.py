@@ -1,4 +1,4 @@
-"""The design of an exam: which parts are made, and what readers are told.
+"""The design of an exam: its parts, and the facts that readers are given.
 
     [part] factors --crossed in full--> cells --replicates--> parts; the first N of them are balanced too
            other factors ---- balanced within every cell ----^
@@ -95,7 +95,7 @@ class Section(BaseModel):
 
 
 class Design(BaseModel):
-    """The parts of an exam, and what readers are told.
+    """The parts of an exam, and the facts that readers are given.
 
     Attributes:
         name: name of the design.
@@ -175,7 +175,7 @@ class Design(BaseModel):
             return cls.of(**{"name": path.stem, **toml_of(path)})
 
     def with_given(self, given: tuple[str, ...]) -> Design:
-        """Return a design of the same parts for readers that are told something else.
+        """Return a design of the same parts for readers that are given other facts.
 
         Raises:
             SettingsError: a fact that readers cannot be told.

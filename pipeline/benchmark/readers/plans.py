@@ -87,7 +87,7 @@ PLANS = (
 
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
-    """Mode that reads by touch with one plan; the stage time, and why no more was felt, go into the trial."""
+    """Mode that reads by touch with one plan; the trial keeps the stage time and the reason for stopping."""
     from pipeline.reading.simulated_scan import feel, open_session
 
     touch = reader.touch

@@ -101,7 +101,7 @@ class WatchedFolder:
         return {"folder": str(self.folder), "every_s": self._settings.every_s}
 
     async def stop(self, *, grace_s: float) -> None:
-        """Take no more files; those under way get `grace_s` to be read, else they are read after the next start."""
+        """Stop taking files; files in work get `grace_s`, then they are read after the next start."""
         self._stopping.set()
         if self._task is not None:
             await end_tasks([self._task], grace_s=grace_s)

@@ -1,4 +1,4 @@
-"""Results published over MQTT, and taken for delivered once the broker has accepted them (QoS 1).
+"""Publish results over MQTT; a result counts as delivered when the broker has accepted it (QoS 1).
 
 {prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained

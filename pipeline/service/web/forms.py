@@ -44,7 +44,7 @@ class FormRoute(APIRoute):
     """A route that takes files."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """As FastAPI's, with every file of a form taken for one."""
+        """FastAPI's handler, which treats every file of a form as an upload."""
         handle = super().get_route_handler()
 
         async def handle_form(request: Request) -> Response:
