@@ -1,22 +1,48 @@
-"""A part's way through the service by every door: HTTP, TCP, watched folder, webhook."""
+"""A part's way through the service by every door: HTTP behind a proxy's prefix, TCP, folder, webhook, MQTT, OPC UA."""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import html
+import logging
+import re
 import shutil
 import socket
+import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 import httpx
+import numpy as np
 import pytest
+from asyncua import Client, ua
+from PIL import Image
 
+from tests.contract.front_doors import status_of
 from tests.contract.plant import Plant, run_plant
+from tests.support.line_broker import Listener
+from tests.support.opcua_frames import hello, message
 from tests.support.programs import program
 from tests.support.waiting import wait_until
 
+pytestmark = pytest.mark.anyio
+PAGES = ("/", "/review", "/parts", "/dashboard", "/jobs", "/shadow", "/docs", "/login", "/nothing/here")
+SPACE = "urn:tactile-marks:reader"
 CHROMIUM = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 SETTLED_MS = 400  # the page ignores an Enter that was meant for the page before
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    return "asyncio"
+
+
+@pytest.fixture(autouse=True)
+def _quiet_client(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL, logger="asyncua")
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +65,14 @@ def unsure(plant: Plant) -> dict[str, Any]:
     assert answer.status_code == 201, answer.text
     part: dict[str, Any] = answer.json()
     return part
+
+
+@pytest.fixture
+def listener(plant: Plant) -> Iterator[Listener]:
+    with contextlib.closing(
+        Listener(plant.broker.port, user=plant.broker.reader, password=plant.broker.password)
+    ) as one:
+        yield one
 
 
 def is_problem(answer: httpx.Response, status: int) -> dict[str, Any]:
@@ -162,14 +196,6 @@ def test_health_readiness_and_metrics(http: httpx.Client) -> None:
     assert http.get("/healthz", headers={"X-Request-ID": "abc-1"}).headers["x-request-id"] == "abc-1"
 
 
-@pytest.mark.parametrize("path", ["/", "/review", "/parts", "/dashboard", "/jobs", "/docs", "/login"])
-def test_every_page_comes_without_asking_other_hosts(http: httpx.Client, path: str) -> None:
-    page = http.get(path, follow_redirects=True)
-    assert page.status_code == 200
-    assert 'src="http' not in page.text
-    assert "Content-Security-Policy" in page.headers
-
-
 def test_a_trigger_over_tcp_is_answered_in_one_line(plant: Plant, http: httpx.Client) -> None:
     with socket.create_connection(("127.0.0.1", plant.tcp_port), timeout=60.0) as line:
         answers = line.makefile("rb")
@@ -239,3 +265,212 @@ def test_an_operator_reviews_by_keyboard(plant: Plant, http: httpx.Client) -> No
     assert (kept["after"], kept["who"]) == (plant.truth["clean"], "Anna")
     assert wrong == []
     assert hosts == {"127.0.0.1"}
+
+
+# --------------------------------------------------------------------------- proxy, TCP, broker
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_every_link_of_a_page_holds_under_the_prefix_of_a_proxy_and_asks_no_other_host(
+    plant: Plant, path: str
+) -> None:
+    answer = httpx.get(
+        f"{plant.url}{path}", headers={"Accept": "text/html"}, follow_redirects=True, timeout=120.0
+    )
+    assert answer.status_code == (404 if path == PAGES[-1] else 200)
+    assert "Content-Security-Policy" in answer.headers
+    assert 'src="http' not in answer.text
+    links = set(re.findall(r'\b(?:href|src|action|data-[a-z]+)="([^"#]+)"', answer.text))
+    addresses = {html.unescape(one) for one in links if one.startswith((".", "/"))}
+    assert addresses
+    assert not [one for one in addresses if one.startswith("/")]
+    for one in addresses:
+        there = urljoin(str(answer.url), one)
+        assert there.startswith(plant.url)
+        assert status_of(there) in (200, 303, 405), there
+
+
+def test_redirects_hold_under_the_prefix_of_a_proxy(plant: Plant) -> None:
+    for path in ("/", "/review/next"):
+        location = httpx.get(f"{plant.url}{path}").headers["location"]
+        there = urljoin(f"https://plant.example/marks{path}", location)
+        assert there.startswith("https://plant.example/marks/review")
+
+
+def test_a_prefix_may_be_passed_on_or_taken_off_and_stands_in_links(plant: Plant) -> None:
+    assert status_of(f"{plant.url}/healthz") == status_of(f"{plant.url}/marks/healthz") == 200
+    assert status_of(f"{plant.url}/markshealthz") == 404
+    here = plant.send_part()["links"]["self"]
+    assert here.startswith("/marks/v1/parts/")
+    assert status_of(f"{plant.url}{here}") == 200
+    assert httpx.get(f"{plant.url}/openapi.json").json()["servers"] == [{"url": "/marks"}]
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/metrics", "/v1/jobs", "/parts"])
+def test_head_is_answered_as_get_without_a_body(plant: Plant, path: str) -> None:
+    answer = httpx.head(f"{plant.url}{path}")
+    assert (answer.status_code, answer.content) == (200, b"")
+    assert int(answer.headers["content-length"]) > 0
+
+
+@pytest.mark.parametrize("encoded", ["filename*=utf-8''%D1%84.png", "filename*0=fo; filename*1=to.png"])
+def test_a_file_that_is_named_in_the_extended_form_alone_is_read(
+    plant: Plant, tmp_path: Path, encoded: str
+) -> None:
+    noise = np.random.default_rng(5).integers(90, 160, (30, 60), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "photo.png")
+    head = f'Content-Disposition: form-data; name="photo"; {encoded}\r\nContent-Type: image/png\r\n\r\n'
+    body = b"--XyZ\r\n" + head.encode() + (tmp_path / "photo.png").read_bytes() + b"\r\n--XyZ--\r\n"
+    kind = {"Content-Type": "multipart/form-data; boundary=XyZ"}
+    answer = httpx.post(f"{plant.url}/v1/parts", content=body, headers=kind, timeout=120.0)
+    assert answer.status_code == 201, answer.text
+
+
+def test_lines_of_fixed_length_that_are_filled_up_with_nul_are_answered(plant: Plant) -> None:
+    with socket.create_connection(("127.0.0.1", plant.tcp_port), timeout=120.0) as caller:
+        answers = caller.makefile("rb")
+        for sent in (b"PING\r\n" + bytes(10), b"PING\r\n" + bytes(10), b"PING\0\0\0\r\n", b"\0\0PING\n\0"):
+            caller.sendall(sent)
+            assert answers.readline() == b"PONG\r\n", sent
+        caller.sendall(b"PI\0NG\r\n")
+        assert answers.readline().startswith(b"ERROR;")
+
+
+def test_a_result_that_the_broker_refuses_waits_is_shown_and_comes_once_it_may(
+    plant: Plant, listener: Listener
+) -> None:
+    wait_until(lambda: plant.ready()["mqtt"] == "works")
+    wait_until(lambda: plant.in_outbox() == 0.0)  # results of parts before this one have gone
+    with plant.broker.allowed("topic write tactile-marks/status"):
+        refused = plant.send_part()["id"]
+        wait_until(lambda: plant.ready()["mqtt"].startswith("refuses 1 result"))
+        assert plant.ready()["status"] == "degraded"
+        wait_until(lambda: plant.in_outbox() == 1.0)
+        assert "refuses 1 result" in plant.connection("mqtt")
+        assert "Not authorized" in httpx.get(f"{plant.url}/dashboard").text
+        assert len(plant.logged("mqtt does not take the result")) == 1
+        assert refused not in [one["id"] for one in listener.results()]
+    wait_until(lambda: [one["id"] for one in listener.results()].count(refused) == 1)
+    wait_until(lambda: plant.ready()["mqtt"] == "works")
+
+
+def test_a_broker_that_is_down_is_shown_and_logged_once(plant: Plant) -> None:
+    wait_until(lambda: plant.ready()["mqtt"] == "works")
+    before = len(plant.logged("mqtt is away"))
+    plant.broker.kill()
+    waiting = plant.send_part()["id"]
+    wait_until(lambda: "cannot be reached since" in plant.ready()["mqtt"])
+    wait_until(lambda: "1 results wait" in plant.ready()["mqtt"])
+    assert "cannot be reached" in plant.connection("mqtt")
+    plant.broker.start()
+    with contextlib.closing(
+        Listener(plant.broker.port, user=plant.broker.reader, password=plant.broker.password)
+    ) as listener:
+        wait_until(lambda: waiting in [one["id"] for one in listener.results()])
+    wait_until(lambda: (plant.ready()["status"], plant.ready()["mqtt"]) == ("ready", "works"))
+    assert len(plant.logged("mqtt is away")) == before + 1
+
+
+@pytest.mark.parametrize("limit", ["message_size_limit 500", "max_packet_size 500"])
+def test_a_result_that_is_too_large_for_the_broker_waits(plant: Plant, limit: str) -> None:
+    wait_until(lambda: (plant.ready()["mqtt"], plant.in_outbox()) == ("works", 0.0))
+    before = len(plant.logged("mqtt does not take the result"))
+    with plant.broker.limited(limit):
+        plant.send_part()
+        wait_until(lambda: plant.ready()["mqtt"].startswith("refuses 1 result"))
+        assert "1 results wait" in plant.ready()["mqtt"]
+        assert len(plant.logged("mqtt does not take the result")) == before + 1
+    wait_until(lambda: (plant.ready()["mqtt"], plant.in_outbox()) == ("works", 0.0))
+
+
+# ------------------------------------------------------------------------------------------- OPC UA
+
+
+async def test_the_same_session_is_answered_while_a_method_runs(plant: Plant) -> None:
+    noise = np.random.default_rng(5).integers(90, 160, (300, 400), dtype=np.uint8)
+    Image.fromarray(noise).save(plant.parts / "P1.png")
+    async with plant.opcua_client() as client:
+        space = await client.get_namespace_index(SPACE)
+        reader = client.get_node(ua.NodeId("reader", space))
+        autoid = await client.get_namespace_index("http://opcfoundation.org/UA/AutoID/")
+        status = await reader.get_child([f"{autoid}:DeviceStatus"])
+        called = asyncio.create_task(reader.call_method(f"{space}:TriggerPart", "P1"))
+        seen = []
+        while not called.done():
+            seen.append(await status.read_value())
+            await asyncio.sleep(0.02)
+        assert 3 in seen  # busy
+        part_id, _, decision, _, _ = await called
+        assert len(part_id) == 26
+        assert decision in ("REJECT", "REVIEW", "TOUCH")
+
+
+async def test_a_part_that_came_over_http_is_shown(plant: Plant) -> None:
+    part = await asyncio.to_thread(plant.send_part)
+    assert part["text"] == plant.truth["clean"]
+    async with plant.opcua_client() as client:
+        space = await client.get_namespace_index(SPACE)
+        reader = client.get_node(ua.NodeId("reader", space))
+        autoid = await client.get_namespace_index("http://opcfoundation.org/UA/AutoID/")
+        shown = await (await reader.get_child([f"{autoid}:LastScanData"])).read_value()
+        assert getattr(shown, "String", shown) == plant.truth["clean"]
+
+
+async def test_wrong_passwords_are_logged_and_delay_the_next(plant: Plant) -> None:
+    before = len(plant.logged("sign-in denied"))
+    clock = asyncio.get_running_loop()
+    begin = clock.time()
+    for n in range(4):
+        with pytest.raises(ua.UaStatusCodeError):
+            async with plant.opcua_client(f"wrong-{n}"):
+                pass
+    assert clock.time() - begin > 0.25 + 0.5 + 1.0
+    assert len(plant.logged("sign-in denied to 'line-user' from 127.0.0.1")) > before
+    assert "geheim" not in plant.service.log
+    async with plant.opcua_client() as client:  # and the right one is let in
+        assert await client.get_namespace_index(SPACE)
+    plain = Client(plant.opcua_url, timeout=100)
+    plain.set_user("line-user")
+    plain.set_password("geheim")
+    with pytest.raises(ua.UaError):  # a password never travels in the clear
+        async with plain:
+            pass
+
+
+async def test_silent_callers_keep_nobody_out(plant: Plant) -> None:
+    with contextlib.ExitStack() as stack:
+        for _ in range(100):
+            stack.enter_context(socket.create_connection(("127.0.0.1", plant.opcua_port), timeout=10.0))
+        async with plant.opcua_client() as client:
+            assert await client.get_namespace_index(SPACE)
+
+
+def nonsense(url: str) -> Iterator[bytes]:
+    """Beginnings of what no client sends."""
+    yield b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
+    yield bytes(range(3, 60))
+    yield hello(url) + message(b"MSGF", bytes(24)) * 50
+    yield hello(url) + message(b"OPNF", b"\xff" * 40) * 50
+    yield b"MSGF" + struct.pack("<I", 0xFFFFFFFF) + bytes(100)
+
+
+async def test_nonsense_is_let_go_and_leaves_few_lines(plant: Plant) -> None:
+    before = len(plant.service.log)
+    for _ in range(20):
+        for sent in nonsense(plant.opcua_url):
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection(("127.0.0.1", plant.opcua_port)) as caller,
+            ):
+                caller.settimeout(10.0)
+                caller.sendall(sent)
+                if sent.startswith(b"MSGF"):
+                    continue  # it waits for more, and is closed by the time for signing in
+                while caller.recv(4096):
+                    pass
+    async with plant.opcua_client() as client:
+        assert await client.get_namespace_index(SPACE)
+    grown = plant.service.log[before:]
+    assert len(grown) < 20_000
+    assert "Traceback" not in grown
+    assert "OPC UA: a connection from 127.0.0.1 was closed: it does not speak OPC UA" in grown

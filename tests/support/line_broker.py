@@ -91,6 +91,10 @@ class GuardedBroker(Broker):
             self._write_rights(self._rights)
             self.kill(signal.SIGHUP)
 
+    def listener(self) -> Listener:
+        """One who may hear everything."""
+        return Listener(self.port, user=self.reader, password=self.password)
+
     def _write_rights(self, rights: str) -> None:
         self._acl.write_text(f"user {self.reader}\ntopic readwrite #\nuser {self.user}\n{rights}\n")
 
