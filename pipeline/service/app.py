@@ -88,11 +88,10 @@ class Service:
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
         self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
-        self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
         self.jobs = JobFolder(
             settings.job_files,
             own=reading,
-            databases=self.databases,
+            databases=GlyphDatabases(settings.databases_folder, default=reading.database),
             needed=settings.watch.job,
             call=lambda function, *arguments: self.intake.calls.call_blocking(
                 function, *arguments, timeout_s=CHECK_S
@@ -113,22 +112,10 @@ class Service:
             memory_mb=settings.worker_memory_mb,
             warm_up=partial(warm_up, reading, limits),
         )
-        calls = WorkerCalls(
-            self.pool,
-            databases=self.databases.path,
-            settings=self.jobs.settings,
-            limits=limits,
-            metrics=self.metrics,
-        )
+        calls = WorkerCalls(self.pool, self.jobs, limits, self.metrics)
         senders = senders_of(settings)
         self.intake = Intake(
-            settings,
-            store=self.store,
-            evidence=self.evidence,
-            calls=calls,
-            metrics=self.metrics,
-            targets=tuple(senders),
-            watch=self.jobs.watch,
+            settings, store=self.store, evidence=self.evidence, calls=calls, targets=tuple(senders)
         )
         self.ports = Ports(settings, self.intake, senders)
         self.golden = GoldenPart(settings.golden, self.store, calls, line=settings.line)

@@ -49,9 +49,7 @@ from pipeline.store.store import Store
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from pipeline.reading.drift import DriftWatch
     from pipeline.reading.part_pictures import Picture
-    from pipeline.service.metrics import Metrics
     from pipeline.service.settings import ServiceSettings
     from pipeline.service.worker_calls import WorkerCalls
     from pipeline.store.evidence_folder import EvidenceFolder
@@ -76,11 +74,9 @@ class Intake:
         store: Store,
         evidence: EvidenceFolder,
         calls: WorkerCalls,
-        metrics: Metrics,
         targets: Sequence[str] = (),
-        watch: Callable[[str], DriftWatch | None] = lambda _: None,
     ) -> None:
-        """Make the intake of a service; `watch` returns the drift watch of a certified job.
+        """Make the intake of a service.
 
         Raises:
             FileError: the production order is unreadable, or a folder of stage or camera does not exist.
@@ -88,7 +84,7 @@ class Intake:
         """
         stage, serials = settings.stage, settings.serials
         self._settings = settings
-        self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, metrics
+        self.store, self.evidence, self.calls, self.metrics = store, evidence, calls, calls.metrics
         self.stage = StageWork(stage_of(stage), active=stage.active, timeout_s=stage.timeout_s)
         self.camera = CameraWork(camera_of(settings.camera), timeout_s=settings.camera.timeout_s)
         self.touching = TouchQueue(
@@ -97,7 +93,6 @@ class Intake:
         self.bench = BenchWatch()
         self.targets = () if settings.shadow else tuple(targets)
         self.policy = ReviewPolicy.of(settings.review)
-        self._watch = watch
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         self._requests = IdempotentRequests(store)
@@ -349,7 +344,8 @@ class Intake:
 
         kept = await asyncio.to_thread(keep)
         self._announce(kept)
-        count_reading(kept, done, metrics=self.metrics, bench=self.bench, watch=self._watch(kept.job))
+        watch = self.calls.jobs.watch(kept.job)
+        count_reading(kept, done, metrics=self.metrics, bench=self.bench, watch=watch)
         return kept
 
     # ----------------------------------------------------------------------------------------------------- answer

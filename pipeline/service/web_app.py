@@ -104,6 +104,6 @@ def _service_router(service: Service) -> APIRouter:
     @router.get("/v1/databases", responses=problems(401, 403))
     def databases(caller: Caller = Reads) -> list[dict[str, Any]]:
         """Glyph databases that a part may be read with."""
-        return service.databases.listed()
+        return service.jobs.databases.listed()
 
     return router

@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
@@ -24,8 +23,8 @@ from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
     from pipeline.formats.touch_file import Limits
+    from pipeline.service.job_folder import JobFolder
     from pipeline.service.metrics import Metrics
     from pipeline.service.stage.devices import ScanOrder
     from pipeline.workers.pool import WorkPool
@@ -43,15 +42,13 @@ class WorkerCalls:
 
     Attributes:
         pool: of workers.
-        databases: file of the glyph database with a name; raises Problem for an unknown one.
-        settings: settings of reading of the job with a name; raises Problem for an unknown one.
+        jobs: settings of reading and glyph databases, by name.
         limits: of files.
         metrics: counters.
     """
 
     pool: WorkPool
-    databases: Callable[[str], Path | None]
-    settings: Callable[[str], ReadSettings]
+    jobs: JobFolder
     limits: Limits
     metrics: Metrics
     _troubles: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
@@ -74,7 +71,7 @@ class WorkerCalls:
         if len(self._lost) >= MOST_LOST:
             return f"the last {len(self._lost)} workers were lost, the latest so: {self._lost[-1]}"
         try:
-            missing = [path.name for path in files_of(self.settings(job)) if not path.is_file()]
+            missing = [path.name for path in files_of(self.jobs.settings(job)) if not path.is_file()]
         except Problem as problem:
             return problem.detail
         return f"{missing[0]} is not there; put it back" if missing else ""
@@ -83,20 +80,20 @@ class WorkerCalls:
         """Check again what was unusable; after lost workers, read a clean part that the program makes."""
         if len(self._lost) >= MOST_LOST:
             with contextlib.suppress(Problem, WorkerLostError):
-                await self._call_once(warm_up, self.settings(""), self.limits)
+                await self._call_once(warm_up, self.jobs.settings(""), self.limits)
                 log.info("a clean part is read again: the parts that have lost the workers are to blame")
         for job, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
                 async with self._noted(job, database):
-                    settings = await asyncio.to_thread(self.settings, job)
-                    if (glyphs := self.databases(database)) is not None:
+                    settings = await asyncio.to_thread(self.jobs.settings, job)
+                    if (glyphs := self.jobs.databases.path(database)) is not None:
                         settings = settings.model_copy(update={"database": glyphs})
                     await self._call_once(check_settings, settings)
 
     def outside_format(self, text: str, job: str) -> str:
         """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""
         try:
-            return outside_format(text, self.settings(job))
+            return outside_format(text, self.jobs.settings(job))
         except (Problem, FileError):
             return ""
 
@@ -122,8 +119,8 @@ class WorkerCalls:
             OwnProblem: an unusable file of the service.
         """
         async with self._noted(job, database):
-            settings = await asyncio.to_thread(self.settings, job) if job else self.settings(job)
-            order = replace(order, database=self.databases(database))
+            settings = await asyncio.to_thread(self.jobs.settings, job) if job else self.jobs.settings(job)
+            order = replace(order, database=self.jobs.databases.path(database))
             if felt_by is None:
                 return await self.call(read_order, order, settings, self.limits)
             # a second try would feel the part again

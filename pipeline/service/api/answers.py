@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import Depends, Form, Header, Path, Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from glyphs.plain_text import HIDDEN
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
@@ -96,6 +96,7 @@ Database = Annotated[str, _text("glyph database, as /v1/databases lists them")]
 JobName = Annotated[
     str, _text("job that says how to read, as /v1/jobs lists them", examples=["housing-left"])
 ]
+Time = Annotated[datetime, AfterValidator(lambda at: at if at.tzinfo else at.replace(tzinfo=UTC))]
 PartId = Annotated[
     str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
 ]
@@ -117,18 +118,10 @@ class Sought(BaseModel):
     name: str = _sought("that its name holds")
     job: str = _sought("that it was read by")
     line: str = _sought("that it comes from")
-    since: datetime | None = Field(
+    since: Time | None = Field(
         None, description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
     )
-    until: datetime | None = Field(None, description="received before then", examples=["2026-11-22"])
-
-    def values(self) -> dict[str, Any]:
-        """As `Store.parts` takes them."""
-        given = {name: getattr(self, name) for name in type(self).model_fields}
-        for name in ("since", "until"):
-            if given[name] is not None and given[name].tzinfo is None:
-                given[name] = given[name].replace(tzinfo=UTC)
-        return given
+    until: Time | None = Field(None, description="received before then", examples=["2026-11-22"])
 
 
 class SoughtPage(Sought):

@@ -41,7 +41,7 @@ def export_router(service: Service) -> APIRouter:
     def table(sought: Annotated[Sought, Query()], caller: Caller = Reads) -> StreamingResponse:
         """Parts as CSV, newest first."""
         # the first page is read before anything is answered, so that what cannot be sought is a problem, not a table
-        first = store.parts(**sought.values(), limit=_AT_ONCE)
+        first = store.parts(**sought.model_dump(), limit=_AT_ONCE)
         name = f"parts-{datetime.now(UTC):%Y-%m-%d}.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
         return StreamingResponse(
@@ -60,7 +60,7 @@ def _lines(store: Store, sought: Sought, page: tuple[PartRecord, ...]) -> Iterat
         yield buffer.getvalue()
         buffer.seek(0)
         buffer.truncate()
-        page = store.parts(**sought.values(), before=page[-1].id, limit=_AT_ONCE)
+        page = store.parts(**sought.model_dump(), before=page[-1].id, limit=_AT_ONCE)
     yield buffer.getvalue()
 
 

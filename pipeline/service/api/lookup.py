@@ -55,7 +55,7 @@ def lookup_router(service: Service) -> APIRouter:
     @router.get("/parts", tags=["parts"])
     def list_parts(sought: Annotated[SoughtPage, Query()], caller: Caller = Reads) -> list[PartAnswer]:
         """Parts, newest first."""
-        return [answer(part, root_path) for part in store.parts(**sought.values())]
+        return [answer(part, root_path) for part in store.parts(**sought.model_dump())]
 
     @router.get(
         "/parts/{part_id}", tags=["parts"], responses=example_answer(200, part=PART_EXAMPLE) | problems(404)

@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.service.pages.frame import Frame, redirect, set_cookie
+from pipeline.service.web.access import COOKIE
 from pipeline.store.access import SIGNED_IN_S
 
 
@@ -26,19 +27,19 @@ def add_login(router: APIRouter, frame: Frame) -> None:
     def log_in(
         request: Request, secret: Annotated[str, Form()] = "", to: Annotated[str, Form()] = "/review"
     ) -> Response:
-        value = access.log_in(secret)
+        value = frame.store.open_session(secret.strip())
         if value is None:
             fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
             return frame.render(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
         answer = redirect(request, own_address(to))
-        set_cookie(request, answer, access.COOKIE, value, max_age_s=SIGNED_IN_S)
+        set_cookie(request, answer, COOKIE, value, max_age_s=SIGNED_IN_S)
         return answer
 
     @router.post("/logout")
     def log_out(request: Request) -> Response:
-        access.log_out(request)
+        frame.store.close_session(request.cookies.get(COOKIE, ""))  # wherever else the cookie is
         answer = redirect(request, "/login")
-        answer.delete_cookie(access.COOKIE, path="/")
+        answer.delete_cookie(COOKIE, path="/")
         return answer
 
 

@@ -52,8 +52,6 @@ class Access:
     * `token_of` is asked once a request, at the door; the routes ask `caller`, which remembers.
     """
 
-    COOKIE = COOKIE
-
     def __init__(self, store: Store, *, required: bool, own_user: bool = False) -> None:
         """Take the store and the rules.
 
@@ -101,11 +99,3 @@ class Access:
         if record is None:
             raise DeniedError(401, "the token is not known, has expired or was revoked; ask for another")
         return record
-
-    def log_in(self, secret: str) -> str | None:
-        """The cookie's value for a token typed in; None if it does not hold."""
-        return self._store.open_session(secret.strip())
-
-    def log_out(self, request: HTTPConnection) -> None:
-        """End the session of a browser, wherever else its cookie is."""
-        self._store.close_session(request.cookies.get(COOKIE, ""))

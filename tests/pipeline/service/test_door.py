@@ -25,7 +25,7 @@ from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
-from pipeline.service.web.access import Access
+from pipeline.service.web.access import COOKIE
 from pipeline.service.web.own_user import is_own_user, user_of
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.web.web_server import patient_protocol
@@ -205,11 +205,11 @@ def signed_in(client: TestClient, secret: str) -> str:
     """Sign in by the page; the cookie's value."""
     answer = client.post("/login", data={"secret": secret}, follow_redirects=False)
     assert answer.status_code == 303
-    return str(client.cookies[Access.COOKIE])
+    return str(client.cookies[COOKIE])
 
 
 def status_with(client: TestClient, cookie: str) -> int:
-    other = TestClient(client.app, base_url="http://127.0.0.1:8417", cookies={Access.COOKIE: cookie})
+    other = TestClient(client.app, base_url="http://127.0.0.1:8417", cookies={COOKIE: cookie})
     return other.get("/v1/parts").status_code
 
 
