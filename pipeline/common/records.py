@@ -163,13 +163,21 @@ class AgreementDay:
 
     Attributes:
         day: by UTC.
-        accepted: of each agreement, parts that would have been accepted.
-        all_parts: of each agreement, all.
+        parts: read.
+        compared: of them, those of which the line's own reader has sent a serial.
+        same, other, nothing: of these, those that were read the same, otherwise, not at all.
+        accepted: of those compared, those that would have been accepted.
+        accepted_other: of these, those that were not read the same.
     """
 
     day: date
-    accepted: Mapping[Agreement, int]
-    all_parts: Mapping[Agreement, int]
+    parts: int
+    compared: int
+    same: int
+    other: int
+    nothing: int
+    accepted: int
+    accepted_other: int
 
 
 @dataclass(frozen=True)

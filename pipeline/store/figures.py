@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime, timedelta
-from typing import Any
 
 import sqlalchemy as sa
 
@@ -17,6 +15,7 @@ from pipeline.store.tables import events, parts
 
 HOUR, DAY = timedelta(hours=1), timedelta(days=1)
 _LONGEST = timedelta(days=3660)
+_Counted = dict[str, sa.ColumnElement[int]]
 _WRITTEN = {HOUR: "%Y-%m-%d %H", DAY: "%Y-%m-%d"}
 
 
@@ -28,26 +27,25 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
     """
     if since.tzinfo is None or tx.now - since > _LONGEST:
         raise UnfitError("statistics cannot begin there", hint="give a time with its zone, not ten years ago")
-    since = since.astimezone(UTC)
-    names = ("state", "by_camera", "fell_back", "rejected", "was_right")
-    lengths = [sa.func.sum(parts.c[name]).label(name) for name in ("characters", "characters_right")]
-    rows = _counted(tx, step, *names, where=parts.c.created_at >= since, sums=lengths)
-
-    def total(**wanted: object) -> int:
-        return sum(r.n for r in rows if all(getattr(r, name) == value for name, value in wanted.items()))
-
-    by_state = {state: total(state=state) for state in PartState}
+    since, n = since.astimezone(UTC), sa.func.count()
+    counted: _Counted = {
+        "parts": n,
+        "by_camera": n.filter(parts.c.by_camera),
+        "fell_back": n.filter(parts.c.fell_back),
+        "rejects": n.filter(parts.c.rejected),
+        "reviewed": n.filter(parts.c.was_right.is_not(None)),
+        "right_before_review": n.filter(parts.c.was_right),
+        "characters_reviewed": sa.func.coalesce(sa.func.sum(parts.c.characters), 0),
+        "characters_right": sa.func.coalesce(sa.func.sum(parts.c.characters_right), 0),
+        **{state: n.filter(parts.c.state == state) for state in PartState},
+    }
+    rows = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
+    total = {name: sum(row[name] for row in rows.values()) for name in counted}
+    by_state = {state: total.pop(state) for state in PartState}
     return Statistics(
         since=since,
-        parts=total(),
-        by_camera=total(by_camera=True),
-        fell_back=total(fell_back=True),
+        **total,
         by_state={state: n for state, n in by_state.items() if n},
-        rejects=total(rejected=True),
-        reviewed=total() - total(was_right=None),
-        right_before_review=total(was_right=True),
-        characters_reviewed=sum(row.characters or 0 for row in rows),
-        characters_right=sum(row.characters_right or 0 for row in rows),
         seconds=_seconds(tx, since),
         trend=_trend(rows, since, tx.now, step),
         awaiting=tx.count(parts, parts.c.state == PartState.REVIEW),
@@ -64,32 +62,35 @@ def agreement_by_day(tx: Transaction, since: datetime) -> tuple[AgreementDay, ..
     """
     if since.tzinfo is None:
         raise UnfitError("agreement cannot begin there", hint="give a time with its zone")
-    compared = sa.and_(parts.c.agreement.in_(list(Agreement)), parts.c.created_at >= since)
-    days: dict[str, tuple[dict[Agreement, int], dict[Agreement, int]]] = {}
-    for row in _counted(tx, DAY, "agreement", "would_be", where=compared):
-        accepted, of_all = days.setdefault(row.begin, ({}, {}))
-        kind = Agreement(row.agreement)
-        of_all[kind] = of_all.get(kind, 0) + row.n
-        if row.would_be == PartState.ACCEPTED:
-            accepted[kind] = row.n
-    return tuple(AgreementDay(date.fromisoformat(day), *days[day]) for day in sorted(days))
+    kind, n = parts.c.agreement, sa.func.count()
+    would = sa.and_(parts.c.would_be == PartState.ACCEPTED, kind != Agreement.ALONE)
+    counted: _Counted = {
+        "parts": n,
+        "compared": n.filter(kind != Agreement.ALONE),
+        **{one.value: n.filter(kind == one) for one in (Agreement.SAME, Agreement.OTHER, Agreement.NOTHING)},
+        "accepted": n.filter(would),
+        "accepted_other": n.filter(would, kind != Agreement.SAME),
+    }
+    in_shadow = sa.and_(kind.in_(list(Agreement)), parts.c.created_at >= since)
+    days = (dict(row) for row in _by_step(tx, DAY, counted, in_shadow))
+    return tuple(AgreementDay(date.fromisoformat(day.pop("begin")), **day) for day in days)
 
 
-def _counted(
-    tx: Transaction, step: timedelta, *names: str, where: sa.ColumnElement[bool], sums: Any = ()
-) -> list[Any]:
-    """Number of parts (n) for each value of these columns and each time step (begin)."""
+def _by_step(
+    tx: Transaction, step: timedelta, counted: _Counted, where: sa.ColumnElement[bool]
+) -> Sequence[sa.RowMapping]:
+    """What is counted of parts in each time step that has any, by its `begin`, in order."""
     begin: sa.ColumnElement[str]
     if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)
         begin = sa.func.to_char(utc, "YYYY-MM-DD HH24" if step == HOUR else "YYYY-MM-DD")
     else:
         begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, 13 if step == HOUR else 10)
-    columns = [begin.label("begin"), *(parts.c[name] for name in names)]
-    # by their place, for PostgreSQL takes the same function with other parameters for another one
-    places: list[sa.ColumnElement[Any]] = [sa.literal_column(str(k + 1)) for k in range(len(columns))]
-    asked = sa.select(*columns, sa.func.count().label("n"), *sums).where(where).group_by(*places)
-    return list(tx.execute(asked))
+    columns = (what.label(name) for name, what in counted.items())
+    # by its place, for PostgreSQL takes the same function with other parameters for another one
+    place: sa.ColumnElement[str] = sa.literal_column("1")
+    asked = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
+    return tx.execute(asked).mappings().all()
 
 
 def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, float]]:
@@ -109,20 +110,17 @@ def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, floa
     return {source: (float(p50), float(p99)) for source, (p50, p99) in ranks.items()}
 
 
-def _trend(rows: list[Any], since: datetime, now: datetime, step: timedelta) -> tuple[TrendStep, ...]:
+def _trend(
+    rows: Mapping[str, sa.RowMapping], since: datetime, now: datetime, step: timedelta
+) -> tuple[TrendStep, ...]:
     first = since.replace(minute=0, second=0, microsecond=0)
     first = first if step == HOUR else first.replace(hour=0)
-    steps = {
-        at.strftime(_WRITTEN[step]): TrendStep(at)
-        for at in (first + k * step for k in range(max(0, int((now - first) / step) + 1)))
-    }
-    for row in rows:
-        if (so_far := steps.get(row.begin)) is not None:
-            steps[row.begin] = replace(
-                so_far,
-                parts=so_far.parts + row.n,
-                accepted=so_far.accepted + row.n * (row.state == PartState.ACCEPTED),
-                review=so_far.review + row.n * (row.state in (PartState.REVIEW, PartState.REVIEWED)),
-                rejects=so_far.rejects + row.n * bool(row.rejected),
-            )
-    return tuple(steps.values())
+    steps = (first + k * step for k in range(max(0, int((now - first) / step) + 1)))
+    return tuple(_trend_step(at, rows.get(at.strftime(_WRITTEN[step]))) for at in steps)
+
+
+def _trend_step(at: datetime, row: sa.RowMapping | None) -> TrendStep:
+    if row is None:
+        return TrendStep(at)
+    review = row[PartState.REVIEW] + row[PartState.REVIEWED]
+    return TrendStep(at, row["parts"], row[PartState.ACCEPTED], review, row["rejects"])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
 
 from fastapi import APIRouter, Depends
@@ -20,6 +18,8 @@ from pipeline.service.web.problem import Problem
 SPANS = {"week": timedelta(weeks=1), "month": timedelta(days=30), "year": timedelta(days=365)}
 SHOWN = {"other": Agreement.OTHER, "nothing": Agreement.NOTHING}
 
+_COUNTS = [field.name for field in fields(AgreementDay) if field.name != "day"]
+
 
 def add_shadow_page(router: APIRouter, frame: Frame) -> None:
     """The route of the page."""
@@ -34,7 +34,8 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
         since = datetime.now(UTC) - SPANS[span]
         days = frame.store.agreement_by_day(since)
         found = frame.store.parts(agreement=SHOWN[show], before=before or None, limit=PARTS_SHOWN + 1)
-        total, page = _counts(days), page_of(found, "/shadow", {"span": span, "show": show}, before)
+        total = {name: sum(getattr(one, name) for one in days) for name in _COUNTS}
+        page = page_of(found, "/shadow", {"span": span, "show": show}, before)
         return view.page(
             "shadow.html.j2",
             span=span,
@@ -45,28 +46,9 @@ def add_shadow_page(router: APIRouter, frame: Frame) -> None:
             agreement=share(total["same"], total["compared"]),
             acceptance=share(total["accepted"], total["compared"]),
             accepted_agreement=share(total["accepted"] - total["accepted_other"], total["accepted"]),
-            days=[(one.day, _counts([one])) for one in reversed(days)],
+            days=days[::-1],
             **{**page, "parts": [(part, _said(part), who_was_right(part)) for part in page["parts"]]},
         )
-
-
-def _counts(days: Sequence[AgreementDay]) -> dict[str, int]:
-    """Parts read, compared with the line's own reader, and of these by what came of it."""
-    n: Counter[Agreement] = Counter()
-    accepted: Counter[Agreement] = Counter()
-    for day in days:
-        n.update(day.all_parts)
-        accepted.update(day.accepted)
-    would = accepted.total() - accepted[Agreement.ALONE]
-    return {
-        "parts": n.total(),
-        "compared": n.total() - n[Agreement.ALONE],
-        "same": n[Agreement.SAME],
-        "other": n[Agreement.OTHER],
-        "nothing": n[Agreement.NOTHING],
-        "accepted": would,
-        "accepted_other": would - accepted[Agreement.SAME],
-    }
 
 
 def who_was_right(part: PartRecord) -> str:

@@ -28,8 +28,9 @@ def test_agreement_is_counted_by_day(store: Store, clock: Clock) -> None:
         received(store)  # an ordinary part does not count
     first, last = store.agreement_by_day(since)
     assert (first.day, last.day) == (since.date(), since.date() + timedelta(days=2))
-    assert (first.all_parts, first.accepted) == ({SAME: 2, OTHER: 1}, {SAME: 1, OTHER: 1})
-    assert (last.all_parts, last.accepted) == ({ALONE: 1}, {})
+    assert (first.parts, first.compared, first.same, first.other, first.nothing) == (3, 3, 2, 1, 0)
+    assert (first.accepted, first.accepted_other) == (2, 1)
+    assert (last.parts, last.compared, last.accepted) == (1, 0, 0)
     with pytest.raises(UnfitError, match="time with its zone"):
         store.agreement_by_day(since.replace(tzinfo=None))
 
