@@ -121,7 +121,7 @@ class Client:
             photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several photographs under different lights, read as one.
             scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); bytes are read as a recording.
             name: name of the part on the line.
-            expected: expected text.
+            expected: text that the part should read; `part.reading.verdict` then says whether it does.
             database: glyph database to read with.
             job: job that holds the read settings, database included.
             touch: what happens if the camera is unsure. "stage": the service's stage feels the part at once. "asked":
@@ -142,24 +142,7 @@ class Client:
             files.append(("scan", _read(scan, "scan.h5")))
         if not files:
             raise ValueError("give a photograph, a scan, or both")
-        data = {key: value for key, value in fields.items() if value}
-        return self._send_files("/v1/parts", files, idempotency_key, data=data)
-
-    def verify(
-        self,
-        expected: str,
-        photo: Source | Sequence[Source] | None = None,
-        scan: Source | None = None,
-        **options: Any,
-    ) -> PartRecord:
-        """Read a part and compare it with the expected text; `part.reading.verdict` is the result.
-
-        Raises:
-            ServiceError, ValueError, OSError: as for `read`; also ValueError if the text is empty.
-        """
-        if not expected.strip():
-            raise ValueError("give the text that the part should read")
-        return self.read(photo, scan, expected=expected, **options)
+        return self._send_files("/v1/parts", files, idempotency_key, data=fields)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
         """Add a scan to a part; the part is then read from photograph and scan together.

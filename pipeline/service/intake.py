@@ -110,10 +110,7 @@ class Intake:
         try:
             yield folder
         finally:
-            try:
-                folder.rmdir()  # what was kept has left it
-            except OSError:
-                shutil.rmtree(folder, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
 
     def can_read(self, job: str) -> bool:
         """Whether parts of a job can be read now."""

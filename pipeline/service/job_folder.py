@@ -31,7 +31,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.job_check import check_job, read_settings
 from pipeline.service.recent_files import GlyphDatabases, RecentFiles
-from pipeline.service.web.problem import OwnProblem, Problem
+from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
 log = structlog.get_logger("tactile-marks")
 _State = tuple[int, int]
@@ -208,9 +208,9 @@ class JobFolder:
             try:
                 job, watch = _check(path, written, call=self.call)
             except OwnFileError as error:
-                raise OwnProblem(self._without_folders(error)) from error
+                raise OwnProblem(without_folders(str(error))) from error
             except MarksError as error:
-                raise Problem(422, self._without_folders(error)) from error
+                raise Problem(422, without_folders(str(error))) from error
             text = job_text(written, job.settings.line)
             self.folder.mkdir(exist_ok=True)
             with replacing(path) as temporary:
@@ -266,7 +266,7 @@ class JobFolder:
                 raise
             return before  # no worker could check it; the next check may succeed
         except MarksError as error:
-            problem = self._without_folders(error)
+            problem = without_folders(str(error))
             log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
             kept = (None, None) if before is None else (before.job, before.watch)
             found = _Known(state, *kept, problem)
@@ -275,13 +275,6 @@ class JobFolder:
             found = _Known(state, job, watch)
         self._known[name] = found
         return found
-
-    def _without_folders(self, error: MarksError) -> str:
-        # do not disclose paths of the server
-        text = str(error)
-        for folder in (self.folder, self.databases.folder):
-            text = text.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")
-        return text
 
 
 def _check(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:

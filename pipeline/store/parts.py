@@ -116,7 +116,7 @@ def add_part(
         "job": fit(job, "the name of the job"),
         "line": fit(line, "the name of the line"),
     }
-    _ask_for_serials(tx, added)
+    ask_alone(tx, added.get("rules", ANY_SERIAL))
     times: dict[str, Any] = {"created_at": tx.now, "changed_at": tx.now}
     part = PartRecord(id=part_id, state=added["state"], text="", touch=added.get("touch"), **times, **given)
     part, happened, changed = _read(tx, part, added)
@@ -137,7 +137,7 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
         AlreadyDoneError: the key is taken.
         ConflictError: the part was reviewed meanwhile.
     """
-    _ask_for_serials(tx, added)
+    ask_alone(tx, added.get("rules", ANY_SERIAL))
     part = part_by_id(tx, part_id, lock=True)
     _claim_key(tx, added.get("idempotency"), part_id)
     if part.state is PartState.REVIEWED:
@@ -148,12 +148,6 @@ def add_readings(tx: Transaction, part_id: str, **added: Unpack[Added]) -> PartR
         figures["audit"] = sa.func.nullif(parts.c.audit, AUDIT_WAITS)
     _keep_files(tx, part_id, added.get("evidence", ()))
     return write_part(tx, part, happened, targets=added.get("targets", ()), figures=figures)
-
-
-def _ask_for_serials(tx: Transaction, added: Added) -> None:
-    """Lock out other checks of serials; to be called before a part is locked."""
-    if added.get("rules", ANY_SERIAL).any:
-        ask_alone(tx)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:

@@ -21,10 +21,10 @@ _NAME, _TEXT = parts.c.record["name"].as_string(), parts.c.record["text"].as_str
 _READ, _DECISION = (parts.c.record["reading", name].as_string() for name in ("text", "decision"))
 
 
-def ask_alone(tx: Transaction) -> None:
-    """Keep other askers out until the transaction ends; to be called before a part is locked, or two may wait for each
-    other."""
-    if tx.postgresql:
+def ask_alone(tx: Transaction, rules: SerialRules) -> None:
+    """Keep others that ask out until the transaction ends, if there are rules to check; to be called before a part is
+    locked, or two may wait for each other."""
+    if rules.any and tx.postgresql:
         tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
 
 

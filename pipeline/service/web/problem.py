@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from http import HTTPStatus
 
 import structlog
 
@@ -29,10 +28,6 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
     def is_final(self) -> bool:
         """Whether only the sender can mend it; else the same request may succeed later."""
         return self.status < 500 and self.status not in (408, 429)
-
-    def body(self, request_id: str) -> ProblemBody:
-        """The members of the answer."""
-        return ProblemBody(HTTPStatus(self.status).phrase, self.status, self.detail, request_id)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -15,7 +16,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from glyphs.errors import FileError
 from pipeline.service.web.addresses import relative
-from pipeline.service.web.problem import MEDIA_TYPE, OwnProblem, Problem, no_room
+from pipeline.service.web.problem import MEDIA_TYPE, OwnProblem, Problem, ProblemBody, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
 if TYPE_CHECKING:
@@ -75,6 +76,5 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
         made.headers.update(problem.headers)
         return made
     request_id = scope.get("state", {}).get("request_id", "")
-    return JSONResponse(
-        asdict(problem.body(request_id)), problem.status, headers=problem.headers, media_type=MEDIA_TYPE
-    )
+    body = ProblemBody(HTTPStatus(problem.status).phrase, problem.status, problem.detail, request_id)
+    return JSONResponse(asdict(body), problem.status, headers=problem.headers, media_type=MEDIA_TYPE)
