@@ -142,7 +142,8 @@ class Client:
             files.append(("scan", _read(scan, "scan.h5")))
         if not files:
             raise ValueError("give a photograph, a scan, or both")
-        return self._send_files("/v1/parts", files, idempotency_key, data=fields)
+        data = {key: value for key, value in fields.items() if value}
+        return self._send_files("/v1/parts", files, idempotency_key, data=data)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
         """Add a scan to a part; the part is then read from photograph and scan together.

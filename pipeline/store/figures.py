@@ -37,11 +37,11 @@ def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> S
         "right_before_review": n.filter(parts.c.was_right),
         "characters_reviewed": sa.func.coalesce(sa.func.sum(parts.c.characters), 0),
         "characters_right": sa.func.coalesce(sa.func.sum(parts.c.characters_right), 0),
-        **{state: n.filter(parts.c.state == state) for state in PartState},
+        **{_of(state): n.filter(parts.c.state == state) for state in PartState},
     }
     rows = {row["begin"]: row for row in _by_step(tx, step, counted, parts.c.created_at >= since)}
     total = {name: sum(row[name] for row in rows.values()) for name in counted}
-    by_state = {state: total.pop(state) for state in PartState}
+    by_state = {state: total.pop(_of(state)) for state in PartState}
     return Statistics(
         since=since,
         **total,
@@ -86,11 +86,16 @@ def _by_step(
         begin = sa.func.to_char(utc, "YYYY-MM-DD HH24" if step == HOUR else "YYYY-MM-DD")
     else:
         begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, 13 if step == HOUR else 10)
-    columns = (what.label(name) for name, what in counted.items())
+    columns = (what.label(sa.quoted_name(name, quote=True)) for name, what in counted.items())
     # by its place, for PostgreSQL takes the same function with other parameters for another one
     place: sa.ColumnElement[str] = sa.literal_column("1")
     asked = sa.select(begin.label("begin"), *columns).where(where).group_by(place).order_by(place)
     return tx.execute(asked).mappings().all()
+
+
+def _of(state: PartState) -> str:
+    """Name of the number of parts in a state."""
+    return f"in {state}"
 
 
 def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, float]]:
@@ -122,5 +127,5 @@ def _trend(
 def _trend_step(at: datetime, row: sa.RowMapping | None) -> TrendStep:
     if row is None:
         return TrendStep(at)
-    review = row[PartState.REVIEW] + row[PartState.REVIEWED]
-    return TrendStep(at, row["parts"], row[PartState.ACCEPTED], review, row["rejects"])
+    review = row[_of(PartState.REVIEW)] + row[_of(PartState.REVIEWED)]
+    return TrendStep(at, row["parts"], row[_of(PartState.ACCEPTED)], review, row["rejects"])
