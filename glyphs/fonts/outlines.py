@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from glyphs.fonts.font_files import is_font_file
 from glyphs.fonts.glyph import Font, FontError, Glyph, Points, with_stroke
 
 BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "timesrb")
@@ -26,15 +27,8 @@ _GOTHIC = Path(__file__).with_name("gothic.json")
 _HERSHEY_STROKE = {"futural": 0.14, "futuram": 0.10, "timesr": 0.075, "timesrb": 0.075}
 _HERSHEY_CHARACTERS = string.ascii_letters + string.digits + "-/.+&()#*:,=' "
 _FONT_CHARACTERS = string.ascii_letters + string.digits + string.punctuation + " "
-_FONT_SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
 _FLATNESS = 0.002  # cap heights: a hundredth of a millimetre at 5 mm, far below a die's edge radius
 _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
-
-
-def is_font_file(name: str | Path) -> bool:
-    """Whether a font is named by a file, not by a built-in name."""
-    path = Path(name)
-    return path.suffix.lower() in _FONT_SUFFIXES or path.name != str(name)
 
 
 def load_font(name_or_path: str | Path) -> Font:

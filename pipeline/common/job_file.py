@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError
+from glyphs.fonts.font_files import is_font_file
 from pipeline.common.parsed import toml_of, toml_text
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
 from pipeline.common.version import file_sha256
@@ -37,10 +38,6 @@ _MODE_HINT = "take it out; a part is read by all that it has files for, and read
 def files_of(settings: ReadSettings) -> list[Path]:
     """The files that the settings name."""
     named = [path for name in FILES if (path := getattr(settings, name)) is not None]
-    if not settings.font:
-        return named
-    from glyphs.fonts.outlines import is_font_file  # slow to import, and every command reads settings
-
     return [*named, *(Path(font) for font in settings.font if is_font_file(font))]
 
 

@@ -59,7 +59,6 @@ class PartOrder:
         earlier_photos: photographs of an earlier order, whose reading and picture exist: fused with touch.
         part_name: the line's name of the part.
         expected: expected text; empty if there is none.
-        database: glyph database to read with (default: that of the settings).
         names: names of the files in messages, without folders (default: the names in their paths).
     """
 
@@ -70,7 +69,6 @@ class PartOrder:
     earlier_photos: tuple[Path, ...] = ()
     part_name: str = ""
     expected: str = ""
-    database: Path | None = None
     names: Mapping[Path, str] = field(default_factory=dict)
 
     @property
@@ -134,7 +132,7 @@ def read_order(
         raise ValueError(
             "an order has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
-    settings, reader = _reader(order, settings)
+    reader = _reader(order, settings)
     started, expected = time.perf_counter(), order.expected.strip()
     with sender_names(order, order.shown):
         photo, *more = map(str, order.photos or order.earlier_photos or ("",))
@@ -190,7 +188,7 @@ def read_on_stage(
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.stage_error import StageError
 
-    reader = _reader(order, settings)[1]
+    reader = _reader(order, settings)
     session = stage.open(scan_order)
     try:
         felt = read_kept(reader.touch, session, budget_s=settings.budget_s)
@@ -213,19 +211,17 @@ def check_settings(settings: ReadSettings) -> None:
     _reader(PartOrder(Path()), settings)
 
 
-def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
-    """The settings with the order's own database, and the reader that they ask for.
+def _reader(order: PartOrder, settings: ReadSettings) -> Reader:
+    """The reader that the settings ask for.
 
     Raises:
         OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
     """
     from pipeline.reading.readers import reader_of
 
-    if order.database is not None:
-        settings = settings.model_copy(update={"database": order.database})
     try:
         with sender_names(order, {path: path.name for path in files_of(settings)}):
-            return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
+            return reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
     except FaultError:
         raise
     except FileError as error:

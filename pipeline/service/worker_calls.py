@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
@@ -23,6 +23,7 @@ from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import BusyError
 
 if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
     from pipeline.formats.touch_file import Limits
     from pipeline.service.job_folder import JobFolder
     from pipeline.service.metrics import Metrics
@@ -85,10 +86,13 @@ class WorkerCalls:
         for job, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
                 async with self._noted(job, database):
-                    settings = await asyncio.to_thread(self.jobs.settings, job)
-                    if (glyphs := self.jobs.databases.path(database)) is not None:
-                        settings = settings.model_copy(update={"database": glyphs})
-                    await self._call_once(check_settings, settings)
+                    await self._call_once(check_settings, await self._settings_with(database, job))
+
+    async def _settings_with(self, database: str, job: str) -> ReadSettings:
+        """The settings of a job, with the glyph database that a caller has named."""
+        settings = await asyncio.to_thread(self.jobs.settings, job) if job else self.jobs.settings(job)
+        glyphs = self.jobs.databases.path(database)
+        return settings if glyphs is None else settings.model_copy(update={"database": glyphs})
 
     def outside_format(self, text: str, job: str) -> str:
         """Why a text does not fit the format of a job; empty if it fits, or the job is gone."""
@@ -119,8 +123,7 @@ class WorkerCalls:
             OwnProblem: an unusable file of the service.
         """
         async with self._noted(job, database):
-            settings = await asyncio.to_thread(self.jobs.settings, job) if job else self.jobs.settings(job)
-            order = replace(order, database=self.jobs.databases.path(database))
+            settings = await self._settings_with(database, job)
             if felt_by is None:
                 return await self.call(read_order, order, settings, self.limits)
             # a second try would feel the part again

@@ -172,8 +172,9 @@ def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "dies.npz"
     path.write_bytes(b"no database")
+    settings = SETTINGS.model_copy(update={"database": path})
     with pytest.raises(OwnFileError) as caught:
-        read_order(PartOrder(folder, photos=(parts.photo,), database=path), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, photos=(parts.photo,)), settings, LIMITS)
     assert str(caught.value).startswith("dies.npz: ")
     assert str(tmp_path) not in str(caught.value)
 

@@ -1,0 +1,13 @@
+"""Names of fonts: built-in ones and those of files; apart from what loads them, which is slow to import."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
+
+
+def is_font_file(name: str | Path) -> bool:
+    """Whether a font is named by a file, not by a built-in name."""
+    path = Path(name)
+    return path.suffix.lower() in _SUFFIXES or path.name != str(name)
