@@ -78,10 +78,9 @@ def lease(
     return tuple(Delivery(row.id, row.target, row.part_id, row.payload, row.attempts) for row in rows)
 
 
-def release(tx: Transaction, owner: str, delivery_ids: Collection[int]) -> None:
-    """Give up the owner's leases on deliveries that it does not send."""
-    mine = sa.and_(outbox.c.id.in_(list(delivery_ids)), outbox.c.owner == owner)
-    tx.execute(sa.update(outbox).where(mine).values(**_FREE))
+def release(tx: Transaction, owner: str) -> None:
+    """Give up all leases of an owner that sends no more."""
+    tx.execute(sa.update(outbox).where(outbox.c.owner == owner).values(**_FREE))
 
 
 def delivered(tx: Transaction, delivery_id: int) -> None:

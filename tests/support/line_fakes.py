@@ -84,7 +84,7 @@ class MemoryOutbox:
         of_targets = [[d for d, _ in ready if d.target == target][:limit] for target in targets]
         return tuple(delivery for found in of_targets for delivery in found)
 
-    def release(self, owner: str, delivery_ids: Collection[int]) -> None:
+    def release(self, owner: str) -> None:
         """Of one dispatcher alone: it is given what it had."""
 
     def waiting_results(self) -> dict[str, WaitingResults]:

@@ -144,7 +144,6 @@ class Dispatcher:
         self._outbox, self._senders = outbox, dict(senders)
         self._rng, self._pace = rng or Random(), pace or Pace()
         self._owner = secrets.token_hex(8)  # not from the rng: services seeded alike are two all the same
-        self._leased: set[int] = set()
         self._woken = {target: asyncio.Event() for target in senders}
         self._stopping = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
@@ -167,7 +166,7 @@ class Dispatcher:
         self.wake()
         await end_tasks(self._tasks, grace_s=grace_s)
         with contextlib.suppress(Exception):  # else they are the others' when the lease is over
-            await asyncio.to_thread(self._outbox.release, self._owner, tuple(self._leased))
+            await asyncio.to_thread(self._outbox.release, self._owner)
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
     async def _run(self, target: str, sender: Sender) -> None:
@@ -191,7 +190,6 @@ class Dispatcher:
                 )
                 if loop.time() + pace.send_s > until_s:
                     leased = ()  # it has stalled; they are given to it again
-                self._leased.update(delivery.id for delivery in leased)
                 sendings = (self._send(sender, delivery, rests + 1) for delivery in leased)
                 done = await asyncio.gather(*sendings, return_exceptions=True)
                 for error in done:
@@ -234,7 +232,6 @@ class Dispatcher:
             self._report(target, "")
             state.refused.pop(delivery.id, None)
             await asyncio.to_thread(self._outbox.delivered, delivery.id)
-            self._leased.discard(delivery.id)
             return 0.0
         self._report(target, str(error) if error.away else "")
         if not error.away:
@@ -246,7 +243,6 @@ class Dispatcher:
         await asyncio.to_thread(
             self._outbox.postpone, delivery.id, self._owner, error=str(error), wait_s=wait_s
         )
-        self._leased.discard(delivery.id)
         return wait_s if error.away else 0.0
 
     def _wait_s(self, error: DeliveryError, failures: int) -> float:

@@ -78,10 +78,10 @@ def test_what_one_has_leased_the_others_leave_alone_until_the_lease_is_over(stor
     (first,) = store.lease("one", ("mqtt", "webhook"), lease_s=60.0)
     assert store.lease("one", ("mqtt",), lease_s=60.0) == (first,), "what is its own it is given again"
     assert store.lease("other", ("mqtt",), lease_s=60.0) == (), "nor is the second sent before the first"
-    store.release("other", (first.id,))
+    store.release("other")
     store.postpone(first.id, "other", error="not its to put off", wait_s=0.0)
     assert store.lease("other", ("mqtt",), lease_s=60.0) == ()
-    store.release("one", (first.id,))
+    store.release("one")
     assert store.lease("other", ("mqtt",), lease_s=0.0) == (first,)
     assert store.lease("third", ("mqtt",), lease_s=60.0) == (first,), "that lease was over as it was given"
     store.delivered(first.id)
