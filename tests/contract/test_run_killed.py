@@ -9,7 +9,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-import sqlalchemy as sa
 
 from tests.contract.front_doors import main, save_height_map, start_process
 from tests.support.waiting import PATIENCE_S, children, is_alive, wait_until
@@ -57,7 +56,7 @@ def killed_after(process: subprocess.Popen[str], table: Path, count: int) -> Non
 def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_once(
     parts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, and kills again and again
+    # as a table of lines; tests/pipeline/runs/test_journal.py has other kinds, tests/faults runs into a store
     table = tmp_path / "rows.csv"
     first = started(parts, tmp_path, table.name)
     wait_for_lines(first, table, 1)
@@ -102,31 +101,6 @@ def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_onc
     assert bad["part"] == BAD
     assert Path(bad["height_map"]).name == f"{BAD}.npz"
     assert not [p.name for p in tmp_path.iterdir() if p.name.endswith((".unfinished", ".rows.jsonl"))]
-
-
-def test_a_killed_run_into_a_store_goes_on(parts: Path, tmp_path: Path) -> None:
-    out = "sqlite:///parts.db"
-    process = started(parts, tmp_path, out)
-    wait_until(lambda: list(tmp_path.glob("tactile-marks-*.jsonl")), process)
-    (table,) = tmp_path.glob("tactile-marks-*.jsonl")
-    killed_after(process, table, 3)
-    kept = stored(tmp_path / "parts.db")
-    assert 2 <= len(kept) < PARTS
-    process = started(parts, tmp_path, out)
-    _, error = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 1, error
-    after = stored(tmp_path / "parts.db")
-    assert sorted(name for name, _ in after) == [f"part-{k:02d}" for k in range(PARTS) if k != 6]
-    assert set(kept) <= set(after)
-    assert not list(tmp_path.glob("tactile-marks-*.jsonl*"))
-
-
-def stored(path: Path) -> list[tuple[str, str]]:
-    engine = sa.create_engine(f"sqlite:///{path}")
-    with engine.connect() as connection:
-        return [
-            tuple(row) for row in connection.execute(sa.text("select record ->> '$.name', id from parts"))
-        ]
 
 
 def read_table(path: Path) -> list[dict[str, object]]:

@@ -10,6 +10,7 @@ import pytest
 from glyphs.surface.pieces import Piece
 from pipeline.cli.main import main
 from tests.support.benches import recorded
+from whisker_array.identification.bench import Unknown
 from whisker_array.identification.fit import identify
 from whisker_array.scan.recording import save_scan
 
@@ -18,8 +19,9 @@ from whisker_array.scan.recording import save_scan
 def test_what_was_found_is_shown_beside_what_is_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # a coarser map than by default: how near the numbers are is not asked here
-    monkeypatch.setattr("pipeline.reading.identified.identify", partial(identify, grid_mm=0.02))
+    # a coarser map than by default, and two of the numbers: how near they are is not asked here
+    quickly = partial(identify, grid_mm=0.02, only=(Unknown.PRELOAD, Unknown.FRICTION))
+    monkeypatch.setattr("pipeline.reading.identified.identify", quickly)
     monkeypatch.chdir(tmp_path)
     Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\n', encoding="utf-8")
     save_scan(recorded(Piece(angle_deg=(45.0,)), friction=0.25), Path("piece.h5"))
