@@ -18,7 +18,7 @@ SLOWEST_S = 30.0
 MOST_MEMORY_MB = 3000.0
 """Of the web server and its worker together at any moment; a worker at rest has about 600, the corpus declares
 terabytes."""
-EACH = 12
+EACH = 24
 """One of so many: all of them are read by `tests/pipeline/reading/test_part_order_files.py`, without a service."""
 
 
