@@ -20,7 +20,6 @@ from pipeline.common.settings import SettingsError
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.connections import Connection
 from pipeline.service.golden import GoldenPart
 from pipeline.service.intake import Intake
 from pipeline.service.job_folder import JobFolder
@@ -137,13 +136,9 @@ class Service:
         gauge(
             "targets_troubled",
             "Targets of results that cannot be reached or refuse results.",
-            lambda: sum(not one.works for one in self.connections()),
+            lambda: sum(not one.works for one in self.ports.connections()),
         )
         gauge("outbox", "Results not yet published.", self.store.undelivered)
-
-    def connections(self) -> tuple[Connection, ...]:
-        """The connections to other systems as they are now."""
-        return self.ports.connections()
 
     def why_not_ready(self) -> str:
         """Why parts cannot be read, without paths, for it is asked without a token; empty if they can."""
@@ -172,7 +167,7 @@ class Service:
 
     def state(self) -> dict[str, str]:
         """Answer of /readyz: targets, drift, bench, and what is unusable."""
-        targets = [one for one in self.connections() if one.is_target]
+        targets = [one for one in self.ports.connections() if one.is_target]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
         found = {
             "status": "ready" if all(one.works for one in targets) else "degraded",

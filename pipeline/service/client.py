@@ -185,9 +185,13 @@ class Client:
         Raises:
             ServiceError: refused, or not reached in time.
         """
-        body = {"action": ReviewAction(action).value, "text": text, "who": who, "note": note}
-        if before is not None:
-            body["before"] = before
+        body = {
+            "action": ReviewAction(action).value,
+            "text": text,
+            "who": who,
+            "note": note,
+            "before": before,
+        }
         answer = self._send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
         return _record(PartRecord, answer)
 

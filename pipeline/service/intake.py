@@ -114,7 +114,7 @@ class Intake:
 
     def can_read(self, job: str) -> bool:
         """Whether parts of a job can be read now."""
-        return self.calls.busy is None and not self.calls.trouble(job)
+        return self.calls.pool.retry_after_s() is None and not self.calls.trouble(job)
 
     async def receive(
         self, new: NewPart, sent: Sequence[Upload], *, idempotency: IdempotencyKey | None = None

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter, FastAPI
 from fastapi.responses import Response
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
@@ -17,7 +18,6 @@ from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
-from pipeline.service.metrics import CONTENT_TYPE_LATEST
 from pipeline.service.pages.routes import add_pages
 from pipeline.service.web.access import Caller
 from pipeline.service.web.door import Door
@@ -66,7 +66,7 @@ def create_app(service: Service) -> FastAPI:
         settings=settings,
         access=service.access,
         metrics=service.metrics,
-        busy=lambda: service.intake.calls.busy,
+        busy=service.pool.retry_after_s,
     )
     return app
 
@@ -99,7 +99,7 @@ def _service_router(service: Service) -> APIRouter:
     @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
     def metrics() -> Response:
         """Numbers for Prometheus."""
-        return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
+        return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
     @router.get("/v1/databases", responses=problems(401, 403))
     def databases(caller: Caller = Reads) -> list[dict[str, Any]]:

@@ -56,11 +56,6 @@ class WorkerCalls:
     _lost: list[str] = field(default_factory=list, init=False)
 
     @property
-    def busy(self) -> float | None:
-        """Seconds after which to ask again while the queue is full; None while it has room."""
-        return self.pool.retry_after_s()
-
-    @property
     def troubles(self) -> dict[str, str]:
         """Faults of jobs and databases that callers have named, by name."""
         return {job or database: why for (job, database), why in self._troubles.items() if job or database}

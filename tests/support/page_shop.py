@@ -71,7 +71,7 @@ class Shop:
                 undo_review=lambda part_id, person: self.store.undo_review(part_id, person=person),
             ),
             golden=SimpleNamespace(scans=tuple),
-            connections=tuple,
+            ports=SimpleNamespace(connections=tuple),
         )
         self.app = FastAPI()
         add_pages(self.app, service)

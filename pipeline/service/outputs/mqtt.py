@@ -111,12 +111,8 @@ class MqttSender:
             about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
             await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)
         except DeliveryError as error:
-            if not error.away:
-                raise
-            async with self._connecting:
-                if self._connection is connection:
-                    self._connection = None
-            await connection.end()
+            if error.away:
+                await connection.end()
             raise
 
     async def close(self) -> None:

@@ -155,10 +155,12 @@ class MqttConnection:
             raise DeliveryError("the broker has not acknowledged it in time", away=True)
 
     async def end(self) -> None:
-        """Disconnect; a broker that does not answer is left."""
+        """Disconnect; a broker that does not answer is left, and counts as lost."""
         if self._accepted.done() and not self.lost.done():
             self._client.disconnect()
             await asyncio.wait({self.lost}, timeout=LEAVE_S)
+        if not self.lost.done():
+            self.lost.set_result("it does not answer")
         self._drop()
         await asyncio.to_thread(self._client.loop_stop)
 

@@ -53,6 +53,6 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             states=tuple(PartState),
             charts=charts_of(numbers.trend, each=each),
             golden=[*shown, *(scan for scan in reference if scan not in shown)],
-            connections=service.connections(),
+            connections=service.ports.connections(),
             audits=frame.store.audit_figures(now - _AUDITED),
         )
