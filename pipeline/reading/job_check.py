@@ -11,7 +11,6 @@ from typing import Any
 
 from glyphs.errors import FileError, MarksError, OwnFileError
 from pipeline.common.job_file import SUFFIX, JobFile, files_of, job_of
-from pipeline.common.settings import ReadSettings
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
@@ -50,12 +49,3 @@ def check_line(line_format: str, text: str) -> tuple[str, ...]:
     from recognition.language.grammar import Grammar
 
     return Grammar.parse(line_format).objections(text)
-
-
-def read_settings(written: Mapping[str, Any]) -> ReadSettings:
-    """Settings as a request has them.
-
-    Raises:
-        SettingsError: an unknown one, one that cannot be.
-    """
-    return ReadSettings.of(**written)

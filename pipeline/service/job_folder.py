@@ -18,6 +18,7 @@ import threading
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from glyphs.errors import FileError, MarksError, OwnFileError, describe_fault
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
-from pipeline.reading.job_check import check_job, read_settings
+from pipeline.reading.job_check import check_job
 from pipeline.service.recent_files import GlyphDatabases, RecentFiles
 from pipeline.service.web.problem import OwnProblem, Problem, without_folders
 
@@ -180,7 +181,7 @@ class JobFolder:
         if not isinstance(written, dict):
             raise Problem(422, "the body is not a JSON object of settings")
         try:
-            settings: ReadSettings = self.call(read_settings, written)
+            settings: ReadSettings = self.call(partial(ReadSettings.of, **written))
         except MarksError as error:
             raise Problem(422, str(error)) from error
         return settings
