@@ -9,7 +9,6 @@ import numpy as np
 from glyphs.errors import FileError, MarksError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.formats.touch_file import read_scan
-from pipeline.formats.whisker_file import heights_of_piece, read_piece
 from pipeline.reading.part_orders import PartOrder, sender_names
 
 
@@ -36,6 +35,7 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         FileError: either cannot be used, or the scan does not fit the relief.
     """
     # imported here: the service itself does not measure, its workers do
+    from pipeline.formats.whisker_file import heights_of_piece, read_piece
     from whisker_array.identification.bench import WORN_TIP, Unknown
     from whisker_array.identification.fit import identify
 

@@ -14,8 +14,6 @@ from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 from recognition.language.elements import named_fields
-from recognition.marks.depth import MarkDepth
-from recognition.marks.grade import Action, MarkGrade
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +23,8 @@ if TYPE_CHECKING:
     from recognition.decision.verify import Verification
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
+    from recognition.marks.depth import MarkDepth
+    from recognition.marks.grade import Action, MarkGrade
     from recognition.marks.strokes import FeltLine, PlaceStrokes
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
@@ -327,6 +327,9 @@ class Reading:
     @property
     def actions(self) -> tuple[Action, ...]:
         """Action for each character's mark; none where the reading is accepted, whatever its grades."""
+        # imported here: who only keeps or shows readings does without the libraries that grade marks
+        from recognition.marks.grade import Action
+
         if self.decision is Decision.ACCEPT:
             return (Action.NONE,) * len(self.characters)
         return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)

@@ -22,6 +22,8 @@ from glyphs import stamp
 from tests.support.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]
+READY_LOOK_S = 0.2
+"""Between two looks at a service that starts, which takes seconds; every answer costs it some milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,7 @@ def run_service(
     try:
         running = RunningService(address_in(log, process, begin), process, folder)
         if ready:
-            wait_until(lambda: status_of(f"{running.url}/readyz") == 200, process)
+            wait_until(lambda: status_of(f"{running.url}/readyz") == 200, process, look_s=READY_LOOK_S)
         yield running
     finally:
         process.terminate()

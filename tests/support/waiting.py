@@ -23,13 +23,15 @@ class Ending(Protocol):
     def poll(self) -> int | None: ...
 
 
-def wait_until(holds: Callable[[], object], process: Ending | None = None, *, why: str = "") -> None:
+def wait_until(
+    holds: Callable[[], object], process: Ending | None = None, *, why: str = "", look_s: float = LOOK_S
+) -> None:
     """Wait for a condition that must come true; fail when the process ends or patience does."""
     end_s = time.monotonic() + PATIENCE_S
     while not holds():
         assert process is None or process.poll() is None, f"the process ended with {process.returncode}"
         assert time.monotonic() < end_s, f"waited in vain {why}"
-        time.sleep(LOOK_S)
+        time.sleep(look_s)
 
 
 def free_port() -> int:

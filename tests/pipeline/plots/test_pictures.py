@@ -17,7 +17,8 @@ from pipeline.common.texts import same_text
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.picture import moment_image, reading_figure
-from recognition.decision.reading import Box, Candidate, CharacterReading, MarkDepth, Reading, ReadingTrace
+from recognition.decision.reading import Box, Candidate, CharacterReading, Reading, ReadingTrace
+from recognition.marks.depth import MarkDepth
 from whisker_array.estimation.relief import Route, relief_from_edges
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import Fidelity

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -286,3 +288,9 @@ def test_the_description_of_the_interface_stands_and_has_examples(client: TestCl
     assert set(examples) == {"accepted", "touch_needed"}
     assert "HTTPValidationError" not in told["components"]["schemas"]
     assert "/review" not in told["paths"]
+
+
+def test_the_web_server_leaves_the_libraries_that_read_parts_to_its_workers() -> None:
+    code = "import sys, pipeline.service.app; print({'numba', 'scipy', 'cv2', 'onnxruntime'} & sys.modules.keys())"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout == "set()\n"
