@@ -16,6 +16,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def _shade(shape: tuple[int, int]) -> NDArray[np.uint8]:
 
 @cache
 def scan() -> bytes:
-    """A recording of the small map."""
+    """A recording of the small map, with few samples: of each file of the corpus one is written."""
     from glyphs.surface.maps import HeightMap
     from pipeline.reading.simulated_scan import feel
     from whisker_array.scan.recording import save_scan
@@ -72,6 +73,7 @@ def scan() -> bytes:
 
     height_map = HeightMap(small_map(), 0.1)
     plan = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=5.0)
+    plan = replace(plan, sample_pitch_mm=4.0 * plan.sample_pitch_mm)
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "a.h5"
         save_scan(feel(height_map, plan=plan, height_mm=5.0), path)
