@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 SWEEP_EVERY_S = 3600.0
 # Seconds between checks of jobs and glyph databases that were unusable.
 RECHECK_EVERY_S = 1.0
-# Seconds that the check of a job may take; most take a tenth of a second.
-CHECK_S = 10.0
 # Seconds between looks at workers that warm up.
 LOOK_AT_WORKERS_S = 0.05
 # Seconds between looks at parts that wait for touch.
@@ -92,9 +90,7 @@ class Service:
             own=reading,
             databases=GlyphDatabases(settings.databases_folder, default=reading.database),
             needed=settings.watch.job,
-            call=lambda function, *arguments: self.intake.calls.call_blocking(
-                function, *arguments, timeout_s=CHECK_S
-            ),
+            call=lambda *called: self.intake.calls.call_blocking(*called),
         )
         if settings.watch.job:
             try:

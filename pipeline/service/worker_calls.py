@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
+# Seconds that the check of a job may take; most take a tenth of a second.
+CHECK_S = 10.0
 MOST_LOST = 2
 """Workers lost in a row after which the service is not ready, until a worker has read a clean part."""
 
@@ -138,23 +140,21 @@ class WorkerCalls:
                     raise _lost_problem(error, lost) from error
         raise AssertionError("no try")
 
-    def call_blocking(self, function: Callable[..., T], *arguments: Any, timeout_s: float) -> T:
-        """Call a function in a worker from a thread that waits.
+    def call_blocking(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Call a function that checks a job in a worker, from a thread that waits for at most `CHECK_S`.
 
         Raises:
             Problem: a full queue, a lost worker.
             MarksError: as the function.
         """
         try:
-            found: T = self.pool.submit(function, *arguments, timeout_s=timeout_s).result()
+            found: T = self.pool.submit(function, *arguments, timeout_s=CHECK_S).result()
         except BusyError as error:
             raise busy(error.retry_after_s) from error
         except WorkerLostError as error:
             log.warning("worker lost", why=str(error))
             if error.timed_out:
-                raise Problem(
-                    422, f"it takes longer than {timeout_s:g} s to check; make it simpler"
-                ) from error
+                raise Problem(422, f"it takes longer than {CHECK_S:g} s to check; make it simpler") from error
             if error.crashed:
                 raise Problem(422, f"the worker that checked it was lost: {error}") from error
             raise Problem(503, f"{error}; send it again", headers={"Retry-After": "5"}) from error
