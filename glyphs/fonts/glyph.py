@@ -112,7 +112,7 @@ class Glyph(OneLine):
         """Whether the glyph has ink (a space has none)."""
         return bool(self.strokes or self.contours)
 
-    @property
+    @cached_property
     def ink_box(self) -> tuple[float, float, float, float]:
         """Bounding box (x0, y0, x1, y1) of the ink, nominal stroke included, cap heights.
 
