@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,10 +22,8 @@ from tests.support.store_samples import START, Clock, received
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    made = Store.open(f"sqlite:///{tmp_path}/store.db", now=Clock())
-    yield made
-    made.close()
+def store_url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path}/store.db"
 
 
 @pytest.fixture
@@ -59,13 +56,7 @@ def test_every_part_is_a_row_however_many_there_are(
     )  # fmt: skip
 
 
-def test_filters(tmp_path: Path) -> None:
-    clock = Clock()
-    store = Store.open(f"sqlite:///{tmp_path}/store.db", now=clock)
-    app = FastAPI()
-    app.include_router(export_router(SimpleNamespace(store=store, access=Access(store, required=False))))
-    add_problem_handlers(app)
-    client = TestClient(app)
+def test_filters(store: Store, clock: Clock, client: TestClient) -> None:
     first = received(store, job="left", line="north").id
     clock.go_on(days=1)
     second = received(store, PartState.REVIEW, job="right").id
@@ -81,7 +72,6 @@ def test_filters(tmp_path: Path) -> None:
     assert (row["reviewed_by"], row["review"], row["note"]) == ("Ada", "correct", "worn")
     for wrong in ("yesterday", "9999-12-31T23:59:59-23:00"):
         assert client.get("/v1/parts.csv", params={"since": wrong}).status_code == 422
-    store.close()
 
 
 @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", '=HYPERLINK("http://x","y")'])

@@ -5,9 +5,9 @@ Set MARKS_SCREENSHOTS to a folder to keep pictures of the pages.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +19,7 @@ import pytest
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
+from tests.support.line_fakes import serving
 from tests.support.page_shop import Shop
 from tests.support.programs import program
 from tests.support.waiting import wait_until
@@ -90,7 +91,6 @@ class Service(Shop):
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:
     """The pages, and a route for their pictures; any service with both can stand in its place."""
-    uvicorn = pytest.importorskip("uvicorn")
     from fastapi.responses import FileResponse
 
     made = Service(tmp_path)
@@ -100,18 +100,8 @@ def service(tmp_path: Path) -> Iterator[Service]:
         found = [e for e in made.store.evidence(part_id) if e.kind is PICTURES[which]][-1]
         return FileResponse(made.evidence.path(found.sha256), media_type=found.media_type)
 
-    server = uvicorn.Server(uvicorn.Config(made.app, host="127.0.0.1", port=0, log_level="warning"))
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    waited = threading.Event()
-    while not server.started:
-        assert thread.is_alive(), "the server has ended before it began"
-        waited.wait(0.01)
-    made.url = f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
-    yield made
-    server.should_exit = True
-    thread.join(10.0)
-    made.store.close()
+    with contextlib.closing(made.store), serving(made.app) as made.url:
+        yield made
 
 
 @pytest.fixture(scope="module")
