@@ -193,9 +193,8 @@ def _serve(pipe: Connection, modules: Sequence[str], shows: bool) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     os.environ.update(dict.fromkeys(_THREADS, "1"))  # before the libraries are loaded
     for name in modules:
-        with contextlib.suppress(
-            Exception
-        ):  # one that cannot be imported is the fault of the call that needs it
+        # one that cannot be imported is the fault of the call that needs it
+        with contextlib.suppress(Exception):
             importlib.import_module(name)
     with show_compiling(_say) if shows else contextlib.nullcontext(), contextlib.suppress(EOFError, OSError):
         _keep_to(pipe.recv())

@@ -53,7 +53,7 @@ def _posteriors(strip: Layers) -> NDArray[np.float32]:
 
 
 def widen(strip: Layers) -> Layers:
-    """A strip as the network is shown it."""
+    """Widen a strip as the network reads it."""
     size = (math.ceil(WIDER * strip.shape[2]), strip.shape[1])
     return np.stack([cv2.resize(layer, size, interpolation=cv2.INTER_LINEAR) for layer in strip])
 

@@ -15,7 +15,7 @@ from torch.utils.data import IterableDataset, get_worker_info
 
 from recognition.learning.augment import noisy
 from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
-from recognition.learning.training_loop import DEVICE, Task, Training, export, ready_made
+from recognition.learning.training_loop import DEVICE, Task, Training, export, load_batches
 from recognition.learning.training_samples import (
     VIEW_ROWS,
     Places,
@@ -212,7 +212,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     return Task(
         network,
         optimiser,
-        ready_made(Windows(folders, size=how.batch or BATCH, seed=how.seed), how),
+        load_batches(Windows(folders, size=how.batch or BATCH, seed=how.seed), how),
         lambda batch, draw: _loss(network, batch, draw),
         lambda one: measure_finder(one, held),
         lambda out: export(

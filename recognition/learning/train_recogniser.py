@@ -28,7 +28,7 @@ from recognition.learning.network import COLUMNS, Recogniser
 from recognition.learning.public_start import load_start
 from recognition.learning.quantise import quantise
 from recognition.learning.surroundings import vary_surroundings
-from recognition.learning.training_loop import DEVICE, Task, Training, export, ready_made
+from recognition.learning.training_loop import DEVICE, Task, Training, export, load_batches
 from recognition.learning.training_samples import (
     TALL_ROWS,
     WIDE_MARGIN,
@@ -96,7 +96,7 @@ def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
     return Task(
         network,
         optimiser,
-        ready_made(made, how),
+        load_batches(made, how),
         lambda batch, draw: _loss(network, batch, draw),
         judge,
         write,
@@ -139,7 +139,7 @@ def plain(strip: TrainingStrip) -> NDArray[np.float32]:
 
 
 def as_read(strip: TrainingStrip) -> NDArray[np.float32]:
-    """The same as the network is shown it."""
+    """A strip as the network is given it: widened, and filled up to whole steps."""
     wide = widen(plain(strip))
     return np.pad(wide, ((0, 0), (0, 0), (0, -wide.shape[2] % COLUMNS)))
 
@@ -169,8 +169,8 @@ def measure(network: Recogniser, strips: Sequence[TrainingStrip]) -> dict[str, t
     return {key: (n, wrong, lines) for key, (n, wrong, lines) in sorted(found.items())}
 
 
-def used(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
-    """Those that are learned from this time."""
+def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> list[TrainingStrip]:
+    """Draw the strips to learn from in this round: fewer of the kinds of which there are many."""
     return [strip for strip in strips if rng.random() < _share(strip)]
 
 
@@ -248,7 +248,7 @@ class Batches(IterableDataset[Batch]):
         seed = self.seed if worker is None else self.seed + 1000 * (worker.id + 1)
         rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
         for read in rounds(TrainingStrip, self.folders, rng, files=_FILES):
-            chosen = used(read, rng)
+            chosen = choose_strips(read, rng)
             if len(chosen) < self.size:
                 raise ValueError(
                     f"{len(chosen)} strips are fewer than a batch of {self.size}: draw more of them"

@@ -72,8 +72,8 @@ class Task:
     early: Sequence[nn.Parameter] = ()
 
 
-def ready_made(batches: IterableDataset[Any], how: Training) -> Iterator[Any]:
-    """Batches that worker processes make ready, each as often as asked."""
+def load_batches(batches: IterableDataset[Any], how: Training) -> Iterator[Any]:
+    """Load batches that worker processes prepare, each of them as often as asked."""
     ahead = 4 if how.workers else None
     for batch in DataLoader(batches, batch_size=None, num_workers=how.workers, prefetch_factor=ahead):
         yield from repeat(batch, how.times)

@@ -100,14 +100,13 @@ def _ink(
     return middles, spreads
 
 
-def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float, *, rounds: int = 100) -> Floats:
-    """A robust parabola through offsets, of fewer places a straight line or none: least squares, weighted anew."""
+def _parabola(columns: Floats, offsets: Floats, at: Floats, scatter: float) -> Floats:
+    """A robust parabola through offsets, of fewer places a straight line or none."""
+    from scipy.optimize import least_squares
+
     degree = min(2, max(0, (columns.size - 1) // 2))
     middle, half = columns.mean(), max(float(np.ptp(columns)) / 2, 1.0)
     powers = np.vander((columns - middle) / half, degree + 1)
-    weights = np.ones_like(offsets)
-    for _ in range(rounds):
-        fit = np.linalg.lstsq(powers * weights[:, None], offsets * weights, rcond=None)[0]
-        # the square root of those of a smooth absolute value
-        weights = (1.0 + ((offsets - powers @ fit) / scatter) ** 2) ** -0.25
-    return np.asarray(np.vander((at - middle) / half, degree + 1) @ fit)
+    start = np.linalg.lstsq(powers, offsets, rcond=None)[0]
+    fit = least_squares(lambda p: powers @ p - offsets, start, loss="soft_l1", f_scale=scatter)
+    return np.asarray(np.vander((at - middle) / half, degree + 1) @ fit.x)

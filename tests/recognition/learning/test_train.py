@@ -25,12 +25,12 @@ from recognition.learning.train import train
 from recognition.learning.train_recogniser import (
     as_read,
     batches,
+    choose_strips,
     decode,
     gather,
     measure,
     plain,
     targets,
-    used,
 )
 from recognition.learning.training_loop import Training
 from recognition.learning.training_parts import TrainingPart
@@ -234,7 +234,7 @@ def test_hopeless_photographs_are_seldom_learned_from() -> None:
         return TrainingStrip(np.ones((LAYERS, TALL_ROWS, 64), np.float16), "A", source, severity)
 
     strips = [strip("photo", 0.9)] * 200 + [strip("felt", 0.9)] * 50 + [strip("photo", 0.2)] * 200
-    kept = used(strips, np.random.default_rng(0))
+    kept = choose_strips(strips, np.random.default_rng(0))
     hard, easy = (sum(s.source == "photo" and s.severity == level for s in kept) for level in (0.9, 0.2))
     assert sum(s.source == "felt" for s in kept) == 50
     assert 0 < hard < 0.6 * easy < 120
