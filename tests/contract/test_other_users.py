@@ -49,12 +49,12 @@ def forwarded(url: str) -> Iterator[str]:
 @pytest.mark.skipif(
     sys.platform != "linux" or os.geteuid() != 0, reason="only root can start a program of another user"
 )
-def test_who_calls_as_another_user_needs_a_token_and_a_copied_cookie_ends_by_signing_out(
+def test_who_calls_as_another_user_needs_a_token(
     tmp_path: Path,
 ) -> None:
     store = f"sqlite:///{tmp_path / 'service' / 'store.db'}"
     (tmp_path / "service").mkdir()
-    added = run_process("tokens", "add", "anna", "--scope", "read", "--scope", "review", "--store", store)
+    added = run_process("tokens", "add", "anna", "--scope", "read", "--store", store)
     assert added.status == 0, added.err
     secret = added.out.strip()
     with (
@@ -68,15 +68,8 @@ def test_who_calls_as_another_user_needs_a_token_and_a_copied_cookie_ends_by_sig
         assert browser.get("/healthz").status_code == 200
         refused = browser.get("/v1/parts")
         assert refused.status_code == 401
-        assert "a token is needed" in refused.json()["detail"]
+        assert "of another user" in refused.json()["detail"]
         assert browser.post("/v1/parts", files={"scan": ("a.npz", b"x")}).status_code == 401
         assert browser.put("/v1/jobs/evil", json={"format": "AA"}).status_code == 401
         assert browser.get("/review").headers["location"] == "./login?to=%2Freview"
         assert browser.get("/v1/parts", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
-
-        assert browser.post("/login", data={"secret": secret}).status_code == 303
-        copied = dict(browser.cookies)
-        assert browser.get("/v1/parts").status_code == 200
-        browser.post("/logout")
-        assert httpx.get(f"{outside}/v1/parts", cookies=copied).status_code in (400, 401)
-        assert browser.get("/v1/parts", cookies=copied).status_code == 401

@@ -133,32 +133,6 @@ def test_a_job_that_cannot_be_written_is_not_the_senders_fault(watching: Running
     assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "re:["}).status_code == 422
 
 
-@pytest.mark.parametrize(
-    "written",
-    [
-        b"height_mm = " + b"9" * 5000,
-        b"height_mm = 0x" + b"f" * 5000,
-        b"format = " + b"[" * 20_000,
-        b"\xff\xfe\x00",
-    ],
-    ids=["digits", "hexadecimal", "brackets", "bytes"],
-)
-def test_one_job_that_cannot_be_parsed_leaves_the_others(
-    watching: RunningService, place: Path, picture: bytes, written: bytes
-) -> None:
-    path = place / "jobs" / "bad.toml"
-    path.write_bytes(written)
-    try:
-        listed = {job["name"]: job["problem"] for job in httpx.get(f"{watching.url}/v1/jobs").json()}
-        assert listed["bad"]
-        assert listed["line"] == ""
-        assert httpx.get(f"{watching.url}/jobs").status_code == 200
-        assert is_passing(send(watching, picture, job="bad"))
-        assert ready(watching)
-    finally:
-        path.unlink()
-
-
 @pytest.fixture
 def hangups() -> Iterator[None]:
     """Hangups end what is started here, also where whoever runs the tests ignores them (`nohup`)."""

@@ -63,17 +63,6 @@ def test_rows_that_are_not_known_are_never_taken_the_wrong_way(
     assert (found.text, found.decision) == (DIGITS, Decision.ACCEPT)
 
 
-@pytest.mark.parametrize("text", ["2552", "8008"])
-def test_digits_of_a_map_with_its_rows_reversed_are_not_read_as_others(tmp_path: Path, text: str) -> None:
-    z, pitch = surface(text)
-    np.savez(tmp_path / "part.npz", pitch_mm=pitch, z_mm=z[::-1])
-    found = read(tmp_path / "part.npz")
-    if found.decision is Decision.ACCEPT:
-        assert found.text == text
-    else:
-        assert any("rows" in message for message in found.messages())
-
-
 def test_points_with_y_down_are_read_by_the_text_that_reads_one_way(tmp_path: Path) -> None:
     z, pitch = surface(ONE_WAY)
     z, pitch = z[::2, ::2], 2 * pitch

@@ -138,25 +138,3 @@ def test_a_job_is_edited_and_deleted_on_the_page(
     assert unsure.status_code == 422
     assert "is deleted" in submit(ada, unsure, "/bracket", action="delete", sure="1").text
     assert ada.get("/v1/jobs/bracket").status_code == 404
-
-
-def test_the_page_of_a_part_says_why_it_is_not_accepted_and_what_to_do(
-    people: tuple[httpx.Client, httpx.Client], part: dict[str, Any]
-) -> None:
-    page = html.unescape(people[0].get(f"/parts/{part['id']}").text)
-    begin, _, rest = page.partition("What to do")
-    assert "Why not accepted" in begin
-    assert part["reading"]["messages"]
-    for why in part["reading"]["messages"]:
-        assert why in begin
-    assert f'<a href="../review/{part["id"]}">Review it</a>' in rest
-
-
-def test_a_form_on_a_page_of_another_site_changes_nothing(
-    people: tuple[httpx.Client, httpx.Client], part: dict[str, Any]
-) -> None:
-    ada, _ = people
-    form = {"action": "unreadable", "who": "Eve"}
-    for said in ({"Sec-Fetch-Site": "cross-site"}, {"Origin": "http://evil.example"}):
-        assert ada.post(f"/review/{part['id']}", data=form, headers=said).status_code == 403
-        assert ada.get(f"/v1/parts/{part['id']}").json()["state"] == "review"

@@ -127,14 +127,6 @@ def test_milliseconds_are_asked_about_and_read_when_told(command: Command, tmp_p
     assert "at 500 Hz" in done.out
 
 
-def test_a_time_that_runs_back_within_a_pass_names_its_line(command: Command, tmp_path: Path) -> None:
-    columns = table()
-    columns["t"][[100, 101]] = columns["t"][[101, 100]]
-    done = imported(command, tmp_path, *write(tmp_path, columns))
-    assert done.status == 1
-    assert "runs back in line 103" in done.err
-
-
 @pytest.mark.parametrize("every", [3, 4, 8])
 def test_positions_polled_more_slowly_than_signals_lose_no_samples(
     command: Command, tmp_path: Path, every: int

@@ -9,7 +9,6 @@ import pytest
 
 from glyphs import stamp
 from glyphs.stamping.variation import StampingVariation
-from pipeline.cli.exit_status import USAGE
 from pipeline.cli.main import main
 from pipeline.formats.npz import write_npz
 
@@ -59,11 +58,3 @@ def test_inspect_says_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixt
     assert "shallowest mark 0." in printed
     assert "too shallow for min_depth_mm" in printed
     assert Path("a.png").is_file()
-
-
-@pytest.mark.parametrize("command", ["read", "inspect"])
-def test_an_unknown_rule_is_a_wrong_argument(
-    command: str, part: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([command, str(part), "--depth-rule", "VIN"]) == USAGE
-    assert "known are 27CFR478.92" in " ".join(capsys.readouterr().err.split())

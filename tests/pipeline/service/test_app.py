@@ -133,13 +133,16 @@ def test_a_full_queue_refuses_at_once(served: Served, parts: Path) -> None:
         ({"scan": ("x.exe", b"MZ")}, 415, "height map"),
         ({"scan": ("../../etc/x.npz", b"PK\x03\x04")}, 422, "x.npz"),
         ({"scan": ("x.h5", b"\x89HDF\r\n\x1a\n" + bytes(100))}, 422, "x.h5"),
+        ({"scan": ("x.npz", b"rubbish")}, 422, "x.npz"),
     ],
 )
 def test_what_cannot_be_read_is_told_by_its_name(
     served: Served, files: dict[str, tuple[str, bytes]], status: int, says: str
 ) -> None:
     service, client = served
+    before = client.get("/v1/parts").json()
     answer = client.post("/v1/parts", files=files) if files else client.post("/v1/parts", data={"name": "x"})
+    assert client.get("/v1/parts").json() == before
     assert answer.status_code == status, answer.text
     assert says in answer.json()["detail"]
     assert "/etc" not in answer.text

@@ -243,24 +243,6 @@ def test_a_session_ends_after_a_shift(tmp_path: Path, monkeypatch: pytest.Monkey
     store.close()
 
 
-def test_programs_of_other_users_need_a_token_where_nobody_else_does(
-    open_one: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    service, client = open_one
-    assert client.get("/v1/parts").status_code == 200
-    monkeypatch.setattr("pipeline.service.web.own_user.os.geteuid", lambda: 4711)
-    monkeypatch.setattr("pipeline.service.web.own_user.user_of", lambda *_: 33)
-    refused = client.get("/v1/parts")
-    assert refused.status_code == 401
-    assert "of another user" in refused.json()["detail"]
-    turned = client.get("/review", follow_redirects=False)
-    assert turned.headers["location"] == "./login?to=%2Freview"
-    assert client.put("/v1/jobs/left", json={"format": "A9"}).status_code == 401
-    assert client.get("/healthz").status_code == 200
-    secret = service.store.add_token("proxied", [Scope.READ])
-    assert client.get("/v1/parts", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the kernel's table of sockets")
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
 def test_the_user_of_a_connection_is_its_program_s(host: str) -> None:

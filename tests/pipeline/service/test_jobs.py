@@ -34,11 +34,11 @@ BOX = (0.1, 0.2, 0.9, 0.6)
 PROBLEM = "application/problem+json"
 
 
-def put(folder: Path, name: str, text: str) -> Path:
+def put(folder: Path, name: str, text: str, *, encoding: str = "utf-8") -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.toml"
     before = path.stat().st_mtime_ns if path.exists() else 0
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding=encoding)
     # as if a second had passed
     os.utime(path, ns=(before + 10**9, before + 10**9))
     return path
@@ -111,19 +111,28 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
         assert post(client, job=odd).status_code == 422
 
 
-@pytest.mark.parametrize("text", ['format = "re:["\n', f"height_mm = {'9' * 5000}\n", "no toml at all"])
-def test_a_job_that_cannot_be_used_costs_its_own_parts_alone(tmp_path: Path, text: str) -> None:
+NO_JOBS = (
+    'format = "re:["\n', f"height_mm = {'9' * 5000}\n", f"height_mm = 0x{'f' * 5000}\n", f"format = {'[' * 20_000}\n",
+    "\xff\xfe\0", "no toml at all",
+)  # fmt: skip
+
+
+def test_jobs_that_cannot_be_used_cost_their_own_parts_alone(tmp_path: Path) -> None:
     put(tmp_path / "jobs", "left", 'format = "A9"\n')
-    put(tmp_path / "jobs", "bad", text)
+    names = [f"bad{k}" for k in range(len(NO_JOBS))]
+    for name, text in zip(names, NO_JOBS, strict=True):
+        put(tmp_path / "jobs", name, text, encoding="latin-1")
     with inline_service(tmp_path) as (service, client):
         service.pool.instead = by_format  # type: ignore[attr-defined]
         assert post(client, job="left").json()["text"] == "A9"
-        refused = post(client, job="bad")
-        assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
-        assert refused.json()["detail"].startswith("the job bad cannot be used: bad.toml: ")
-        assert [job["name"] for job in client.get("/v1/jobs").json() if job["problem"]] == ["bad"]
-        put(tmp_path / "jobs", "bad", 'format = "99"\n')
-        assert post(client, job="bad").json()["text"] == "99"
+        for name in names:
+            refused = post(client, job=name)
+            assert (refused.status_code, refused.headers["Retry-After"]) == (503, "5")
+            assert refused.json()["detail"].startswith(f"the job {name} cannot be used: {name}.toml: ")
+        assert [job["name"] for job in client.get("/v1/jobs").json() if job["problem"]] == names
+        assert (client.get("/jobs").status_code, client.get("/readyz").status_code) == (200, 200)
+        put(tmp_path / "jobs", "bad0", 'format = "99"\n')
+        assert post(client, job="bad0").json()["text"] == "99"
 
 
 def test_a_service_does_not_start_without_the_job_of_its_watched_folder(tmp_path: Path) -> None:

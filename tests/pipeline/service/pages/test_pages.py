@@ -231,7 +231,10 @@ def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: 
     ],
 )
 def test_the_page_of_a_part_begins_with_what_to_do(shop: Shop, state: PartState, why: str, todo: str) -> None:
-    page = words(shop.client.get(f"/parts/{shop.add(state=state)}").text)
+    part_id = shop.add(state=state)
+    shown = shop.client.get(f"/parts/{part_id}").text
+    assert (f'<a href="../review/{part_id}">Review it</a>' in shown) == (state is PartState.REVIEW)
+    page = words(shown)
     begin, _, rest = page.partition("What to do")
     assert "Read KX407251 by touch and camera How sure 0.800" in begin
     assert begin.endswith(f"{why} low confidence ")
