@@ -143,14 +143,6 @@ def test_bad_usage_is_one_line(
     assert error.count("\n") == 1
 
 
-def test_it_is_refused_with_other_settings(
-    workshop: Path, certificate: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    part = str(workshop / "part-000.npz")
-    assert main(["read", part, "--format", "A999", "--certificate", str(certificate)]) == 2
-    assert "made with other settings" in capsys.readouterr().err
-
-
 def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
     made_so = ("--dirt", "0", "--parts", "1", *MADE_SO[:4])
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))

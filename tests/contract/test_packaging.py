@@ -6,7 +6,6 @@ packages, pyproject.toml ... --copy--> tree --> sdist --unpacked--> wheel --pip-
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -18,14 +17,11 @@ from dataclasses import dataclass
 from email.parser import Parser
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from urllib.parse import urljoin
 
-import httpx
 import pytest
 from PIL import Image
 
 from glyphs import stamp
-from tests.contract.front_doors import address_in
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -176,25 +172,3 @@ def test_a_part_is_read(installed: Installed) -> None:
     installed.run("tactile-marks", "read", "part.png", *given, "--out", "rows.csv")
     row = (installed.work / "rows.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
     assert row[:2] == ["part", "74"]
-
-
-def test_the_pages_find_their_templates_and_styles(installed: Installed) -> None:
-    pytest.importorskip("fastapi")
-    log = installed.work / "service.log"
-    with log.open("wb") as stream:
-        service = subprocess.Popen(
-            [installed.bin / "tactile-marks", "serve", "--port", "0", "--folder", "service", "--tokens", "off",
-             "--jobs", "1"],
-            cwd=installed.work, stdout=stream, stderr=stream,
-        )  # fmt: skip
-    try:
-        url = address_in(log, service)
-        page = httpx.get(f"{url}/", follow_redirects=True, timeout=30.0)
-        assert page.status_code == 200
-        assets = re.findall(r'(?:href|src)="([^"]*static[^"]*)"', page.text)
-        assert assets
-        for asset in assets:
-            assert httpx.get(urljoin(str(page.url), asset), timeout=30.0).status_code == 200
-    finally:
-        service.kill()
-        service.wait()

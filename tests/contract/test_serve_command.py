@@ -36,12 +36,3 @@ def test_mode_is_no_setting_of_a_service(tmp_path: Path, capsys: pytest.CaptureF
     config.write_text('mode = "fused"\n[service]\nport = 0\n')
     assert main(["serve", "--folder", str(tmp_path), "--config", str(config)]) == 2
     assert "mode" in capsys.readouterr().err
-
-
-def test_an_unknown_setting_of_the_service_is_an_error(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    config = tmp_path / "t.toml"
-    config.write_text("[service]\nprot = 8417\n")
-    assert main(["serve", "--folder", str(tmp_path), "--config", str(config)]) == 2
-    assert "did you mean port" in capsys.readouterr().err

@@ -156,23 +156,7 @@ def test_a_reading_keeps_its_trace_but_is_not_compared_by_it() -> None:
     assert "trace" not in repr(read)
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ((np.zeros((3, 3)),), TypeError, "a ndarray cannot be read; give a HeightMap, a Scan or a Photo"),
-        ((HeightMap(np.zeros((9, 9), np.float32), 0.1),) * 2, ValueError, "two of HeightMap"),
-    ],
-)
-def test_what_cannot_be_read_is_refused(
-    given: tuple[object, ...], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        Reader(fonts="gothic").read(*given)  # type: ignore[arg-type]
-
-
-def test_unknown_options_are_refused() -> None:
-    with pytest.raises(TypeError, match="hight_mm"):
-        Reader(hight_mm=5.0)  # type: ignore[call-arg]
+def test_options_go_over_settings() -> None:
     assert Reader(ReaderSettings(height_mm=3.0), fonts=["gothic"]).settings == ReaderSettings(
         ("gothic",), height_mm=3.0
     )

@@ -207,6 +207,7 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ("[service.tcp]\nprot = 1\n", "unknown setting tcp.prot in .* did you mean tcp.port"),
         ("[service]\ntcp = 1\n", r"tcp in .* is 1; make it a table: \[service.tcp\]"),
         ("[service]\nopcua = {port = 0, users = {line = 'x'}}\n", "opcua.users need opcua.certificate"),
+        ("[service.opcua]\nport = 0\ncertificate = 'a.der'\n", "both"),
         ("[service]\nretention_days = -1\n", "retention_days in"),
     ],
 )

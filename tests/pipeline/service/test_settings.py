@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pipeline.service.settings import ServiceSettings, is_loopback
@@ -40,12 +38,3 @@ def test_an_address_that_cannot_be_is_refused(
     for value in values:
         with pytest.raises(ValueError, match=says):
             ServiceSettings(**{section: {name: value}})  # type: ignore[arg-type]
-
-
-def test_users_of_opc_ua_need_a_certificate_and_a_certificate_its_key(tmp_path: Path) -> None:
-    for opcua, says in (
-        ({"users": {"a": "b"}}, "certificate"),
-        ({"certificate": tmp_path / "a.der"}, "both"),
-    ):
-        with pytest.raises(ValueError, match=says):
-            ServiceSettings(opcua={"port": 0, **opcua})  # type: ignore[arg-type]

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import signal
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
@@ -17,9 +16,8 @@ from pipeline.common.records import Delivery
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
-from tests.support.line_broker import Broker, Listener
+from tests.support.line_broker import Broker, GuardedBroker, Listener
 from tests.support.line_fakes import LONG_S, MemoryOutbox, part, until
-from tests.support.programs import program
 from tests.support.self_signed import certificates
 from tests.support.waiting import free_port, wait_until
 
@@ -242,29 +240,28 @@ async def test_nobody_there_is_told_at_once() -> None:
 
 
 def test_user_and_password_are_checked_and_never_told(
-    make_broker: Callable[..., Broker], tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    passwords = tmp_path / "passwords"
-    subprocess.run(
-        [program("mosquitto_passwd"), "-b", "-c", str(passwords), "reader", "s3cr:et/"],
-        check=True,
-        capture_output=True,
-    )
-    broker = make_broker(f"allow_anonymous false\npassword_file {passwords}\n")
+    monkeypatch.setattr(GuardedBroker, "password", "s3cr:et/")
+    broker = GuardedBroker(tmp_path)
 
     async def run() -> None:
-        sender = sender_to(f"mqtt://reader:s3cr%3Aet%2F@127.0.0.1:{broker.port}")
+        sender = sender_to(f"mqtt://marks:s3cr%3Aet%2F@127.0.0.1:{broker.port}")
         await sender.send(one_delivery())
         await sender.close()
-        for wrong in ("reader:wr0ng@", ""):
+        for wrong in ("marks:wr0ng@", ""):
             other = sender_to(f"mqtt://{wrong}127.0.0.1:{broker.port}")
             with pytest.raises(DeliveryError, match="refuses") as caught:
                 await other.send(one_delivery())
             assert "wr0ng" not in str(caught.value)
             await other.close()
 
-    with caplog.at_level(logging.DEBUG):
-        asyncio.run(run())
+    broker.start()
+    try:
+        with caplog.at_level(logging.DEBUG):
+            asyncio.run(run())
+    finally:
+        broker.kill()
     assert "s3cr" not in caplog.text
 
 
