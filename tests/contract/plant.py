@@ -7,10 +7,8 @@ import html
 import json
 import re
 import subprocess
-import threading
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from tests.contract.front_doors import RunningService, environment, run_service, synth, truth_of
 from tests.support.line_broker import GuardedBroker
 from tests.support.waiting import free_port
+from tests.support.web_hook import web_hook
 
 FORMAT = "A99"
 
@@ -30,46 +29,22 @@ class Receiver:
     """A web server that results are posted to.
 
     Attributes:
-        url: its address.
         bodies: the JSON of every post, in the order of arrival.
         status: its answer to the next posts.
     """
 
-    url: str = ""
     bodies: list[dict[str, object]] = field(default_factory=list)
     status: int = 204
+
+    def take(self, _: str, body: bytes) -> int:
+        """The status to answer with."""
+        if self.status < 300:
+            self.bodies.append(json.loads(body))
+        return self.status
 
     def of(self, part_id: str) -> list[dict[str, object]]:
         """The posts about one part."""
         return [body for body in self.bodies if body.get("id") == part_id]
-
-
-@contextlib.contextmanager
-def receive() -> Iterator[Receiver]:
-    """Receive posts on a free port until the block is left."""
-    receiver = Receiver()
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-            if receiver.status < 300:
-                receiver.bodies.append(json.loads(body))
-            self.send_response(receiver.status)
-            self.send_header("Content-Length", "0")
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            """Say nothing."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    receiver.url = f"http://127.0.0.1:{server.server_address[1]}/results"
-    try:
-        yield receiver
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 @dataclass(frozen=True)
@@ -198,10 +173,11 @@ def run_plant(folder: Path) -> Iterator[Plant]:
     broker.start()
     with contextlib.ExitStack() as stack:
         stack.callback(broker.kill)
-        receiver = stack.enter_context(receive())
+        receiver = Receiver()
+        hook = stack.enter_context(web_hook(receiver.take))
         options = (
             f"--jobs 1 --format {FORMAT} --font gothic --height-mm 4 --tokens off --root-path /marks"
-            f" --tcp.port {port} --webhook.url {receiver.url} --mqtt.url {broker.url}"
+            f" --tcp.port {port} --webhook.url {hook}/results --mqtt.url {broker.url}"
             f" --watch.folder {watched} --watch.every-s 0.2 --stage.folder {parts} --camera.folder {parts}"
             f" --opcua.port {opcua_port} --opcua.certificate {keys}/server.der --opcua.key {keys}/server.pem"
         )

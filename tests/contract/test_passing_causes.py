@@ -42,8 +42,29 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def watching(place: Path) -> Iterator[RunningService]:
-    options = (*OPTIONS, "--database", f"{place}/g.glyphs", "--jobs-folder", f"{place}/jobs")
+def hangups() -> Iterator[None]:
+    """Hangups end what is started here, also where whoever runs the tests ignores them (`nohup`)."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture(scope="module")
+def watching(place: Path, hangups: None) -> Iterator[RunningService]:
+    """A service that watches a folder; by its clock the last sweep was more than ten years ago."""
+    (place / "s" / "evidence" / "incoming").mkdir(parents=True)
+    for name in ("incoming/left", "swept"):
+        (place / "s" / "evidence" / name).touch()
+        os.utime(place / "s" / "evidence" / name, (1e9, 1e9))
+    options = (
+        *OPTIONS,
+        "--database",
+        f"{place}/g.glyphs",
+        "--jobs-folder",
+        f"{place}/jobs",
+        "--drain-s",
+        "0.2",
+    )
     with run_service(
         place / "s", *options, "--watch.folder", f"{place}/watched", "--watch.job", "line"
     ) as running:
@@ -133,29 +154,10 @@ def test_a_job_that_cannot_be_written_is_not_the_senders_fault(watching: Running
     assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "re:["}).status_code == 422
 
 
-@pytest.fixture
-def hangups() -> Iterator[None]:
-    """Hangups end what is started here, also where whoever runs the tests ignores them (`nohup`)."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    yield
-    signal.signal(signal.SIGHUP, before)
-
-
-@pytest.mark.usefixtures("hangups")
-def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(place: Path) -> None:
-    evidence = place / "late" / "evidence"
-    (evidence / "incoming").mkdir(parents=True)
-    left, swept = evidence / "incoming" / "left", evidence / "swept"
-    for path in (left, swept):
-        path.touch()
-        os.utime(path, (1e9, 1e9))  # as if ten years and more had passed since the last sweep
-    with run_service(
-        place / "late", *OPTIONS, "--font", "gothic", "--drain-s", "0.2", ready=False
-    ) as running:
-        wait_until(lambda: status_of(f"{running.url}/healthz") == 200, running.process)
-        wait_until(lambda: "not swept" in running.log, running.process)
-        assert left.exists()
-        assert f"touch {swept}" in running.log
-        running.process.send_signal(signal.SIGHUP)
-        running.process.wait(60.0)
-        assert "Finished server process" in running.log
+def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(watching: RunningService, place: Path) -> None:
+    wait_until(lambda: "not swept" in watching.log, watching.process)
+    assert (place / "s" / "evidence" / "incoming" / "left").exists()
+    assert f"touch {place}/s/evidence/swept" in watching.log
+    watching.process.send_signal(signal.SIGHUP)
+    watching.process.wait(60.0)
+    assert "Finished server process" in watching.log

@@ -15,7 +15,9 @@ mpl.use("Agg")
 def test_words_are_not_cut_and_panels_fill_the_width(text: str, format: str) -> None:
     part = stamp(text, font="gothic", height_mm=4.0, seed=3)
     figure = (
-        Reader(format=format, fonts=["gothic"], height_mm=4.0).read(part.height_map).plot(title="part-000")
+        Reader(format=format, fonts=["gothic"], height_mm=4.0, experts=("network",))
+        .read(part.height_map)
+        .plot(title="part-000")
     )
     figure.draw_without_rendering()
     whole = figure.bbox

@@ -16,6 +16,7 @@ import pytest
 
 from tests.contract.front_doors import RunningService, environment, main, run_service
 from tests.support.programs import program
+from tests.support.self_signed import certificates
 from tests.support.waiting import free_port, wait_until
 
 CONFIG = Path(__file__).parents[2] / "docs" / "deploy" / "nginx.conf"
@@ -25,11 +26,9 @@ ELSEWHERE = "203.0.113.9"
 @contextlib.contextmanager
 def proxied(folder: Path, service: RunningService) -> Iterator[httpx.Client]:
     """A client of the proxy."""
-    certificate, key = folder / "cert.pem", folder / "key.pem"
-    kind = ("-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
-    name = ("-subj", "/CN=marks", "-addext", "subjectAltName=IP:127.0.0.1")
-    written = ("-keyout", str(key), "-out", str(certificate))
-    subprocess.run(["openssl", "req", *kind, *name, *written], check=True, capture_output=True)
+    certificate, key = certificates(folder, "proxy")
+    certificate = certificate.rename(folder / "cert.pem")
+    key.rename(folder / "key.pem")
     port = free_port()
     text = CONFIG.read_text(encoding="utf-8")
     for there, here in (

@@ -16,10 +16,8 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -43,6 +41,7 @@ from tests.support.postgres_server import PostgresServer
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
 from tests.support.waiting import PATIENCE_S, free_port, wait_until
+from tests.support.web_hook import web_hook
 
 PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 4.0, "lease_s": 5.0}
 
@@ -84,39 +83,6 @@ class Receiver:
                 self.arrivals.append(arrival)
         time.sleep(slow_s)
         return 500 if refused else 200
-
-    @contextlib.contextmanager
-    def listening(self) -> Iterator[str]:
-        """Its address."""
-        receiver = self
-
-        class Handler(BaseHTTPRequestHandler):
-            protocol_version = "HTTP/1.1"
-
-            def do_POST(self) -> None:
-                body = self.rfile.read(int(self.headers["content-length"]))
-                status = receiver.take(self.path.strip("/"), body)
-                self.send_response(status)
-                self.send_header("content-length", "0")
-                self.end_headers()
-
-            def log_message(self, *_: object) -> None:
-                pass
-
-        class Server(ThreadingHTTPServer):
-            daemon_threads = True
-
-            def handle_error(self, *_: object) -> None:
-                pass  # its sender was killed
-
-        server = Server(("127.0.0.1", 0), Handler)
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_address[1]}"
-        finally:
-            server.shutdown()
-            server.server_close()
 
 
 class Plant:
@@ -244,7 +210,7 @@ def played(
     folder, url = Path(tempfile.mkdtemp(prefix="tactile-marks-plant-")), server.create(name)
     Store.open(url).close()
     receiver = Receiver()
-    with receiver.listening() as hook, contextlib.ExitStack() as stack:
+    with web_hook(receiver.take) as hook, contextlib.ExitStack() as stack:
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook)))
         plant.await_ready()
