@@ -66,20 +66,14 @@ def taught(folder, tmp_path_factory):
 
 
 def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
-    """Parts that were not enrolled; by templates, for the network reads any font."""
+    """A part that was not enrolled; before that by templates, for the network reads any font."""
     path, _ = taught
-    parts = [stamped(1004)]
-    fonts = tuple(load_database(path).fonts.values())
-    given = ReaderSettings(
-        format="9999", height_mm=5.0, experts=("templates",), orientation=Orientation.UPRIGHT
-    )
-    before, after = Reader(given, fonts=("gothic",)), Reader(given, fonts=fonts)
-    first = [before.read(p.height_map) for p in parts]
-    second = [after.read(p.height_map) for p in parts]
-    assert all(r.decision in ("review", "reject") for r in first)
-    assert [(r.text, r.font) for r in second] == [(p.text, "press-7") for p in parts]
-    whole = [Reader(given, fonts=fonts, experts=()).read(p.height_map) for p in parts]
-    assert [(r.text, r.decision, r.font) for r in whole] == [(p.text, "accept", "press-7") for p in parts]
+    part, fonts = stamped(1004), tuple(load_database(path).fonts.values())
+    given = ReaderSettings(format="9999", height_mm=5.0, orientation=Orientation.UPRIGHT)
+    before = Reader(given, fonts=("gothic",), experts=("templates",)).read(part.height_map)
+    after = Reader(given, fonts=fonts).read(part.height_map)
+    assert before.decision in ("review", "reject")
+    assert (after.text, after.decision, after.font) == (part.text, "accept", "press-7")
 
 
 def test_the_report_says_what_was_learned(taught, folder):

@@ -23,8 +23,9 @@ def test_what_was_found_is_shown_beside_what_is_set(
     quickly = partial(identify, grid_mm=0.02, only=(Unknown.PRELOAD, Unknown.FRICTION))
     monkeypatch.setattr("pipeline.reading.identified.identify", quickly)
     monkeypatch.chdir(tmp_path)
-    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\n', encoding="utf-8")
-    save_scan(recorded(Piece(angle_deg=(45.0,)), friction=0.25), Path("piece.h5"))
+    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nland_mm = 1.2\n', encoding="utf-8")
+    piece = Piece(angle_deg=(45.0,), land_mm=1.2)
+    save_scan(recorded(piece, friction=0.25, whiskers=1), Path("piece.h5"))
     assert main(["identify", "piece.h5", "--piece", "piece.toml"]) == 0
     lines = capsys.readouterr().out.splitlines()
     found = {words[0]: words for words in map(str.split, lines) if len(words) > 3}

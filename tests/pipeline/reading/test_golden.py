@@ -16,14 +16,14 @@ from pipeline.reading.golden import measure_golden, measure_sent
 from tests.support.benches import recorded, worn
 from whisker_array.scan.recording import save_scan
 
-PIECE = Piece(angle_deg=(45.0,))
-TOML = 'kind = "pits"\nangle_deg = [45]\n'
+PIECE = Piece(angle_deg=(45.0,), land_mm=1.2)
+TOML = 'kind = "pits"\nangle_deg = [45]\nland_mm = 1.2\n'
 
 
 def test_tip_friction_and_preload_of_a_worn_whisker_are_found(tmp_path: Path) -> None:
     """Within 10 % of the radius, 0.02 of friction and 1 % of preload; measured errors are a third of these."""
     (tmp_path / "golden.toml").write_text(TOML)
-    save_scan(recorded(PIECE, touch=worn(0.1, 1.1), friction=0.3), tmp_path / "a.h5")
+    save_scan(recorded(PIECE, touch=worn(0.1, 1.1), friction=0.3, whiskers=1), tmp_path / "a.h5")
     found = measure_golden(tmp_path / "a.h5", tmp_path / "golden.toml")
     assert found[GoldenMeasure.RADIUS].value == pytest.approx(0.1, rel=0.1)
     assert found[GoldenMeasure.FRICTION].value == pytest.approx(0.3, abs=0.02)

@@ -34,7 +34,7 @@ from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.store import Store
 from tests.support.fake_executor import FakeExecutor
 
-ORDER = RunOrder(ReadSettings(font=("gothic",)))
+ORDER = RunOrder(ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
 
 
