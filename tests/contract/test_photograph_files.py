@@ -7,13 +7,11 @@ import shutil
 import struct
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.contract.front_doors import ROOT, Command, RunningService
-from tests.support.waiting import PATIENCE_S
+from tests.contract.front_doors import ROOT, Command
 
 TEXT, FORMAT = "1X2100H", "9A9999A"
 
@@ -62,14 +60,3 @@ def test_a_kind_that_is_not_read_is_refused_by_name(command: Command, tmp_path: 
     assert ended.status != 0
     assert "HEIC" in ended.out + ended.err
     assert "photographs must be PNG, JPEG, BMP, TIFF, WebP or GIF" in ended.out + ended.err
-
-
-def test_the_service_takes_and_refuses_the_same_kinds(service: RunningService, tmp_path: Path) -> None:
-    Image.new("L", (40, 40), 128).save(tmp_path / "part.webp")
-    heic = _heic(tmp_path / "part.heic").read_bytes()
-    with httpx.Client(base_url=service.url, timeout=PATIENCE_S) as http:
-        refused = http.post("/v1/parts", files={"photo": ("part.heic", heic)})
-        assert refused.status_code == 415
-        assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in refused.text
-        taken = http.post("/v1/parts", files={"photo": ("part.webp", (tmp_path / "part.webp").read_bytes())})
-        assert taken.status_code == 201, taken.text

@@ -29,5 +29,5 @@ def read(strip: Path) -> tuple[Reading, str]:
 )
 def test_a_coin_is_read_without_any_setting(strip: Path) -> None:
     found, text = read(strip)
-    assert found.text == text
+    assert (found.text, found.raised) == (text, True)
     assert found.decision is not Decision.REJECT

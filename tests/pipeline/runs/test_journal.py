@@ -131,17 +131,6 @@ def _umask() -> int:
     return mask
 
 
-@pytest.mark.parametrize("texts", [NASTY, ()], ids=["nasty", "none"])
-def test_the_table_of_a_run_is_that_of_write_records(texts: Sequence[str], table: Path) -> None:
-    rows = [row(f"p{i}", error=text, height_mm=0.1) for i, text in enumerate(texts)]
-    with RunJournal(begun(table, rows[::-1]), RUN) as book:
-        book.finish(names(rows))
-    written = table.with_name("written" + table.suffix)
-    write_records(iter(rows), written)
-    assert table.read_bytes() == written.read_bytes()
-    assert names(read_rows(table)) == names(rows)
-
-
 # ------------------------------------------------------------------------------------------------- every field
 
 

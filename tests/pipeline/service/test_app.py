@@ -128,6 +128,7 @@ def test_a_full_queue_refuses_at_once(served: Served, parts: Path) -> None:
     [
         ({}, 422, "neither photo nor scan"),
         ({"photo": ("x.png", b"no picture")}, 415, "not a picture"),
+        ({"photo": ("x.heic", b"\0\0\0\x18ftypheic" + bytes(200))}, 415, "PNG, JPEG, BMP, TIFF, WebP or GIF"),
         ({"photo": ("x.png", b"\x89PNG\r\n\x1a\n and then nothing")}, 422, "x.png"),
         ({"photo": ("x.png", b"")}, 422, "empty"),
         ({"scan": ("x.exe", b"MZ")}, 415, "height map"),
