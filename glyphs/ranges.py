@@ -1,74 +1,101 @@
-"""Check that numbers are finite and in range, with one wording for all messages."""
+"""Check that numbers are finite and in range, with one wording for all messages.
+
+class Camera(Validated, error=MapError):        a dataclass that says beside each number what it may be
+    pitch_mm: Positive = 0.06
+    bloom: Share = 0.04
+"""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
+from glyphs.surface.display import OneLine
 
-_LEAST_POSITIVE = math.nextafter(0.0, 1.0)
+
+class Range(NamedTuple):
+    """Range of a number, ends included; `hint` says what to do beyond it, by default the range in words."""
+
+    least: float
+    most: float
+    hint: str = ""
+
+
 _MOST = sys.float_info.max
+_POSITIVE = Range(math.nextafter(0.0, 1.0), _MOST, "it must be positive and finite")
+_NOT_NEGATIVE = Range(0.0, _MOST, "it must be zero or positive")
+Positive = Annotated[float, _POSITIVE]
+NotNegative = Annotated[float, _NOT_NEGATIVE]
+Count = Annotated[int, _NOT_NEGATIVE]
+Finite = Annotated[float, Range(-_MOST, _MOST, "it must be finite")]
+Share = Annotated[float, Range(0.0, 1.0)]
+ShareBelowOne = Annotated[float, Range(0.0, math.nextafter(1.0, 0.0))]
 
 
-def require_range(
-    error: Callable[..., MarksError],
-    least: float,
-    most: float,
-    values: object = None,
-    *names: str,
-    hint: str = "",
-    **numbers: float | tuple[float, ...] | None,
-) -> None:
+def require_range(error: Callable[..., MarksError], limits: Range, **numbers: object) -> None:
     """Check that numbers are finite and in range. Every member of a tuple is checked; other types pass.
 
     Args:
         error: class of the error that is raised.
-        least: smallest number allowed.
-        most: largest number allowed.
-        values: object whose attributes are checked.
-        names: names of these attributes; default: all fields of a dataclass.
-        hint: what to do; default: the range in words.
-        numbers: further numbers by name.
+        limits: the range.
+        numbers: the numbers by name.
 
     Raises:
         MarksError: (as `error`) a number is not finite or out of range.
     """
-    if is_dataclass(values) and not names:
-        names = tuple(field.name for field in fields(values))
-    for name, value in {**{name: getattr(values, name) for name in names}, **numbers}.items():
+    least, most, hint = limits
+    for name, value in numbers.items():
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, (int, float)) and not (math.isfinite(number) and least <= number <= most):
                 raise error(f"{name} is {value}", hint=hint or f"it must lie between {least:g} and {most:g}")
 
 
-def require_positive(
-    error: Callable[..., MarksError], values: object = None, *names: str, **numbers: float | None
-) -> None:
+def require_positive(error: Callable[..., MarksError], **numbers: float | None) -> None:
     """Check that numbers are finite and above 0; see `require_range`."""
-    require_range(
-        error, _LEAST_POSITIVE, _MOST, values, *names, hint="it must be positive and finite", **numbers
+    require_range(error, _POSITIVE, **numbers)
+
+
+def require_not_negative(error: Callable[..., MarksError], **numbers: float | None) -> None:
+    """Check that numbers are finite and at least 0; see `require_range`."""
+    require_range(error, _NOT_NEGATIVE, **numbers)
+
+
+class Validated(OneLine):
+    """Base of dataclasses whose numbers are checked against the ranges that they are annotated with.
+
+    A class names the error that is raised: `class Camera(Validated, error=MapError)`.
+    """
+
+    _error: ClassVar[type[MarksError]] = MarksError
+
+    def __init_subclass__(cls, *, error: type[MarksError] | None = None) -> None:
+        cls._error = error or cls._error
+
+    def __post_init__(self) -> None:
+        for name, limits in _ranges(type(self)):  # type: ignore[arg-type]  # of a class as an argument
+            require_range(self._error, limits, **{name: getattr(self, name)})
+
+
+@cache
+def _ranges(cls: type[Any]) -> tuple[tuple[str, Range], ...]:
+    """Names of a dataclass's fields with each of their ranges."""
+    hints = get_type_hints(cls, include_extras=True)
+    return tuple(
+        (field.name, limits) for field in fields(cls) for limits in _ranges_within(hints[field.name])
     )
 
 
-def require_not_negative(
-    error: Callable[..., MarksError], values: object = None, *names: str, **numbers: float | None
-) -> None:
-    """Check that numbers are finite and at least 0; see `require_range`."""
-    require_range(error, 0.0, _MOST, values, *names, hint="it must be zero or positive", **numbers)
-
-
-def require_finite(
-    error: Callable[..., MarksError], values: object = None, *names: str, **numbers: float | None
-) -> None:
-    """Check that numbers are finite; see `require_range`."""
-    require_range(error, -_MOST, _MOST, values, *names, hint="it must be finite", **numbers)
+def _ranges_within(hint: object) -> Iterator[Range]:
+    for part in get_args(hint):
+        yield from (part,) if isinstance(part, Range) else _ranges_within(part)
 
 
 def freeze_arrays(

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_positive
-from glyphs.surface.display import OneLine, picture_html
+from glyphs.ranges import Positive, Validated
+from glyphs.surface.display import picture_html
 from glyphs.surface.maps import MAX_PIXELS, MapError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Photo(OneLine):
+class Photo(Validated, error=MapError):
     """A photograph, row 0 at the top.
 
     Attributes:
@@ -31,7 +31,7 @@ class Photo(OneLine):
     """
 
     pixels: NDArray[np.uint8] | NDArray[np.uint16]
-    pitch_mm: float | None = None
+    pitch_mm: Positive | None = None
     centre_mm: tuple[float, float] | None = None
     shrunk: float = 1.0
     others: tuple[Photo, ...] = ()
@@ -54,7 +54,7 @@ class Photo(OneLine):
             raise MapError(
                 f"{p.shape[0]} x {p.shape[1]} pixels exceed the limit of {MAX_PIXELS:,}", hint="crop it"
             )
-        require_positive(MapError, self, "pitch_mm")
+        super().__post_init__()
         for other in self.others:
             if other.shape != p.shape[:2] or other.others:
                 raise MapError(

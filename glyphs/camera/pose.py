@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import Finite, NotNegative, Positive, Range, Share, Validated
 from glyphs.surface.maps import HeightMap, MapError
 
 DEFAULT_PIXEL_MM = 0.06
 
 
 @dataclass(frozen=True, repr=False)
-class Camera(OneLine):
+class Camera(Validated, error=MapError):
     """A camera straight above a plate.
 
     Attributes:
@@ -40,23 +40,16 @@ class Camera(OneLine):
         MapError: a number out of range.
     """
 
-    pitch_mm: float = DEFAULT_PIXEL_MM
-    shift_mm: tuple[float, float] = (0.0, 0.0)
-    rotation_deg: float = 0.0
-    perspective_per_mm: tuple[float, float] = (0.0, 0.0)
-    defocus_mm: float = 0.04
-    exposure_ev: float = 0.0
-    noise: float = 0.02
-    dark_noise: float = 0.004
-    vignetting: float = 0.15
-    bloom: float = 0.04
-
-    def __post_init__(self) -> None:
-        require_finite(MapError, self)
-        require_positive(MapError, self, "pitch_mm")
-        require_not_negative(MapError, self, "defocus_mm", "noise", "dark_noise")
-        require_range(MapError, 0.0, 1.0, self, "vignetting", "bloom")
-        require_range(MapError, -0.01, 0.01, self, "perspective_per_mm")
+    pitch_mm: Positive = DEFAULT_PIXEL_MM
+    shift_mm: tuple[Finite, Finite] = (0.0, 0.0)
+    rotation_deg: Finite = 0.0
+    perspective_per_mm: Annotated[tuple[float, float], Range(-0.01, 0.01)] = (0.0, 0.0)
+    defocus_mm: NotNegative = 0.04
+    exposure_ev: Finite = 0.0
+    noise: NotNegative = 0.02
+    dark_noise: NotNegative = 0.004
+    vignetting: Share = 0.15
+    bloom: Share = 0.04
 
     def frame(self, height_map: HeightMap) -> tuple[tuple[int, int], tuple[float, float]]:
         """Rows and columns of a picture of the whole plate, and the (x, y) of its middle, mm, nominally."""

@@ -14,19 +14,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_range
+from glyphs.ranges import Range, Share, Validated
 from glyphs.soiling.coat import Look
-from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field
 
 
 @dataclass(frozen=True, repr=False)
-class Light(OneLine):
+class Light(Validated, error=MapError):
     """Light on a part.
 
     Attributes:
@@ -42,20 +42,13 @@ class Light(OneLine):
         MapError: a number out of range.
     """
 
-    azimuth_deg: float = 315.0
-    elevation_deg: float = 45.0
-    ambient: float = 0.35
-    size_deg: float = 8.0
-    gradient: float = 0.4
+    azimuth_deg: Annotated[float, Range(-1e6, 1e6)] = 315.0
+    elevation_deg: Annotated[float, Range(1.0, 90.0)] = 45.0
+    ambient: Share = 0.35
+    size_deg: Annotated[float, Range(0.1, 60.0)] = 8.0
+    gradient: Share = 0.4
     shadows: bool = True
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    def __post_init__(self) -> None:
-        require_range(MapError, -1e6, 1e6, self, "azimuth_deg")
-        require_range(MapError, 1.0, 90.0, self, "elevation_deg")
-        require_range(MapError, 0.0, 1.0, self, "ambient", "gradient")
-        require_range(MapError, 0.1, 60.0, self, "size_deg")
-        require_range(MapError, 1e-3, 1e3, self, "colour")
+    colour: Annotated[tuple[float, float, float], Range(1e-3, 1e3)] = (1.0, 1.0, 1.0)
 
     @property
     def towards(self) -> tuple[float, float, float]:

@@ -14,19 +14,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import Range, ShareBelowOne, Validated, require_range
 
 Points = NDArray[np.float64]
 
 MOST_CAP_HEIGHTS = 100.0
 """Largest coordinate and advance, cap heights: in any font a character is about as wide as it is tall."""
-_BELOW_ONE = math.nextafter(1.0, 0.0)
 RELIEF_PIXELS = 40
 """Pixels for each cap height in a relief learned by touch."""
 
@@ -66,7 +65,7 @@ def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Glyph(OneLine):
+class Glyph(Validated, error=FontError):
     """The shape of one character in the glyph frame.
 
     Attributes:
@@ -90,8 +89,8 @@ class Glyph(OneLine):
     char: str
     strokes: tuple[Points, ...] = ()
     contours: tuple[Points, ...] = ()
-    advance: float = 0.0
-    stroke: float = 0.0
+    advance: Annotated[float, Range(0.0, MOST_CAP_HEIGHTS)] = 0.0
+    stroke: ShareBelowOne = 0.0
     relief: NDArray[np.float32] | None = None
     guessed: bool = False
 
@@ -102,8 +101,7 @@ class Glyph(OneLine):
             raise FontError(f"glyph {self.char!r} has strokes and contours", hint="give one of them")
         object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
-        require_range(FontError, 0.0, MOST_CAP_HEIGHTS, self, "advance")
-        require_range(FontError, 0.0, _BELOW_ONE, self, "stroke")
+        super().__post_init__()
         if self.relief is not None:
             object.__setattr__(self, "relief", _odd_relief(self.char, self.relief))
 
@@ -140,7 +138,7 @@ class Glyph(OneLine):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Font(OneLine):
+class Font(Validated, error=FontError):
     """A set of glyphs.
 
     Attributes:
@@ -155,7 +153,7 @@ class Font(OneLine):
 
     name: str
     glyphs: Mapping[str, Glyph]
-    stroke_ratio: float
+    stroke_ratio: ShareBelowOne
     source: str
 
     def __post_init__(self) -> None:
@@ -166,7 +164,7 @@ class Font(OneLine):
         wrong = [key for key, glyph in self.glyphs.items() if key != glyph.char]
         if wrong:
             raise FontError(f"font {self.name!r} has glyphs of other characters under {wrong}")
-        require_range(FontError, 0.0, _BELOW_ONE, self, "stroke_ratio")
+        super().__post_init__()
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
     @cached_property
@@ -197,7 +195,8 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
     """
     if glyph.contours or stroke == glyph.stroke:
         return glyph
-    require_range(FontError, 0.0, _BELOW_ONE, stroke=stroke, hint="use a narrower stroke or larger type")
+    narrow = Range(0.0, math.nextafter(1.0, 0.0), "use a narrower stroke or larger type")
+    require_range(FontError, narrow, stroke=stroke)
     scale = (1.0 - stroke) / (1.0 - glyph.stroke)
 
     def refit(values: Points) -> Points:

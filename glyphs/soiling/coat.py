@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.ranges import freeze_arrays, require_range
+from glyphs.ranges import Range, freeze_arrays, require_range
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import OneLine
@@ -46,7 +46,7 @@ class Look(OneLine):
         grid = ("rows", "cols")
         shapes = {"roughness": grid, "albedo": (*grid, 3), "reflectance": grid}
         freeze_arrays(MapError, self, shapes, least=0.0, most=1.0, dtype=np.float32)
-        require_range(MapError, 1e-3, 1.0, least_roughness=float(self.roughness.min()))
+        require_range(MapError, Range(1e-3, 1.0), least_roughness=float(self.roughness.min()))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

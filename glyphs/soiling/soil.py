@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import freeze_arrays, require_range
+from glyphs.ranges import Range, freeze_arrays, require_range
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import MapError
 
@@ -46,7 +46,9 @@ class Soil(OneLine):
         grid = ("rows", "cols")
         shapes = {"thickness_mm": grid, "hardness_mpa": grid, "friction": grid}
         freeze_arrays(MapError, self, shapes, least=0.0, dtype=np.float32)
-        require_range(MapError, 1e-6, math.inf, least_hardness_mpa=float(self.hardness_mpa.min(initial=1.0)))
+        require_range(
+            MapError, Range(1e-6, math.inf), least_hardness_mpa=float(self.hardness_mpa.min(initial=1.0))
+        )
 
     @property
     def mirrored(self) -> Soil:

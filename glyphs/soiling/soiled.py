@@ -8,11 +8,12 @@ StampedPart --soil_part--> SoiledPart --photograph--> Photo     (glyphs.camera.a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 from zlib import crc32
 
 import numpy as np
 
-from glyphs.ranges import require_range
+from glyphs.ranges import Range, Validated
 from glyphs.soiling.coat import Coat, Look, bare_coat
 from glyphs.soiling.severity import amount_of
 from glyphs.soiling.soil import Soil
@@ -29,7 +30,7 @@ _LOOK_STREAM = 7
 
 
 @dataclass(frozen=True, repr=False)
-class Soiling(OneLine):
+class Soiling(Validated, error=StampError):
     """The soils of a part and their severity.
 
     Attributes:
@@ -42,11 +43,11 @@ class Soiling(OneLine):
     """
 
     soils: tuple[str, ...] = (WORKSHOP,)
-    severity: float = 0.0
+    severity: Annotated[float, Range(0.0, 1.0, "it lies between 0 (clean) and 1")] = 0.0
     mixture: Dirt | None = None
 
     def __post_init__(self) -> None:
-        require_range(StampError, 0.0, 1.0, self, "severity", hint="it lies between 0 (clean) and 1")
+        super().__post_init__()
         if not self.soils or len(set(self.soils)) != len(self.soils):
             raise StampError(f"the soils are {self.soils}", hint="name at least one, each once")
         for name in self.soils:

@@ -7,39 +7,26 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from glyphs.fonts.glyph import Font
-from glyphs.ranges import require_not_negative
-from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
 from glyphs.stamping.variation import StampingVariation
-from glyphs.surface.display import OneLine
 
 _WIDEST = 1.25  # of the font's stroke, as `default_die` has it
 
 
-@dataclass(frozen=True, repr=False)
-class DieKind(OneLine):
+@dataclass(frozen=True)
+class DieKind:
     """One kind of die.
 
     Attributes:
         face: shape of its edge.
-        tip: width of the flat on the edge of a blunt V, share of the usual stroke; 0 leaves the face as it is. In
+        tip: width of the flat on the edge of a blunt V of face FLAT, share of the usual stroke; 0: no V. In
             outlined fonts the widths are the outlines' own and the flat shows where they are wide enough.
         changes: what of `StampingVariation` is its own, by field name.
-
-    Raises:
-        StampError: a tip negative or as wide as the stroke, or on another face than FLAT.
     """
 
     face: Face
     tip: float = 0.0
     changes: tuple[tuple[str, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        require_not_negative(StampError, self)
-        if self.tip >= 1.0 or (self.tip > 0.0 and self.face is not Face.FLAT):
-            raise StampError(
-                f"tip is {self.tip} of a {self.face} die", hint="it is a share below 1 of a flat one"
-            )
 
     def die(
         self,

@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Font
-from glyphs.ranges import require_not_negative, require_positive, require_range
+from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
-from glyphs.surface.display import OneLine
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
     (3.2, 0.15),
@@ -47,7 +47,7 @@ class Face(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Die(OneLine):
+class Die(Validated, error=StampError):
     """A die's cutting geometry, as the mark it leaves.
 
     Attributes:
@@ -67,20 +67,18 @@ class Die(OneLine):
     """
 
     face: Face
-    bevel_deg: float
-    depth_mm: float
-    stroke_mm: float
-    root_radius_mm: float = 0.0
-    edge_radius_mm: float = 0.0
-    burr_height_mm: float = 0.0
-    burr_width_mm: float = 0.2
-    dot_pitch_mm: float = 0.6
+    bevel_deg: Annotated[float, Range(5.0, 85.0)]
+    depth_mm: Positive
+    stroke_mm: Positive
+    root_radius_mm: NotNegative = 0.0
+    edge_radius_mm: NotNegative = 0.0
+    burr_height_mm: NotNegative = 0.0
+    burr_width_mm: Positive = 0.2
+    dot_pitch_mm: Positive = 0.6
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "face", Face(self.face))
-        require_positive(StampError, self, "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm")
-        require_not_negative(StampError, self, "root_radius_mm", "edge_radius_mm", "burr_height_mm")
-        require_range(StampError, 5.0, 85.0, self, "bevel_deg")
+        super().__post_init__()
 
 
 def default_depth_mm(height_mm: float) -> float:

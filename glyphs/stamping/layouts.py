@@ -10,16 +10,15 @@ from typing import Final
 import numpy as np
 
 from glyphs.fonts.glyph import Font
-from glyphs.ranges import require_finite, require_not_negative
+from glyphs.ranges import Finite, NotNegative, Validated
 from glyphs.stamping.errors import StampError
-from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
 _TIGHTEST = 0.9  # of half a line's length over the radius of its arc
 
 
 @dataclass(frozen=True, repr=False)
-class Layout(OneLine):
+class Layout(Validated, error=StampError):
     """Layout of a line on the plate; default: straight and alone.
 
     Attributes:
@@ -34,15 +33,14 @@ class Layout(OneLine):
         StampError: a value out of range.
     """
 
-    turned_deg: float = 0.0
+    turned_deg: Finite = 0.0
     radius_mm: float = math.inf
     other_text: str = ""
     other_above: bool = False
-    gap: float = 0.5
+    gap: NotNegative = 0.5
 
     def __post_init__(self) -> None:
-        require_finite(StampError, self, "turned_deg")
-        require_not_negative(StampError, self, "gap")
+        super().__post_init__()
         if math.isnan(self.radius_mm) or self.radius_mm == 0.0:
             raise StampError(
                 f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, infinite for none"

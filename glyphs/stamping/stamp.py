@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
-from glyphs.ranges import require_finite, require_not_negative, require_positive
+from glyphs.ranges import require_not_negative, require_positive
 from glyphs.stamping.blow import draw_blow, draw_stances, strike
 from glyphs.stamping.die import Box, die_glyph, middle_mm, plate_box, to_plate
 from glyphs.stamping.errors import StampError
@@ -68,7 +68,6 @@ def stamp_line(
     *,
     height_mm: float,
     pitch_mm: float | None = None,
-    spacing: float = 0.0,
     margin_mm: float | None = None,
     line_rotation_deg: float = 0.0,
     layout: Layout | None = None,
@@ -84,7 +83,6 @@ def stamp_line(
         die: face, bevel, depth and so on, common to all of them.
         height_mm: character height, ink to ink.
         pitch_mm: sample pitch; a hundredth of the height if not given.
-        spacing: gap added to the font's own advance, cap heights; may be negative.
         margin_mm: land around the line, 0.8 of the height if not given.
         line_rotation_deg: of the whole line, from +x towards +y of the plate frame (clockwise as seen).
         layout: an arc, or another line; default: straight and alone.
@@ -100,7 +98,10 @@ def stamp_line(
     pitch = height_mm / 100 if pitch_mm is None else pitch_mm
     margin = 0.8 * height_mm if margin_mm is None else margin_mm
     how = StampingVariation() if variation is None else variation
-    _check(text, height_mm=height_mm, pitch_mm=pitch, margin_mm=margin, spacing=spacing)
+    if not text:
+        raise StampError("there is no text to stamp", hint="give at least one character")
+    require_positive(StampError, height_mm=height_mm, pitch_mm=pitch)
+    require_not_negative(StampError, margin_mm=margin)
     shapes = [die_glyph(font.glyph(char), die, height_mm=height_mm) for char in text]
     if raised:
         die, how = replace(die, burr_height_mm=0.0), replace(how, burr_fraction=0.0)
@@ -112,8 +113,7 @@ def stamp_line(
         _places,
         layout=lay,
         height_mm=height_mm,
-        spacing=spacing,
-        length_mm=height_mm * sum(shape.advance + spacing for shape in shapes),
+        length_mm=height_mm * sum(shape.advance for shape in shapes),
         rotation_deg=line_rotation_deg + lay.turned_deg,
     )
     places, extent = placed(shapes)
@@ -133,10 +133,10 @@ def stamp_line(
     relief = np.zeros((y.seen_mm.size, x.seen_mm.size), dtype=np.float32)
     boxes: list[Box] = []
     stances = draw_stances(how, len(places), rng=rng)
-    for shape, place, stance in zip(shapes + others, places, stances, strict=True):
+    for shape, (place_x, place_y, turn), stance in zip(shapes + others, places, stances, strict=True):
         blow = draw_blow(
-            how, stance, rng, x_mm=place.x_mm + margin - extent[0], y_mm=place.y_mm + margin - extent[1],
-            height_mm=height_mm, rotation_deg=place.rotation_deg,
+            how, stance, rng, x_mm=place_x + margin - extent[0], y_mm=place_y + margin - extent[1],
+            height_mm=height_mm, rotation_deg=turn,
         )  # fmt: skip
         x0, y0, x1, y1 = strike(relief, x.skin_mm, y.skin_mm, shape, die, blow, height_mm=height_mm)
         boxes.append((x.seen(x0), y.seen(y0), x.seen(x1), y.seen(y1)))
@@ -149,14 +149,6 @@ def stamp_line(
         HeightMap(z, pitch), text, height_mm, tuple(boxes[: len(text)]), font.name,
         lay.other_text, tuple(boxes[len(text) :]), form,
     )  # fmt: skip
-
-
-def _check(text: str, *, height_mm: float, pitch_mm: float, margin_mm: float, spacing: float) -> None:
-    if not text:
-        raise StampError("there is no text to stamp", hint="give at least one character")
-    require_positive(StampError, height_mm=height_mm, pitch_mm=pitch_mm)
-    require_not_negative(StampError, margin_mm=margin_mm)
-    require_finite(StampError, spacing=spacing)
 
 
 @dataclass(frozen=True)
@@ -191,45 +183,33 @@ def _axis(skin_mm: float, pitch_mm: float, radius_mm: float) -> _Axis:
     return _Axis(seen, along_skin_mm(seen - seen[-1] / 2, radius_mm) + skin_mm / 2)
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Place of one character's reference point from the line's origin, mm, and its rotation."""
-
-    x_mm: float
-    y_mm: float
-    rotation_deg: float
-
-
 def _places(
     shapes: list[Glyph],
     *,
     layout: Layout,
     height_mm: float,
-    spacing: float,
     length_mm: float,
     rotation_deg: float,
     up_mm: float = 0.0,
-) -> tuple[list[_Place], Box]:
-    """Places in the plate frame about the line's origin, and the extent of faultless ink, mm.
+) -> tuple[list[tuple[float, float, float]], Box]:
+    """x, y and turn of each character about the line's origin, and the extent of faultless ink, mm, plate frame.
 
     Raises:
         StampError: a line too long for its arc.
     """
     origin = 0.0
-    places: list[_Place] = []
-    extent: Box | None = None
+    places, boxes = [], []
     for shape in shapes:
         mx, my = middle_mm(shape, height_mm)
         along, up, turn = layout.place(origin + mx, my + up_mm, length_mm=length_mm)
         x, y = to_plate(along, up, rotation_deg=rotation_deg)
-        place = _Place(float(x), float(y), rotation_deg + turn)
-        places.append(place)
-        box = plate_box(shape, (place.x_mm, place.y_mm), place.rotation_deg, height_mm=height_mm, grow_mm=0.0)
-        extent = box if extent is None else _hull(extent, box)
-        origin += (shape.advance + spacing) * height_mm
-    assert extent is not None, "a line has a character"
-    return places, extent
+        places.append((float(x), float(y), rotation_deg + turn))
+        at = (float(x), float(y))
+        boxes.append(plate_box(shape, at, rotation_deg + turn, height_mm=height_mm, grow_mm=0.0))
+        origin += shape.advance * height_mm
+    return places, _hull(*boxes)
 
 
-def _hull(one: Box, other: Box) -> Box:
-    return (min(one[0], other[0]), min(one[1], other[1]), max(one[2], other[2]), max(one[3], other[3]))
+def _hull(*boxes: Box) -> Box:
+    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
+    return min(low_x), min(low_y), max(high_x), max(high_y)

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_not_negative, require_positive, require_range
+from glyphs.ranges import NotNegative, Positive, Share, Validated
 from glyphs.stamping.errors import StampError
 from glyphs.surface.noise import Field, smooth_noise
 
@@ -28,7 +28,7 @@ class Texture(Protocol):
 
 
 @dataclass(frozen=True)
-class Milling:
+class Milling(Validated, error=StampError):
     """Arcs that the teeth of a face mill leave, deeper and shallower where the tool chatters.
 
     Attributes:
@@ -42,16 +42,11 @@ class Milling:
         StampError: a value out of range.
     """
 
-    depth_um: float = 16.0
-    feed_mm: float = 0.35
-    radius_mm: float = 25.0
-    chatter: float = 0.6
-    chatter_mm: float = 1.6
-
-    def __post_init__(self) -> None:
-        require_positive(StampError, self, "feed_mm", "radius_mm", "chatter_mm")
-        require_not_negative(StampError, self, "depth_um")
-        require_range(StampError, 0.0, 1.0, self, "chatter")
+    depth_um: NotNegative = 16.0
+    feed_mm: Positive = 0.35
+    radius_mm: Positive = 25.0
+    chatter: Share = 0.6
+    chatter_mm: Positive = 1.6
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -66,7 +61,7 @@ class Milling:
 
 
 @dataclass(frozen=True)
-class Turning:
+class Turning(Validated, error=StampError):
     """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
 
     Attributes:
@@ -79,15 +74,10 @@ class Turning:
         StampError: a value out of range.
     """
 
-    depth_um: float = 14.0
-    feed_mm: float = 0.25
-    ring_radius_mm: float = 0.0
-    unevenness: float = 0.3
-
-    def __post_init__(self) -> None:
-        require_positive(StampError, self, "feed_mm")
-        require_not_negative(StampError, self, "depth_um", "ring_radius_mm")
-        require_range(StampError, 0.0, 1.0, self, "unevenness")
+    depth_um: NotNegative = 14.0
+    feed_mm: Positive = 0.25
+    ring_radius_mm: NotNegative = 0.0
+    unevenness: Share = 0.3
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -101,7 +91,7 @@ class Turning:
 
 
 @dataclass(frozen=True)
-class Grinding:
+class Grinding(Validated, error=StampError):
     """Countless fine lines of unlike depth, as a belt or a wheel leaves them, each of its own length.
 
     Attributes:
@@ -114,14 +104,10 @@ class Grinding:
         StampError: a value out of range.
     """
 
-    ra_um: float = 3.0
-    line_mm: float = 0.06
-    length_mm: float = 6.0
+    ra_um: NotNegative = 3.0
+    line_mm: Positive = 0.06
+    length_mm: Positive = 6.0
     along_x: bool = True
-
-    def __post_init__(self) -> None:
-        require_positive(StampError, self, "line_mm", "length_mm")
-        require_not_negative(StampError, self, "ra_um")
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""
@@ -139,7 +125,7 @@ class Grinding:
 
 
 @dataclass(frozen=True)
-class Sand:
+class Sand(Validated, error=StampError):
     """A blasted or sand-cast skin: craters and grains of two sizes, alike in all directions.
 
     Attributes:
@@ -150,12 +136,8 @@ class Sand:
         StampError: a value out of range.
     """
 
-    ra_um: float = 9.0
-    grain_mm: float = 0.25
-
-    def __post_init__(self) -> None:
-        require_positive(StampError, self, "grain_mm")
-        require_not_negative(StampError, self, "ra_um")
+    ra_um: NotNegative = 9.0
+    grain_mm: Positive = 0.25
 
     def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
         """See `Texture`."""

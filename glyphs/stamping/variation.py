@@ -6,15 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
+from glyphs.ranges import Finite, NotNegative, Positive, Share, Validated
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.textures import Texture
-from glyphs.surface.display import OneLine
 
 
 @dataclass(frozen=True, repr=False)
-class PlateVariation(OneLine):
+class PlateVariation(Validated, error=StampError):
     """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) one.
 
     Attributes:
@@ -35,26 +34,18 @@ class PlateVariation(OneLine):
         StampError: a value out of range.
     """
 
-    tilt_deg: float = 0.2
-    waviness_um: float = 10.0
-    waviness_wavelength_mm: float = 12.0
-    lay_um: float = 2.0
-    lay_wavelength_mm: float = 0.25
-    lay_direction_deg: float = 90.0
-    lay_jitter: float = 0.8
-    roughness_ra_um: float = 1.0
-    roughness_length_mm: float = 0.06
-    ironing: float = 0.7
+    tilt_deg: NotNegative = 0.2
+    waviness_um: NotNegative = 10.0
+    waviness_wavelength_mm: Positive = 12.0
+    lay_um: NotNegative = 2.0
+    lay_wavelength_mm: Positive = 0.25
+    lay_direction_deg: Finite = 90.0
+    lay_jitter: NotNegative = 0.8
+    roughness_ra_um: NotNegative = 1.0
+    roughness_length_mm: Positive = 0.06
+    ironing: Share = 0.7
     form: PlateForm = field(default_factory=PlateForm)
     texture: Texture | None = None
-
-    def __post_init__(self) -> None:
-        require_finite(StampError, self, "lay_direction_deg")
-        lengths = "waviness_wavelength_mm", "lay_wavelength_mm", "roughness_length_mm"
-        require_positive(StampError, self, *lengths)
-        amounts = "tilt_deg", "waviness_um", "lay_um", "lay_jitter", "roughness_ra_um"
-        require_not_negative(StampError, self, *amounts)
-        require_range(StampError, 0.0, 1.0, self, "ironing")
 
     @classmethod
     def none(cls) -> PlateVariation:
@@ -65,7 +56,7 @@ class PlateVariation(OneLine):
 
 
 @dataclass(frozen=True, repr=False)
-class StampingVariation(OneLine):
+class StampingVariation(Validated, error=StampError):
     """Variation from blow to blow; numbers are standard deviations if nothing else is said.
 
     Attributes:
@@ -89,31 +80,20 @@ class StampingVariation(OneLine):
         StampError: a value out of range.
     """
 
-    depth_fraction: float = 0.12
-    tilt_fraction: float = 0.12
-    rotation_deg: float = 1.2
-    baseline_fraction: float = 0.02
-    spacing_fraction: float = 0.03
-    worn_probability: float = 0.05
-    double_strike_probability: float = 0.02
-    double_strike_fraction: float = 0.05
-    burr_fraction: float = 0.08
+    depth_fraction: NotNegative = 0.12
+    tilt_fraction: NotNegative = 0.12
+    rotation_deg: NotNegative = 1.2
+    baseline_fraction: NotNegative = 0.02
+    spacing_fraction: NotNegative = 0.03
+    worn_probability: Share = 0.05
+    double_strike_probability: Share = 0.02
+    double_strike_fraction: NotNegative = 0.05
+    burr_fraction: NotNegative = 0.08
     plate: PlateVariation = field(default_factory=PlateVariation)
-    pile_up_lean: float = 0.0
-    flank_loss: float = 0.0
-    jump_probability: float = 0.0
-    jump_fraction: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_not_negative(StampError, self)
-        shares = (
-            "pile_up_lean",
-            "flank_loss",
-            "worn_probability",
-            "double_strike_probability",
-            "jump_probability",
-        )
-        require_range(StampError, 0.0, 1.0, self, *shares)
+    pile_up_lean: Share = 0.0
+    flank_loss: Share = 0.0
+    jump_probability: Share = 0.0
+    jump_fraction: NotNegative = 0.0
 
     @classmethod
     def none(cls) -> StampingVariation:

@@ -18,13 +18,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_range
-from glyphs.surface.display import OneLine, picture_html
+from glyphs.ranges import Range, Validated
+from glyphs.surface.display import picture_html
 
 MAX_PIXELS = 64_000_000
 """Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
@@ -68,12 +69,12 @@ def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
     return out
 
 
-LEAST_PITCH_MM = 1e-7
-"""A tenth of a nanometre: no instrument's samples lie closer."""
+Pitch = Annotated[float, Range(1e-7, math.inf, "it must be positive and finite")]
+"""A tenth of a nanometre at least: no instrument's samples lie closer."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HeightMap(OneLine):
+class HeightMap(Validated, error=MapError):
     """Heights of a surface on a square grid.
 
     Attributes:
@@ -85,7 +86,7 @@ class HeightMap(OneLine):
     """
 
     z_mm: NDArray[np.float32]
-    pitch_mm: float
+    pitch_mm: Pitch
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.z_mm)
@@ -108,9 +109,7 @@ class HeightMap(OneLine):
             raise MapError("heights contain infinities", hint="mark bad points as NaN")
         if not np.isfinite(z).any():
             raise MapError("no finite height in the map", hint="every point is a dropout")
-        require_range(
-            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be positive and finite"
-        )
+        super().__post_init__()
         object.__setattr__(self, "z_mm", z)
         object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
 
@@ -132,7 +131,7 @@ class HeightMap(OneLine):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EdgeMap(OneLine):
+class EdgeMap(Validated, error=MapError):
     """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
 
     A land sample is 0; +0.16 means that the moment stood 16 % above the land's. By physics.md the value is
@@ -152,7 +151,7 @@ class EdgeMap(OneLine):
     enhancement: NDArray[np.float32]
     directions: tuple[TraceDirection, ...]
     valid: NDArray[np.bool_]
-    pitch_mm: float
+    pitch_mm: Pitch
     origin_mm: tuple[float, float] = (0.0, 0.0)
 
     def _repr_html_(self) -> str:
@@ -173,9 +172,7 @@ class EdgeMap(OneLine):
         object.__setattr__(self, "enhancement", e)
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "directions", directions)
-        require_range(
-            MapError, LEAST_PITCH_MM, math.inf, self, "pitch_mm", hint="it must be positive and finite"
-        )
+        super().__post_init__()
         object.__setattr__(self, "pitch_mm", float(self.pitch_mm))
         object.__setattr__(self, "origin_mm", (float(self.origin_mm[0]), float(self.origin_mm[1])))
 

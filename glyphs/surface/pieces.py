@@ -14,14 +14,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import Positive, Range, Validated, require_positive
 from glyphs.surface.maps import HeightMap, MapError
+
+Length = Annotated[Positive, Range(0.0, 1000.0)]
 
 
 class PieceKind(StrEnum):
@@ -34,7 +35,7 @@ class PieceKind(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Piece(OneLine):
+class Piece(Validated, error=MapError):
     """A test piece, in millimetres and degrees.
 
     Attributes:
@@ -55,18 +56,16 @@ class Piece(OneLine):
 
     kind: PieceKind = PieceKind.PITS
     angle_deg: tuple[float, ...] = (30.0, 45.0, 60.0)
-    depth_mm: float = 0.3
-    floor_mm: float = 1.5
-    width_mm: float = 12.0
-    radius_mm: float = 3.0
-    land_mm: float = 2.0
+    depth_mm: Length = 0.3
+    floor_mm: Length = 1.5
+    width_mm: Length = 12.0
+    radius_mm: Length = 3.0
+    land_mm: Length = 2.0
 
     def __post_init__(self) -> None:
         if not self.angle_deg or not all(0.0 < a < 90.0 for a in self.angle_deg):
             raise MapError(f"angle_deg is {list(self.angle_deg)}", hint="walls fall at 0 to 90 degrees")
-        lengths = "depth_mm", "floor_mm", "width_mm", "radius_mm", "land_mm"
-        require_positive(MapError, self, *lengths)
-        require_range(MapError, 0.0, 1000.0, self, *lengths)
+        super().__post_init__()
         if self.kind is PieceKind.BALL and self.depth_mm > self.radius_mm:
             raise MapError(
                 f"a cap {self.depth_mm} mm high of a ball of {self.radius_mm} mm", hint="half at most"

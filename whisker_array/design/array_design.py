@@ -14,8 +14,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
-from glyphs.ranges import require_positive, require_range
+from glyphs.ranges import Positive, ShareBelowOne, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.design.limits import DesignError
@@ -38,7 +39,7 @@ LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
 
 
 @dataclass(frozen=True)
-class ArrayRequest:
+class ArrayRequest(Validated, error=DesignError):
     """Use of an array: characters, accuracy and dirt.
 
     Attributes:
@@ -52,15 +53,11 @@ class ArrayRequest:
         DesignError: a number out of range.
     """
 
-    character_height_mm: float
-    accuracy: float = 0.98
+    character_height_mm: Positive
+    accuracy: Annotated[Positive, ShareBelowOne] = 0.98
     severity: float = 0.3
-    length_mm: float | None = None
-    speed_error: float = FINE_ERROR
-
-    def __post_init__(self) -> None:
-        require_positive(DesignError, self, "character_height_mm", "length_mm", "speed_error", "accuracy")
-        require_range(DesignError, 0.0, math.nextafter(1.0, 0.0), self, "accuracy")
+    length_mm: Positive | None = None
+    speed_error: Positive = FINE_ERROR
 
     @property
     def region_mm(self) -> tuple[float, float, float, float]:

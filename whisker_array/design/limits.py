@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_positive
+from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
@@ -71,7 +71,7 @@ class Bound(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Request(OneLine):
+class Request(Validated, error=DesignError):
     """Use of a whisker: walls, friction, marks and speed.
 
     Attributes:
@@ -88,9 +88,9 @@ class Request(OneLine):
 
     alpha_rad: tuple[float, float]
     mu: tuple[float, float]
-    depth_mm: float
-    character_height_mm: float
-    speed_mm_s: float | None = None
+    depth_mm: Positive
+    character_height_mm: Positive
+    speed_mm_s: Positive | None = None
     material: Material = MUSIC_WIRE
 
     def __post_init__(self) -> None:
@@ -104,7 +104,7 @@ class Request(OneLine):
             raise DesignError(
                 f"friction of {self.mu[0]:g} to {self.mu[1]:g} cannot be: give 0 <= low <= high < 2"
             )
-        require_positive(DesignError, self, "depth_mm", "character_height_mm", "speed_mm_s")
+        super().__post_init__()
         if self.depth_mm > 0.5 * self.character_height_mm:
             raise DesignError(
                 f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high cannot be: "

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import ANY_ORDER, kernel, read_only
-from glyphs.ranges import require_positive
-from glyphs.surface.display import OneLine, picture_html
+from glyphs.ranges import Positive, Validated
+from glyphs.surface.display import picture_html
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, MapError
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
 from whisker_array.simulation.contact import land_lag_mm
@@ -42,7 +42,7 @@ class Route(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Relief(OneLine):
+class Relief(Validated, error=MapError):
     """Height and slopes of the surface as felt, on a grid of the plate frame.
 
     Attributes:
@@ -60,7 +60,7 @@ class Relief(OneLine):
     height_mm: NDArray[np.float32]
     slope_x: NDArray[np.float32] | None
     slope_y: NDArray[np.float32] | None
-    pitch_mm: float
+    pitch_mm: Positive
     origin_mm: tuple[float, float]
     friction: float
     friction_sd: float | None
@@ -74,7 +74,7 @@ class Relief(OneLine):
         for slope in (self.slope_x, self.slope_y, self.friction_map):
             if slope is not None and slope.shape != self.height_mm.shape:
                 raise MapError(f"maps of {slope.shape} do not fit the heights {self.height_mm.shape}")
-        require_positive(MapError, self, "pitch_mm")
+        super().__post_init__()
 
     @property
     def steepness(self) -> NDArray[np.float32]:

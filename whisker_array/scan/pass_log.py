@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from glyphs.ranges import require_positive
+from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine
 from whisker_array.scan.sweep import Sweep
 from whisker_array.whisker.array import WhiskerArray
@@ -36,7 +36,7 @@ class LoggedPass(OneLine):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PassLog(OneLine):
+class PassLog(Validated, error=WhiskerError):
     """The passes of a scan, as one stage session felt them.
 
     Attributes:
@@ -54,11 +54,11 @@ class PassLog(OneLine):
 
     passes: tuple[LoggedPass, ...]
     array: WhiskerArray
-    height_mm: float
+    height_mm: Positive
     field_mm: tuple[float, float, float, float]
     stopped: str = ""
     problem: str = ""
-    budget_s: float | None = None
+    budget_s: Positive | None = None
 
     def __post_init__(self) -> None:
         if not self.passes:
@@ -66,7 +66,7 @@ class PassLog(OneLine):
         x0, y0, x1, y1 = self.field_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(f"the field {self.field_mm} is empty", hint="give (x0, y0, x1, y1)")
-        require_positive(WhiskerError, self, "height_mm", "budget_s")
+        super().__post_init__()
 
     @property
     def stage_s(self) -> float:

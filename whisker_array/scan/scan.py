@@ -8,8 +8,8 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_positive
-from glyphs.surface.display import OneLine, picture_html
+from glyphs.ranges import Positive, Validated
+from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import VirtualBench, mount
@@ -20,7 +20,7 @@ from whisker_array.whisker.touch import Touch
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scan(OneLine):
+class Scan(Validated, error=MapError):
     """All passes over one part.
 
     Attributes:
@@ -39,8 +39,8 @@ class Scan(OneLine):
 
     sweeps: tuple[Sweep, ...]
     touch: Touch
-    line_pitch_mm: float
-    sample_rate_hz: float
+    line_pitch_mm: Positive
+    sample_rate_hz: Positive
     calibration: Calibration | None = None
     part_id: str = ""
     start_time: str = ""
@@ -69,7 +69,7 @@ class Scan(OneLine):
             raise MapError(
                 f"a calibration of {self.calibration.gain.size} whiskers for a scan of {self.n_whiskers}"
             )
-        require_positive(MapError, self, "line_pitch_mm", "sample_rate_hz")
+        super().__post_init__()
 
     @property
     def n_whiskers(self) -> int:

@@ -11,14 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import freeze_arrays, require_not_negative, require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import (
+    NotNegative,
+    Range,
+    Validated,
+    freeze_arrays,
+    require_not_negative,
+    require_positive,
+    require_range,
+)
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
 
@@ -27,7 +34,7 @@ class SensorError(MarksError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gauges(OneLine):
+class Gauges(Validated, error=SensorError):
     """Gain, offset and memory of the gauges of an array.
 
     Attributes:
@@ -44,6 +51,7 @@ class Gauges(OneLine):
     memory: SensorMemory | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         freeze_arrays(SensorError, self, {"gain": ("whiskers",), "offset_n_mm": ("whiskers",)})
         if not self.gain.size:
             raise SensorError("there is no gain", hint="give one for each whisker")
@@ -84,18 +92,16 @@ class SensorChain(Gauges):
         SensorError: as `Gauges`, negative rms values, a converter that cannot be.
     """
 
-    noise_n_mm: float = 0.0
-    drift_n_mm_per_sqrt_s: float = 0.0
-    vibration: float = 0.0
+    noise_n_mm: NotNegative = 0.0
+    drift_n_mm_per_sqrt_s: NotNegative = 0.0
+    vibration: NotNegative = 0.0
     adc_range_n_mm: float = math.inf
-    adc_bits: int | None = None
+    adc_bits: Annotated[int, Range(2, 32)] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(SensorError, self, "noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration")
-        require_range(SensorError, 2, 32, self, "adc_bits")
         if self.adc_bits is not None or self.adc_range_n_mm != math.inf:
-            require_positive(SensorError, self, "adc_range_n_mm")
+            require_positive(SensorError, adc_range_n_mm=self.adc_range_n_mm)
 
     @property
     def adc_step_n_mm(self) -> float:
@@ -142,7 +148,7 @@ def draw_sensor_chain(
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
     """
-    require_range(SensorError, 0.0, 0.33, gain_sd=gain_sd, hint="beyond 0.33 a gain could be 0")
+    require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
     require_not_negative(SensorError, offset_sd_n_mm=offset_sd_n_mm)
     offset_sd = 0.01 * full_scale_n_mm if offset_sd_n_mm is None else offset_sd_n_mm

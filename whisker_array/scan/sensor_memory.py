@@ -78,7 +78,8 @@ class SensorMemory(OneLine):
         creep, play = ("whiskers", "terms"), ("whiskers", "plays")
         shapes = {"creep": creep, "relax_s": creep[1:], "play_weight": play, "play_n_mm": play[1:]}
         freeze_arrays(MarksError, self, shapes, least=0.0)
-        require_positive(MarksError, self, "largest_n_mm", shortest_s=float(self.relax_s.min(initial=1.0)))
+        shortest = float(self.relax_s.min(initial=1.0))
+        require_positive(MarksError, largest_n_mm=self.largest_n_mm, shortest_s=shortest)
         if (self.straight <= 0.0).any():
             raise MarksError("the plays of a sensor's memory weigh 1 or more", hint="give smaller weights")
 

@@ -16,17 +16,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
-from glyphs.ranges import require_finite, require_not_negative, require_positive, require_range
+from glyphs.ranges import Finite, NotNegative, Positive, Range, Validated
 from whisker_array.whisker.passes import SweepPlan
 
 
 @dataclass(frozen=True)
-class StagePlay:
+class StagePlay(Validated):
     """Errors of a stage's place, the same along x and y.
 
     Attributes:
@@ -41,18 +41,12 @@ class StagePlay:
         MarksError: a number that is negative or not finite, or no lead.
     """
 
-    play_mm: float = 0.010
-    rate: float = 0.023 / 300.0
-    wave_mm: float = 0.004
-    lead_mm: float = 2.0
-    phase_rad: float = 0.0
-    return_mm: float = 0.002
-
-    def __post_init__(self) -> None:
-        require_not_negative(MarksError, self, "play_mm", "wave_mm", "return_mm")
-        require_positive(MarksError, self, "lead_mm")
-        require_range(MarksError, -0.1, 0.1, self, "rate")
-        require_finite(MarksError, self, "phase_rad")
+    play_mm: NotNegative = 0.010
+    rate: Annotated[float, Range(-0.1, 0.1)] = 0.023 / 300.0
+    wave_mm: NotNegative = 0.004
+    lead_mm: Positive = 2.0
+    phase_rad: Finite = 0.0
+    return_mm: NotNegative = 0.002
 
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:

@@ -19,15 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import ShareBelowOne, Validated, require_positive
 from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WhiskerModes(OneLine):
+class WhiskerModes(Validated, error=WhiskerError):
     """A whisker in the plane of tracing, as modes normed to unit mass; units N, mm, t, s.
 
     Attributes:
@@ -47,12 +46,12 @@ class WhiskerModes(OneLine):
     moment: NDArray[np.float64]
     rest_moment_mm: NDArray[np.float64]
     held_hz: NDArray[np.float64]
-    damping: float = 0.01
+    damping: ShareBelowOne = 0.01
 
     def __post_init__(self) -> None:
         if not self.omega_rad_s.size or not self.omega_rad_s.min() > 0.0:
             raise WhiskerError("a dynamic whisker has at least one mode")
-        require_range(WhiskerError, 0.0, math.nextafter(1.0, 0.0), self, "damping")
+        super().__post_init__()
 
 
 def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, parts: int = 24) -> WhiskerModes:

@@ -22,8 +22,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive
-from glyphs.surface.display import OneLine
+from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated, require_positive
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.comb import Body, Comb, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
@@ -85,7 +84,7 @@ class WhiskerArray(Comb):
 
 
 @dataclass(frozen=True, repr=False)
-class RasterPlan(OneLine):
+class RasterPlan(Validated, error=WhiskerError):
     """Raster of an array over a rectangle of the plate.
 
     Attributes:
@@ -102,20 +101,18 @@ class RasterPlan(OneLine):
     """
 
     array: WhiskerArray
-    region_mm: tuple[float, float, float, float]
-    line_pitch_mm: float
-    sample_pitch_mm: float
+    region_mm: tuple[Finite, Finite, Finite, Finite]
+    line_pitch_mm: Positive
+    sample_pitch_mm: Positive
     directions: tuple[TraceDirection, ...] = field(default=ALL_DIRECTIONS)
-    speed_mm_s: float = 50.0
-    lead_mm: float = 1.0
-    air_samples: int = 16
-    turnaround_s: float = 0.25
+    speed_mm_s: Positive = 50.0
+    lead_mm: NotNegative = 1.0
+    air_samples: Count = 16
+    turnaround_s: NotNegative = 0.25
     two_way: bool = False
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "line_pitch_mm", "sample_pitch_mm", "speed_mm_s")
-        require_not_negative(WhiskerError, self, "lead_mm", "air_samples", "turnaround_s")
-        require_finite(WhiskerError, self, "region_mm")
+        super().__post_init__()
         x0, y0, x1, y1 = self.region_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(

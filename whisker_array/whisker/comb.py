@@ -21,12 +21,12 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_not_negative, require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive, require_range
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
@@ -39,7 +39,7 @@ DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Body(OneLine):
+class Body(Validated, error=WhiskerError):
     """Room that a whisker takes.
 
     Attributes:
@@ -54,15 +54,12 @@ class Body(OneLine):
         WhiskerError: a size not positive.
     """
 
-    width_mm: float
-    thickness_mm: float
+    width_mm: Positive
+    thickness_mm: Positive
     aside_mm: float
     shapes_mm: tuple[NDArray[np.float64], ...]
     clamp_mm: tuple[float, float]
     mass_g: float
-
-    def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "width_mm", "thickness_mm")
 
     @property
     def side_room_mm(self) -> float:
@@ -219,8 +216,11 @@ def default_body(character_height_mm: float) -> Body:
     return _unit_body().scaled(character_height_mm)
 
 
+AtLeastOne = Annotated[int, Range(1, math.inf, "give at least one")]
+
+
 @dataclass(frozen=True)
-class Comb:
+class Comb(Validated, error=WhiskerError):
     """Places of whiskers, in one comb or several, one behind the other.
 
     Attributes:
@@ -235,17 +235,15 @@ class Comb:
         WhiskerError: a number that cannot be.
     """
 
-    n_whiskers: int
-    pitch_mm: float
+    n_whiskers: AtLeastOne
+    pitch_mm: Positive
     rows: int = 1
-    stagger_mm: float = 0.0
-    kinds: int = 1
+    stagger_mm: NotNegative = 0.0
+    kinds: AtLeastOne = 1
 
     def __post_init__(self) -> None:
-        require_range(WhiskerError, 1, math.inf, self, "n_whiskers", "kinds", hint="give at least one")
-        require_range(WhiskerError, 1, self.n_whiskers, self, "rows")
-        require_positive(WhiskerError, self, "pitch_mm")
-        require_not_negative(WhiskerError, self, "stagger_mm")
+        super().__post_init__()
+        require_range(WhiskerError, Range(1, self.n_whiskers), rows=self.rows)
 
 
 def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:

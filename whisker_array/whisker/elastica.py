@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.ranges import freeze_arrays, require_finite, require_positive
-from glyphs.surface.display import OneLine
+from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import Taper
@@ -46,7 +45,7 @@ class ElasticaError(MarksError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LargeDeflection(OneLine):
+class LargeDeflection(Validated, error=ElasticaError):
     """The exact answer of a whisker whose tip is held up.
 
     Attributes:
@@ -62,12 +61,12 @@ class LargeDeflection(OneLine):
     """
 
     force_n: Vector
-    moment_n_mm: float
+    moment_n_mm: Finite
     tip_shift_mm: Vector
     shape_mm: Matrix
 
     def __post_init__(self) -> None:
-        require_finite(ElasticaError, self, "moment_n_mm")
+        super().__post_init__()
         freeze_arrays(ElasticaError, self, {"force_n": (3,), "tip_shift_mm": (3,), "shape_mm": ("n", 2)})
 
 

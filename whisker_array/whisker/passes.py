@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import require_finite, require_not_negative, require_positive
+from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated
 from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
@@ -96,7 +96,7 @@ class SweepPlan(OneLine):
 
 
 @dataclass(frozen=True, repr=False)
-class Pass(OneLine):
+class Pass(Validated, error=WhiskerError):
     """One travel of the array.
 
     Attributes:
@@ -117,21 +117,19 @@ class Pass(OneLine):
     """
 
     direction: TraceDirection
-    line_mm: tuple[float, ...]
-    along_mm: tuple[float, float]
-    sample_pitch_mm: float
-    speed_mm_s: float
-    lead_mm: float = 1.0
-    air_samples: int = 16
-    turnaround_s: float = 0.25
+    line_mm: tuple[Finite, ...]
+    along_mm: tuple[Finite, Finite]
+    sample_pitch_mm: Positive
+    speed_mm_s: Positive
+    lead_mm: NotNegative = 1.0
+    air_samples: Count = 16
+    turnaround_s: NotNegative = 0.25
     pushed: bool = False
-    preload_mm: float | None = None
+    preload_mm: Positive | None = None
     offset_mm: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "sample_pitch_mm", "speed_mm_s", "preload_mm")
-        require_not_negative(WhiskerError, self, "lead_mm", "air_samples", "turnaround_s")
-        require_finite(WhiskerError, self, "line_mm", "along_mm")
+        super().__post_init__()
         if not self.line_mm:
             raise WhiskerError("a pass needs a place for every whisker", hint="give line_mm")
         if not self.along_mm[1] > self.along_mm[0]:

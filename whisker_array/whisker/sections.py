@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import ClassVar, Self, TypeAlias
+from typing import Annotated, ClassVar, Self, TypeAlias
 
 from glyphs.errors import MarksError
-from glyphs.ranges import require_positive, require_range
+from glyphs.ranges import Positive, Range, Validated, require_range
 from glyphs.surface.display import OneLine
 
 _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
@@ -30,7 +30,7 @@ class WhiskerError(MarksError):
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Validated, error=WhiskerError):
     """An isotropic, linearly elastic material.
 
     Attributes:
@@ -48,14 +48,10 @@ class Material:
     __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     name: str
-    e_mpa: float
-    poisson: float
-    density_g_cm3: float
-    yield_mpa: float
-
-    def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "e_mpa", "density_g_cm3", "yield_mpa")
-        require_range(WhiskerError, 0.0, math.nextafter(0.5, 0.0), self, "poisson")
+    e_mpa: Positive
+    poisson: Annotated[float, Range(0.0, math.nextafter(0.5, 0.0))]
+    density_g_cm3: Positive
+    yield_mpa: Positive
 
     @property
     def g_mpa(self) -> float:
@@ -73,7 +69,7 @@ MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3
 
 
 @dataclass(frozen=True)
-class Section:
+class Section(Validated, error=WhiskerError):
     """A cross-section: its dimensions and the values derived from them.
 
     Attributes:
@@ -133,12 +129,12 @@ class Tube(Section):
         inner_mm: inner diameter, mm, 0 <= inner < outer.
     """
 
-    outer_mm: float
+    outer_mm: Positive
     inner_mm: float
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "outer_mm")
-        require_range(WhiskerError, 0.0, math.nextafter(self.outer_mm, 0.0), self, "inner_mm")
+        super().__post_init__()
+        require_range(WhiskerError, Range(0.0, math.nextafter(self.outer_mm, 0.0)), inner_mm=self.inner_mm)
         self._derive_round(self.outer_mm, self.inner_mm)
 
 
@@ -150,10 +146,10 @@ class Round(Section):
         diameter_mm: wire diameter, mm.
     """
 
-    diameter_mm: float
+    diameter_mm: Positive
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "diameter_mm")
+        super().__post_init__()
         self._derive_round(self.diameter_mm)
 
 
@@ -166,11 +162,11 @@ class Rectangle(Section):
         width_mm: lateral side, mm.
     """
 
-    thickness_mm: float
-    width_mm: float
+    thickness_mm: Positive
+    width_mm: Positive
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "thickness_mm", "width_mm")
+        super().__post_init__()
         t, w = self.thickness_mm, self.width_mm
         self._derive(area_mm2=t * w, j_mm4=_rectangle_torsion_mm4(t, w))
         self._derive(i_vertical_mm4=w * t**3 / 12.0, i_lateral_mm4=t * w**3 / 12.0)

@@ -24,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.ranges import freeze_arrays, require_finite, require_not_negative, require_positive
+from glyphs.ranges import Finite, NotNegative, Positive, Validated, freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
@@ -95,7 +95,7 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
 
 
 @dataclass(frozen=True, repr=False)
-class LShaped(OneLine):
+class LShaped(Validated, error=WhiskerError):
     """The L-shaped whisker of Fig. 3, the differentiator.
 
     Attributes:
@@ -110,17 +110,15 @@ class LShaped(OneLine):
         WhiskerError: a length or angle out of range.
     """
 
-    l1_mm: float
-    l2_mm: float
-    l3_mm: float | None
+    l1_mm: Positive
+    l2_mm: NotNegative
+    l3_mm: Finite | None
     beta_rad: float
     section: SectionLike
     material: Material = MUSIC_WIRE
 
     def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "l1_mm")
-        require_not_negative(WhiskerError, self, "l2_mm")
-        require_finite(WhiskerError, self, "l3_mm")
+        super().__post_init__()
         _check_beta(self.beta_rad)
 
     @property
@@ -185,7 +183,7 @@ def straight_whisker(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chain(OneLine):
+class Chain(Validated, error=WhiskerError):
     """A whisker of any shape, made of straight segments between points; many short ones make a curve.
 
     Attributes:
@@ -201,7 +199,7 @@ class Chain(OneLine):
     points_mm: Matrix
     sections: SectionLike | tuple[SectionLike, ...]
     material: Material = MUSIC_WIRE
-    l3_mm: float = 0.0
+    l3_mm: Finite = 0.0
 
     def __post_init__(self) -> None:
         freeze_arrays(WhiskerError, self, {"points_mm": ("n", 3)})
@@ -218,7 +216,7 @@ class Chain(OneLine):
                 )
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
-        require_finite(WhiskerError, self, "l3_mm")
+        super().__post_init__()
         object.__setattr__(self, "sections", sections)
         try:
             self.segments()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from glyphs.ranges import require_not_negative, require_positive, require_range
-from glyphs.surface.display import OneLine
+from glyphs.ranges import NotNegative, Positive, Range, Validated
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
     TIP_RADIUS_HEIGHTS,
@@ -23,7 +23,7 @@ MOST_PRELOAD_MM = 1000.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Touch(OneLine):
+class Touch(Validated, error=WhiskerError):
     """Touch of a whisker: tip, preload, ball and friction.
 
     Attributes:
@@ -35,16 +35,10 @@ class Touch(OneLine):
     """
 
     tip: TipModel
-    preload_mm: float
-    tip_radius_mm: float
-    friction: float = NOMINAL_FRICTION
+    preload_mm: Annotated[Positive, Range(0.0, MOST_PRELOAD_MM)]
+    tip_radius_mm: NotNegative
+    friction: Annotated[float, Range(0.0, 2.0)] = NOMINAL_FRICTION
     whisker: str = ""
-
-    def __post_init__(self) -> None:
-        require_positive(WhiskerError, self, "preload_mm")
-        require_range(WhiskerError, 0.0, MOST_PRELOAD_MM, self, "preload_mm")
-        require_not_negative(WhiskerError, self, "tip_radius_mm")
-        require_range(WhiskerError, 0.0, 2.0, self, "friction")
 
     def land_moment_n_mm(self) -> float:
         """Moment on flat land at the nominal friction, eq. (14) with alpha = 0."""

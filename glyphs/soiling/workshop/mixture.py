@@ -11,14 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from glyphs.ranges import require_range
+from glyphs.ranges import Range, Share, Validated, require_range
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.workshop.damage import add_burr, add_pits, add_scratches
 from glyphs.soiling.workshop.debris import add_swarf
 from glyphs.soiling.workshop.films import add_oil, add_paint
 from glyphs.soiling.workshop.grime import add_grime
 from glyphs.stamping.errors import StampError
-from glyphs.surface.display import OneLine
 
 Layer = Callable[..., Coat]
 _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
@@ -34,7 +33,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 
 @dataclass(frozen=True, repr=False)
-class Dirt(OneLine):
+class Dirt(Validated, error=StampError):
     """Amount of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
 
     Attributes:
@@ -50,16 +49,13 @@ class Dirt(OneLine):
         StampError: an amount outside 0..1.
     """
 
-    grime: float = 0.0
-    oil: float = 0.0
-    swarf: float = 0.0
-    scratches: float = 0.0
-    pits: float = 0.0
-    paint: float = 0.0
-    burr: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_range(StampError, 0.0, 1.0, self)
+    grime: Share = 0.0
+    oil: Share = 0.0
+    swarf: Share = 0.0
+    scratches: Share = 0.0
+    pits: Share = 0.0
+    paint: Share = 0.0
+    burr: Share = 0.0
 
     @classmethod
     def of(cls, severity: float) -> Dirt:
@@ -68,7 +64,7 @@ class Dirt(OneLine):
         Raises:
             StampError: a severity outside 0..1.
         """
-        require_range(StampError, 0.0, 1.0, severity=severity)
+        require_range(StampError, Range(0.0, 1.0), severity=severity)
         s = severity
         return cls(
             grime=s**1.5,

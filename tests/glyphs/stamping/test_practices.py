@@ -12,9 +12,9 @@ import pytest
 from glyphs.fonts.outlines import load_font
 from glyphs.part import stamp
 from glyphs.stamping.blow import draw_stances
-from glyphs.stamping.dies import DIES, DieKind
+from glyphs.stamping.dies import DIES
 from glyphs.stamping.errors import StampError
-from glyphs.stamping.faces import Face, default_depth_mm
+from glyphs.stamping.faces import default_depth_mm
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
 from glyphs.stamping.layouts import LAYOUTS, Layout
 from glyphs.stamping.plates import PLATES
@@ -77,8 +77,6 @@ def test_a_blunt_v_has_a_flat_floor_and_walls_that_are_not_steeper() -> None:
     assert floor == pytest.approx(0.2 * stroke)
     assert blunt.stroke_mm < flat.stroke_mm
     assert blunt.bevel_deg == flat.bevel_deg
-    with pytest.raises(StampError, match="tip"):
-        DieKind(Face.SHARP, tip=0.2)
 
 
 def test_pile_up_is_higher_on_the_side_to_which_a_blow_leans() -> None:

@@ -154,7 +154,6 @@ def test_roughness_has_the_ra_and_correlation_length_asked_for():
         ({"pitch_mm": 0.0}, StampError, "pitch_mm"),
         ({"pitch_mm": 1e-4}, MapError, "coarser"),
         ({"margin_mm": -1.0}, StampError, "margin_mm"),
-        ({"spacing": math.nan}, StampError, "spacing"),
     ],
 )
 def test_stamp_refuses(options, error, message):
