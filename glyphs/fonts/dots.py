@@ -9,6 +9,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,17 +19,9 @@ from glyphs.fonts.glyph import Font, Glyph, Points
 from glyphs.fonts.outlines import SERIAL_CHARACTERS
 from glyphs.opencv import cv2
 
-_MATRIX = {
-    "0": "3E5149453E", "1": "00427F4000", "2": "4261514946", "3": "2141454B31", "4": "1814127F10",
-    "5": "2745454539", "6": "3C4A494930", "7": "0171090503", "8": "3649494936", "9": "064949291E",
-    "A": "7E1111117E", "B": "7F49494936", "C": "3E41414122", "D": "7F4141221C", "E": "7F49494941",
-    "F": "7F09090901", "G": "3E4149497A", "H": "7F0808087F", "I": "00417F4100", "J": "2040413F01",
-    "K": "7F08142241", "L": "7F40404040", "M": "7F020C027F", "N": "7F0408107F", "O": "3E4141413E",
-    "P": "7F09090906", "Q": "3E4151215E", "R": "7F09192946", "S": "4649494931", "T": "01017F0101",
-    "U": "3F4040403F", "V": "1F2040201F", "W": "3F4038403F", "X": "6314081463", "Y": "0708700807",
-    "Z": "6151494543", "-": "0808080808", "/": "2010080402", ".": "0060600000", "+": "08083E0808",
-}  # fmt: skip
-"""Columns from left to right of the usual matrix of five by seven, two hexadecimal digits each, lowest bit on top."""
+_MATRIX: dict[str, str] = json.loads(Path(__file__).with_name("dot_matrix.json").read_text("utf-8"))[
+    "columns"
+]
 _PIXELS = 80
 """To the cap height of a glyph whose strokes are thinned."""
 

@@ -38,22 +38,17 @@ class Blow(OneLine):
     flank_loss: float = 0.0
 
 
-@dataclass(frozen=True)
-class Stance:
-    """Hold of a stamp for one blow: the side to which it leans, degrees of the plate frame, and how far the
-    baseline has wandered by then, fraction of the height."""
-
-    lean_deg: float = 0.0
-    rise: float = 0.0
-
-
-def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> list[Stance]:
+def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw the stances of a line, from a stream of their own: `rng` goes on as if there were none.
 
     A hand leans to one side all along a part, within about 25 degrees.
+
+    Returns:
+        (count, 2): the side to which the stamp leans, degrees of the plate frame, and how far the baseline has wandered
+        by then, fraction of the height.
     """
     if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
-        return [Stance()] * count
+        return np.zeros((count, 2))
     own = rng.spawn(1)[0]
     leans = np.degrees(own.uniform(0.0, 2 * math.pi)) + 25.0 * own.standard_normal(count)
     jumps = own.uniform(size=count) < how.jump_probability
@@ -63,16 +58,15 @@ def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator
         # a hand that strayed notices: half of what it rose is left after the next jump
         before = rises[k - 1] if k else 0.0
         rises[k] = before * (0.5 if jumps[k] else 1.0) + steps[k]
-    return [Stance(float(lean), float(rise)) for lean, rise in zip(leans, rises, strict=True)]
+    return np.stack([leans, rises], axis=1)
 
 
 def draw_blow(
     how: StampingVariation,
-    stance: Stance,
+    stance: NDArray[np.float64],
     rng: np.random.Generator,
     *,
-    x_mm: float,
-    y_mm: float,
+    at_mm: tuple[float, float],
     height_mm: float,
     rotation_deg: float,
 ) -> Blow:
@@ -80,15 +74,16 @@ def draw_blow(
     normal = np.clip(rng.standard_normal(8), -2.5, 2.5)
     chance = rng.uniform(size=4)
     along = normal[0] * how.spacing_fraction * height_mm
-    rise = (normal[1] * how.baseline_fraction + stance.rise) * height_mm
+    lean_deg, wandered = stance.tolist()
+    rise = (normal[1] * how.baseline_fraction + wandered) * height_mm
     dx, dy = to_plate(along, rise, rotation_deg=rotation_deg)
     worn = bool(chance[0] < how.worn_probability)
     heading = 2 * math.pi * float(chance[2])
     step = how.double_strike_fraction * height_mm * (1.0 + 0.3 * float(normal[6]))
     double = bool(chance[1] < how.double_strike_probability)
     return Blow(
-        x_mm=x_mm + float(dx),
-        y_mm=y_mm + float(dy),
+        x_mm=at_mm[0] + float(dx),
+        y_mm=at_mm[1] + float(dy),
         rotation_deg=rotation_deg + how.rotation_deg * float(normal[2]),
         depth_factor=max(0.2, 1.0 + how.depth_fraction * float(normal[3])) * (0.75 if worn else 1.0),
         tilt_x=how.tilt_fraction * float(normal[4]),
@@ -97,7 +92,7 @@ def draw_blow(
         faint_deg=360.0 * float(chance[3]),
         second_mm=(step * math.cos(heading), step * math.sin(heading)) if double else None,
         burr_fraction=how.burr_fraction * max(0.0, 1.0 + 0.4 * float(normal[7])),
-        lean_deg=stance.lean_deg,
+        lean_deg=lean_deg,
         pile_up_lean=how.pile_up_lean,
         flank_loss=how.flank_loss,
     )
@@ -149,13 +144,9 @@ def strike(
         relief[lines, columns] = np.where(
             (new < 0.0) | (old < 0.0), np.minimum(new, old), np.maximum(new, old)
         )
-    low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
-    return (
-        float(np.clip(low[0], 0.0, x[-1])),
-        float(np.clip(low[1], 0.0, y[-1])),
-        float(np.clip(high[2], 0.0, x[-1])),
-        float(np.clip(high[3], 0.0, y[-1])),
-    )
+    hull = np.append(np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:])
+    x0, y0, x1, y1 = np.clip(hull, 0.0, [x[-1], y[-1]] * 2).tolist()
+    return x0, y0, x1, y1
 
 
 def _blow_relief(

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.fonts.glyph import Glyph, Points, signed_distance, transform_glyph, with_stroke
+from glyphs.fonts.glyph import Glyph, Points, signed_distance, with_stroke
 from glyphs.ranges import require_not_negative, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.faces import Die, Face, relief_mm
@@ -96,10 +96,7 @@ def ideal_relief(
     height_mm: float,
     pitch_mm: float,
     margin_mm: float,
-    rotation_deg: float = 0.0,
     raised: bool = False,
-    x_scale: float = 1.0,
-    shear: float = 0.0,
 ) -> IdealGlyph:
     """One faultless character on a flat plate.
 
@@ -109,10 +106,7 @@ def ideal_relief(
         height_mm: character height.
         pitch_mm: sample pitch of the map.
         margin_mm: land around the ink, at least, >= 0.
-        rotation_deg: from +x towards +y of the plate frame (clockwise as seen), about the reference point.
         raised: turn the relief over: a raised character, without burr.
-        x_scale: widening of the glyph, > 0.
-        shear: lean to the right, x per y.
 
     Returns:
         A map with an odd number of rows and columns whose middle pixel is the reference point.
@@ -122,10 +116,10 @@ def ideal_relief(
         MapError: pitch not positive, or too fine for the size.
     """
     require_not_negative(StampError, margin_mm=margin_mm)
-    require_positive(StampError, x_scale=x_scale, pitch_mm=pitch_mm)
-    shape = transform_glyph(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
+    require_positive(StampError, pitch_mm=pitch_mm)
+    shape = die_glyph(glyph, die, height_mm=height_mm)
     middle = middle_mm(shape, height_mm)
-    x0, y0, x1, y1 = plate_box(shape, (0.0, 0.0), rotation_deg, height_mm=height_mm, grow_mm=0.0)
+    x0, y0, x1, y1 = plate_box(shape, (0.0, 0.0), 0.0, height_mm=height_mm, grow_mm=0.0)
     half_cols = max(1, math.ceil((max(-x0, x1) + margin_mm) / pitch_mm))
     half_rows = max(1, math.ceil((max(-y0, y1) + margin_mm) / pitch_mm))
     if (2 * half_cols + 1) * (2 * half_rows + 1) > MAX_PIXELS:
@@ -134,12 +128,11 @@ def ideal_relief(
         )
     gx = (np.arange(2 * half_cols + 1) - half_cols) * pitch_mm
     gy = (np.arange(2 * half_rows + 1) - half_rows) * pitch_mm
-    u, v = to_plate(gx[None, :], gy[:, None], rotation_deg=rotation_deg)
     z = shape_relief_mm(
         shape,
         replace(die, burr_height_mm=0.0) if raised else die,
-        u + middle[0],
-        v + middle[1],
+        gx[None, :] + middle[0],
+        middle[1] - gy[:, None],
         height_mm=height_mm,
     )
     centre = half_cols * pitch_mm, half_rows * pitch_mm
@@ -168,12 +161,9 @@ def plate_box(
     points = ink_points_mm(shape, height_mm=height_mm) - middle_mm(shape, height_mm)
     px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
     half = (shape.stroke / 2 * height_mm if shape.inked else 0.0) + grow_mm
-    return (
-        centre[0] + float(px.min()) - half,
-        centre[1] + float(py.min()) - half,
-        centre[0] + float(px.max()) + half,
-        centre[1] + float(py.max()) + half,
-    )
+    x0, y0 = (np.add(centre, [px.min(), py.min()]) - half).tolist()
+    x1, y1 = (np.add(centre, [px.max(), py.max()]) + half).tolist()
+    return x0, y0, x1, y1
 
 
 def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:

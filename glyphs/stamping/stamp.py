@@ -134,10 +134,8 @@ def stamp_line(
     boxes: list[Box] = []
     stances = draw_stances(how, len(places), rng=rng)
     for shape, (place_x, place_y, turn), stance in zip(shapes + others, places, stances, strict=True):
-        blow = draw_blow(
-            how, stance, rng, x_mm=place_x + margin - extent[0], y_mm=place_y + margin - extent[1],
-            height_mm=height_mm, rotation_deg=turn,
-        )  # fmt: skip
+        at = (place_x + margin - extent[0], place_y + margin - extent[1])
+        blow = draw_blow(how, stance, rng, at_mm=at, height_mm=height_mm, rotation_deg=turn)
         x0, y0, x1, y1 = strike(relief, x.skin_mm, y.skin_mm, shape, die, blow, height_mm=height_mm)
         boxes.append((x.seen(x0), y.seen(y0), x.seen(x1), y.seen(y1)))
     finish = how.plate.texture or partial(plate_texture, variation=how.plate)

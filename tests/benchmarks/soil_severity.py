@@ -14,24 +14,21 @@ Run `python tests/benchmarks/soil_severity.py --write` after a change of a soil.
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from rapidfuzz.distance import Levenshtein
 
-import glyphs.soiling.severity
 from glyphs.fonts.outlines import SERIAL_CHARACTERS
 from glyphs.part import stamp
 from glyphs.soiling.coat import bare_coat
-from glyphs.soiling.severity import KNOTS
+from glyphs.soiling.severity import KNOTS, MANIFEST
 from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.surface.maps import HeightMap
@@ -54,8 +51,6 @@ GRID: Final = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 1.0)
 """Amounts that are tried of every soil but the workshop's."""
 CHECKED: Final = (0.0, 0.3, 0.6, 0.9)
 """Severities at which other parts are looked at."""
-TABLE: Final = Path(glyphs.soiling.severity.__file__)
-MANIFEST: Final = TABLE.with_name("severity.fit.json")
 Curves = dict[str, NDArray[np.float64]]
 
 
@@ -155,7 +150,7 @@ def main(*, parts: int = 60, jobs: int = 2, write: bool = False) -> None:
     Args:
         parts: that the amounts are fitted to; as many others are looked at afterwards.
         jobs: processes.
-        write: keep the table in `glyphs.soiling.severity`, and how it came about in a file beside it.
+        write: keep the table and how it came about in the file that `glyphs.soiling.severity` reads.
     """
     design = design_named(EDITION)
     names = [
@@ -203,7 +198,6 @@ def main(*, parts: int = 60, jobs: int = 2, write: bool = False) -> None:
     _show(table, checks)
     if write:
         MANIFEST.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-        _keep(table)
 
 
 def _summary(amounts: tuple[float, ...], losses: NDArray[np.float64]) -> dict[str, Any]:
@@ -241,16 +235,9 @@ def _show(table: Mapping[str, tuple[float, ...]], checks: Curves) -> None:
     Console(width=160).print(shown)
 
 
-def _keep(table: Mapping[str, tuple[float, ...]]) -> None:
-    lines = "".join(f'    "{soil}": {amounts},\n' for soil, amounts in table.items())
-    text = TABLE.read_text(encoding="utf-8")
-    literal = f"AMOUNTS: Final[dict[str, tuple[float, ...]]] = {{\n{lines}}}"
-    TABLE.write_text(re.sub(r"AMOUNTS: Final.* = \{[^}]*\}", literal, text), encoding="utf-8")
-
-
 def _commit() -> str:
     said = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=TABLE.parent, capture_output=True, text=True
+        ["git", "rev-parse", "--short", "HEAD"], cwd=MANIFEST.parent, capture_output=True, text=True
     )
     return said.stdout.strip() or "not known"
 

@@ -59,14 +59,7 @@ def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArra
         raw = apply_calibration(raw, scan.calibration)
         if air.shape[2]:
             air = apply_calibration(air, scan.calibration)
-    return raw, _median(air).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
-
-
-def _median(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
-    """np.median of the last axis; of a few samples at a time its checks take longer than sorting."""
-    ordered, n = np.sort(values, axis=-1), values.shape[-1]
-    middle = 0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2])
-    return np.where(np.isnan(ordered[..., -1]), np.nan, middle)
+    return raw, np.median(air, axis=2).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
 
 
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:

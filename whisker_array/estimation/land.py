@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
-from whisker_array.estimation.land_fit import common_level, fit_quadratic, quadratic, robust_lines, shortest
+from whisker_array.estimation.land_fit import fit_quadratic, quadratic, robust_lines
 
 
 def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.float64]:
     """Centre of the shortest interval that holds a share of each row's samples; NaN are left out.
 
-    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side.
+    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side. Of
+    intervals as short as each other it is the first.
 
     Args:
         values: (rows, samples).
@@ -29,7 +30,14 @@ def shorth(values: NDArray[np.float64], *, share: float = 0.35) -> NDArray[np.fl
     Returns:
         (rows,); NaN for a row without any sample.
     """
-    return shortest(np.sort(values, axis=-1), share)
+    ordered, middle = np.sort(values, axis=-1), np.full(values.shape[0], np.nan)
+    sizes = (ordered < np.inf).sum(axis=1)
+    for size in np.unique(sizes[sizes > 0]):
+        rows, reach = np.flatnonzero(sizes == size), max(1, int(share * size)) - 1
+        some = ordered[rows, :size]
+        at, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
+        middle[rows] = 0.5 * (some[at, first] + some[at, first + reach])
+    return middle
 
 
 def land_surface(coefficients: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -55,7 +63,7 @@ def land_coefficients(
         (6,) coefficients of 1, u, v, u^2, u v, v^2; all zero where most samples feel nothing at all.
     """
     lines, samples = moment.shape
-    level = common_level(moment, share)
+    level = float(shorth(moment.reshape(1, -1), share=share)[0])
     if level == 0.0:
         return np.zeros(6)  # there is no land to fit
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
@@ -135,15 +143,11 @@ def _log_step(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Median of log(next / line) of some lines, 0 where fewer than 20 samples tell it, and where they do."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.abs(lines[first + 1] / lines[first])
-    ratio[~((ratio > 0.0) & (ratio < np.inf))] = np.nan
-    ratio.sort(axis=1)
-    count = np.isfinite(ratio).sum(axis=1)
-    known = count >= 20
-    each, half = np.flatnonzero(known), count[known] // 2
+        step = np.log(np.abs(lines[first + 1] / lines[first]))
+    step[np.isinf(step)] = np.nan
+    known = np.isfinite(step).sum(axis=1) >= 20
     middle = np.zeros(first.size)
-    # the logarithm keeps the order, so it is taken of the middle alone
-    middle[known] = 0.5 * (np.log(ratio[each, (count[known] - 1) // 2]) + np.log(ratio[each, half]))
+    middle[known] = np.nanmedian(step[known], axis=1)
     return middle, known
 
 

@@ -1,4 +1,4 @@
-"""Robust fits of the land: shortest intervals, a quadratic, lines."""
+"""Robust fits of the land: a quadratic, and lines."""
 
 from __future__ import annotations
 
@@ -8,48 +8,6 @@ from numpy.typing import NDArray
 from glyphs.compiled import ANY_ORDER, kernel, read_only
 
 Floats = NDArray[np.float64]
-
-
-def shortest(ordered: Floats, share: float) -> Floats:
-    """Middle of the shortest interval with a share of each row's samples; sorted, NaN last; the first of equals."""
-    middle = np.full(ordered.shape[0], np.nan)
-    sizes = (ordered < np.inf).sum(axis=1)
-    for size in np.unique(sizes[sizes > 0]):
-        rows, reach = np.flatnonzero(sizes == size), max(1, int(share * size)) - 1
-        some = ordered[rows, :size]
-        at, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
-        middle[rows] = 0.5 * (some[at, first] + some[at, first + reach])
-    return middle
-
-
-def common_level(values: Floats, share: float, *, bins: int = 2048) -> float:
-    """Middle of the shortest interval with a share of all samples, NaN left out; NaN without any.
-
-    Equal to `shortest` of all samples in one row, at a third of its time: a histogram tells in which bins the
-    shortest interval may begin and end, and only the samples of these bins are sorted.
-    """
-    known = values[values < np.inf]
-    reach = max(1, int(share * known.size)) - 1
-    rough = np.sort(known[::64])
-    low, high = rough[[rough.size // 50, -1 - rough.size // 50]] if rough.size > 100 else (0.0, 0.0)
-    if not low < high:
-        return float(shortest(np.sort(known)[None], share)[0])
-    bin_of = np.clip((known - low) * ((bins - 2) / (high - low)) + 1.0, 0.0, bins - 1.0).astype(np.int16)
-    before = np.concatenate([[0], np.cumsum(np.bincount(bin_of, minlength=bins))])
-    starts = np.flatnonzero(np.diff(before))
-    starts = starts[before[starts] + reach < known.size]
-    spans = np.searchsorted(before, before[starts] + reach, side="right") - 1 - starts
-    # the outermost bins have no width; an interval is shorter than its bins, and longer than those between its ends
-    whole = (starts > 0) & (starts + spans < bins - 1)
-    near = starts[spans <= spans[whole].min(initial=bins) + 2]
-    ranks = np.array([before[near[0]], min(before[near[-1] + 1], known.size - reach) - 1])
-    last = np.searchsorted(before, ranks + reach, side="right") - 1
-    begin, end = (
-        np.sort(known[(bin_of >= a) & (bin_of <= b)])[rank - before[a] :][: np.ptp(ranks) + 1]
-        for (a, b), rank in ((near[[0, -1]], ranks[0]), (last, ranks[0] + reach))
-    )
-    k = np.argmin(end - begin)
-    return float(0.5 * (begin[k] + end[k]))
 
 
 @kernel(allow=ANY_ORDER)

@@ -141,14 +141,6 @@ def test_raised_is_sunk_turned_over():
     assert raised.min() == 0.0
 
 
-def test_rotation_runs_from_x_to_y_of_the_plate():
-    upright, turned = relief_of(), relief_of(rotation_deg=90.0)
-    # Turning the picture clockwise by a quarter is np.rot90 with k=-1.
-    assert turned.height_map.z_mm == pytest.approx(np.rot90(upright.height_map.z_mm, -1), abs=1e-5)
-    half = relief_of(rotation_deg=180.0).height_map.z_mm
-    assert half == pytest.approx(np.rot90(upright.height_map.z_mm, 2), abs=1e-5)
-
-
 def test_dots_stand_about_a_pitch_apart_and_hold_the_ends():
     die = default_die(5.0, font=GOTHIC, face=Face.DOTTED)
     dots = np.concatenate(die_glyph(GOTHIC.glyph("I"), die, height_mm=5.0).strokes) * 5.0
@@ -186,7 +178,6 @@ def test_die_refuses(change, message):
         ({"height_mm": 0.5}, StampError, "finer die"),
         ({"margin_mm": -1.0}, StampError, "margin_mm"),
         ({"pitch_mm": 0.0}, StampError, "pitch_mm"),
-        ({"x_scale": 0.0}, StampError, "x_scale"),
         ({"pitch_mm": 1e-4}, MapError, "limit"),
     ],
 )

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from glyphs.soiling.severity import AMOUNTS, KNOTS, amount_of
+from glyphs.soiling.severity import AMOUNTS, KNOTS, MANIFEST, amount_of
 from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS
-from tests.benchmarks.soil_severity import CHECK_SEED, MANIFEST, SEED, _short, fitted
+from tests.benchmarks.soil_severity import CHECK_SEED, SEED, _short, fitted
 
 
 def test_the_amounts_in_use_are_those_that_were_measured() -> None:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from whisker_array.estimation.land import land_coefficients, land_surface, remove_drift, shorth, whisker_gain
-from whisker_array.estimation.land_fit import common_level
 
 Lines = NDArray[np.float64]
 LEVEL = -6.5
@@ -55,20 +54,6 @@ def test_shorth_is_the_first_of_the_shortest_intervals(seed: int, n: int) -> Non
     holed = np.concatenate([[values, np.full(n, np.nan)], np.full((2, 3), np.nan)], axis=1)
     assert shorth(holed)[0] == 0.5 * (ordered[first] + ordered[first + width - 1])
     assert np.isnan(shorth(holed)[1])
-
-
-@pytest.mark.parametrize("decimals", [2, 12])
-@pytest.mark.parametrize("outliers", [0.0, 0.5])
-@settings(max_examples=20, deadline=None)
-@given(seed=st.integers(0, 10_000))
-def test_the_common_level_is_the_shorth_of_all_samples(seed: int, decimals: int, outliers: float) -> None:
-    rng = np.random.default_rng(seed)
-    values = np.round(rng.normal(size=(40, 250)) * rng.choice([0.01, 1.0], size=(40, 1)), decimals)
-    wild = rng.uniform(size=values.shape) < outliers
-    values[wild] += rng.uniform(-100.0, 100.0, wild.sum())
-    values[rng.uniform(size=values.shape) < 0.1] = np.nan
-    assert common_level(values, 0.35) == shorth(values.reshape(1, -1))[0]
-    assert np.isnan(common_level(np.full((3, 3), np.nan), 0.35))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
