@@ -62,27 +62,6 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
     return np.ascontiguousarray(filled, dtype=np.float32), dropout
 
 
-@kernel(allow=FAST)
-def _interleave(first, last, z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
-    rows, cols = z.shape
-    for r in range(first, last):
-        up, down = max(r - 1, 0), min(r + 1, rows - 1)
-        # one-sided at the rim of the map
-        inv_rows = inv_two_pitch if down - up == 2 else inv_two_pitch + inv_two_pitch
-        beside, last = friction[r % friction.shape[0]], cols - 1
-        each = 1 if beside.size == cols else 0  # of a map; otherwise one number for all
-        for c in range(1, last):
-            fields[r, c, 0] = z[r, c]
-            fields[r, c, 1] = (z[r, c + 1] - z[r, c - 1]) * inv_two_pitch
-            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
-            fields[r, c, 3] = beside[c * each]
-        for c, left, right in ((0, 0, 1), (last, last - 1, last)):
-            fields[r, c, 0] = z[r, c]
-            fields[r, c, 1] = (z[r, right] - z[r, left]) * (inv_two_pitch + inv_two_pitch)
-            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
-            fields[r, c, 3] = beside[c * each]
-
-
 def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
     """One coefficient as a float, or a map as float32 of that shape.
 
@@ -152,9 +131,14 @@ def fields_of(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
 ) -> NDArray[np.float32]:
     """(rows, cols, 4) of heights: the heights, their slopes along columns and rows, and a map or (1, 1) beside."""
-    fields = np.empty((*z_mm.shape, 4), dtype=np.float32)
-    given = read_only(z_mm), read_only(beside), np.float32(0.5 / pitch_mm), fields
-    in_threads(lambda first, last: _interleave(first, last, *given), z_mm.shape[0])
+    z, fields = np.asarray(z_mm, dtype=np.float32), np.empty((*z_mm.shape, 4), dtype=np.float32)
+    fields[..., 0], fields[..., 3] = z, beside
+    half = np.float32(0.5 / pitch_mm)
+    for layer, axis in ((1, 1), (2, 0)):
+        rows, slope = np.moveaxis(z, axis, 0), np.moveaxis(fields[..., layer], axis, 0)
+        slope[1:-1] = (rows[2:] - rows[:-2]) * half
+        # one-sided at the rim of the map
+        slope[0], slope[-1] = (rows[1] - rows[0]) * (half + half), (rows[-1] - rows[-2]) * (half + half)
     return fields
 
 
@@ -176,32 +160,15 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
     if direction is TraceDirection.FORWARD_X:
         return np.ascontiguousarray(fields, dtype=np.float32)
-    rows, cols = fields.shape[:2] if direction.along_x else fields.shape[1::-1]
-    out = np.empty((rows, cols, fields.shape[2]), dtype=np.float32)
-    given = read_only(fields), direction.along_x, direction.backward, out
-    in_threads(lambda first, last: _turn(first, last, *given), rows)
+    turned = fields if direction.along_x else fields.swapaxes(0, 1)
+    turned = turned[:, ::-1] if direction.backward else turned
+    out = np.empty(turned.shape, dtype=np.float32)
+    # slopes along the trace and across it are layers 1 and 2; of what lies on top of it 4 and 5
+    of = (0, 1, 2, 3, 4, 5, 6) if direction.along_x else (0, 2, 1, 3, 5, 4, 6)
+    for layer in range(out.shape[2]):
+        sign = np.float32(-1.0 if direction.backward and layer in (1, 4) else 1.0)
+        np.multiply(turned[..., of[layer]], sign, out=out[..., layer])
     return out
-
-
-@kernel()
-def _turn(first, last, fields, along_x, backward, out):  # type: ignore[no-untyped-def]
-    _, cols, layers = out.shape
-    along, across = (
-        (1, 2) if along_x else (2, 1)
-    )  # the slopes; of what lies on top of it three layers further
-    sign = np.float32(-1.0 if backward else 1.0)
-    tile = 16  # pixels of both maps that stay in the cache
-    for top in range(first, last, tile):
-        for left in range(0, cols, tile):
-            for r in range(top, min(top + tile, last)):
-                for c in range(left, min(left + tile, cols)):
-                    there = cols - 1 - c if backward else c
-                    pixel = fields[r, there] if along_x else fields[there, r]
-                    out[r, c, 0], out[r, c, 3] = pixel[0], pixel[3]
-                    out[r, c, 1], out[r, c, 2] = sign * pixel[along], pixel[across]
-                    if layers == 7:
-                        out[r, c, 4], out[r, c, 5] = sign * pixel[along + 3], pixel[across + 3]
-                        out[r, c, 6] = pixel[6]
 
 
 @inline_kernel
@@ -240,16 +207,7 @@ def sample_lines(
     missing = np.empty(height.shape, dtype=np.bool_)
     fields, dropout = read_only(surface.fields), read_only(surface.dropout)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
-    given = (
-        fields,
-        dropout,
-        1.0 / surface.pitch_mm,
-        lines,
-        float(start_mm),
-        float(step_mm),
-        height,
-        mu,
-        missing,
-    )
+    place = 1.0 / surface.pitch_mm, lines, float(start_mm), float(step_mm)
+    given = fields, dropout, *place, height, mu, missing
     in_threads(lambda first, last: _sample_lines(first, last, *given), lines.size)
     return height, mu, missing
