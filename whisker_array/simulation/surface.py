@@ -165,7 +165,7 @@ def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[n
     out = np.empty(turned.shape, dtype=np.float32)
     # slopes along the trace and across it are layers 1 and 2; of what lies on top of it 4 and 5
     of = (0, 1, 2, 3, 4, 5, 6) if direction.along_x else (0, 2, 1, 3, 5, 4, 6)
-    for layer in range(out.shape[2]):
+    for layer in range(fields.shape[2]):
         sign = np.float32(-1.0 if direction.backward and layer in (1, 4) else 1.0)
         np.multiply(turned[..., of[layer]], sign, out=out[..., layer])
     return out
