@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.surface.display import OneLine
 
 
 class Range(NamedTuple):
@@ -68,7 +67,7 @@ def require_not_negative(error: Callable[..., MarksError], **numbers: float | No
     require_range(error, _NOT_NEGATIVE, **numbers)
 
 
-class Validated(OneLine):
+class Validated:
     """Base of dataclasses whose numbers are checked against the ranges that they are annotated with.
 
     A class names the error that is raised: `class Camera(Validated, error=MapError)`.

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
-from glyphs.surface.display import picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import MAX_PIXELS, MapError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Photo(Validated, error=MapError):
+class Photo(OneLine, Validated, error=MapError):
     """A photograph, row 0 at the top.
 
     Attributes:

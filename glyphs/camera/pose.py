@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.ranges import Finite, NotNegative, Positive, Range, Share, Validated
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 
 DEFAULT_PIXEL_MM = 0.06
 
 
 @dataclass(frozen=True, repr=False)
-class Camera(Validated, error=MapError):
+class Camera(OneLine, Validated, error=MapError):
     """A camera straight above a plate.
 
     Attributes:

@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import Range, Share, Validated
 from glyphs.soiling.coat import Look
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field
 
 
 @dataclass(frozen=True, repr=False)
-class Light(Validated, error=MapError):
+class Light(OneLine, Validated, error=MapError):
     """Light on a part.
 
     Attributes:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import Range, ShareBelowOne, Validated, require_range
+from glyphs.surface.display import OneLine
 
 Points = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Glyph(Validated, error=FontError):
+class Glyph(OneLine, Validated, error=FontError):
     """The shape of one character in the glyph frame.
 
     Attributes:
@@ -138,7 +139,7 @@ class Glyph(Validated, error=FontError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Font(Validated, error=FontError):
+class Font(OneLine, Validated, error=FontError):
     """A set of glyphs.
 
     Attributes:

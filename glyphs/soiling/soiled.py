@@ -30,7 +30,7 @@ _LOOK_STREAM = 7
 
 
 @dataclass(frozen=True, repr=False)
-class Soiling(Validated, error=StampError):
+class Soiling(OneLine, Validated, error=StampError):
     """The soils of a part and their severity.
 
     Attributes:

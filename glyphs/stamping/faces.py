@@ -19,6 +19,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
+from glyphs.surface.display import OneLine
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
     (3.2, 0.15),
@@ -47,7 +48,7 @@ class Face(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Die(Validated, error=StampError):
+class Die(OneLine, Validated, error=StampError):
     """A die's cutting geometry, as the mark it leaves.
 
     Attributes:

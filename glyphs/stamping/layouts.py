@@ -12,13 +12,14 @@ import numpy as np
 from glyphs.fonts.glyph import Font
 from glyphs.ranges import Finite, NotNegative, Validated
 from glyphs.stamping.errors import StampError
+from glyphs.surface.display import OneLine
 
 MOST_TURNED_DEG = 5.0
 _TIGHTEST = 0.9  # of half a line's length over the radius of its arc
 
 
 @dataclass(frozen=True, repr=False)
-class Layout(Validated, error=StampError):
+class Layout(OneLine, Validated, error=StampError):
     """Layout of a line on the plate; default: straight and alone.
 
     Attributes:

@@ -10,10 +10,11 @@ from glyphs.ranges import Finite, NotNegative, Positive, Share, Validated
 from glyphs.stamping.errors import StampError
 from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.textures import Texture
+from glyphs.surface.display import OneLine
 
 
 @dataclass(frozen=True, repr=False)
-class PlateVariation(Validated, error=StampError):
+class PlateVariation(OneLine, Validated, error=StampError):
     """Deviation of a plate from flat; the defaults are those of a machined (turned, milled or ground) one.
 
     Attributes:
@@ -56,7 +57,7 @@ class PlateVariation(Validated, error=StampError):
 
 
 @dataclass(frozen=True, repr=False)
-class StampingVariation(Validated, error=StampError):
+class StampingVariation(OneLine, Validated, error=StampError):
     """Variation from blow to blow; numbers are standard deviations if nothing else is said.
 
     Attributes:

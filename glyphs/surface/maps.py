@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import Range, Validated
-from glyphs.surface.display import picture_html
+from glyphs.surface.display import OneLine, picture_html
 
 MAX_PIXELS = 64_000_000
 """Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
@@ -74,7 +74,7 @@ Pitch = Annotated[float, Range(1e-7, math.inf, "it must be positive and finite")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HeightMap(Validated, error=MapError):
+class HeightMap(OneLine, Validated, error=MapError):
     """Heights of a surface on a square grid.
 
     Attributes:
@@ -131,7 +131,7 @@ class HeightMap(Validated, error=MapError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EdgeMap(Validated, error=MapError):
+class EdgeMap(OneLine, Validated, error=MapError):
     """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
 
     A land sample is 0; +0.16 means that the moment stood 16 % above the land's. By physics.md the value is

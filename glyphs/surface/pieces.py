@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Range, Validated, require_positive
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError
 
 Length = Annotated[Positive, Range(0.0, 1000.0)]
@@ -35,7 +36,7 @@ class PieceKind(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class Piece(Validated, error=MapError):
+class Piece(OneLine, Validated, error=MapError):
     """A test piece, in millimetres and degrees.
 
     Attributes:

@@ -71,7 +71,7 @@ class Bound(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Request(Validated, error=DesignError):
+class Request(OneLine, Validated, error=DesignError):
     """Use of a whisker: walls, friction, marks and speed.
 
     Attributes:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import ANY_ORDER, kernel, read_only
 from glyphs.ranges import Positive, Validated
-from glyphs.surface.display import picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import OPPOSITE_DIRECTIONS, EdgeMap, MapError
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
 from whisker_array.simulation.contact import land_lag_mm
@@ -42,7 +42,7 @@ class Route(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Relief(Validated, error=MapError):
+class Relief(OneLine, Validated, error=MapError):
     """Height and slopes of the surface as felt, on a grid of the plate frame.
 
     Attributes:

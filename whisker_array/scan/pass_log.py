@@ -36,7 +36,7 @@ class LoggedPass(OneLine):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PassLog(Validated, error=WhiskerError):
+class PassLog(OneLine, Validated, error=WhiskerError):
     """The passes of a scan, as one stage session felt them.
 
     Attributes:

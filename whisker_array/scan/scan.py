@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
-from glyphs.surface.display import picture_html
+from glyphs.surface.display import OneLine, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import VirtualBench, mount
@@ -20,7 +20,7 @@ from whisker_array.whisker.touch import Touch
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scan(Validated, error=MapError):
+class Scan(OneLine, Validated, error=MapError):
     """All passes over one part.
 
     Attributes:

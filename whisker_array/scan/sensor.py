@@ -26,6 +26,7 @@ from glyphs.ranges import (
     require_positive,
     require_range,
 )
+from glyphs.surface.display import OneLine
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, read_gauges, rest_gauges
 
 
@@ -34,7 +35,7 @@ class SensorError(MarksError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gauges(Validated, error=SensorError):
+class Gauges(OneLine, Validated, error=SensorError):
     """Gain, offset and memory of the gauges of an array.
 
     Attributes:

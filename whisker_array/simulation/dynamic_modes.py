@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import ShareBelowOne, Validated, require_positive
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WhiskerModes(Validated, error=WhiskerError):
+class WhiskerModes(OneLine, Validated, error=WhiskerError):
     """A whisker in the plane of tracing, as modes normed to unit mass; units N, mm, t, s.
 
     Attributes:

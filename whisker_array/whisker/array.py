@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import Count, Finite, NotNegative, Positive, Validated, require_positive
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.comb import Body, Comb, collisions, default_body, room_hint
 from whisker_array.whisker.passes import Pass, SweepPlan, samples_behind
@@ -84,7 +85,7 @@ class WhiskerArray(Comb):
 
 
 @dataclass(frozen=True, repr=False)
-class RasterPlan(Validated, error=WhiskerError):
+class RasterPlan(OneLine, Validated, error=WhiskerError):
     """Raster of an array over a rectangle of the plate.
 
     Attributes:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.ranges import NotNegative, Positive, Range, Validated, require_positive, require_range
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
 from whisker_array.whisker.sections import WhiskerError
@@ -39,7 +40,7 @@ DEFAULT_BENT = Path(__file__).with_name("default_bent.json")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Body(Validated, error=WhiskerError):
+class Body(OneLine, Validated, error=WhiskerError):
     """Room that a whisker takes.
 
     Attributes:

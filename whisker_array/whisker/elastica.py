@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
+from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import Taper
@@ -45,7 +46,7 @@ class ElasticaError(MarksError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LargeDeflection(Validated, error=ElasticaError):
+class LargeDeflection(OneLine, Validated, error=ElasticaError):
     """The exact answer of a whisker whose tip is held up.
 
     Attributes:

@@ -96,7 +96,7 @@ class SweepPlan(OneLine):
 
 
 @dataclass(frozen=True, repr=False)
-class Pass(Validated, error=WhiskerError):
+class Pass(OneLine, Validated, error=WhiskerError):
     """One travel of the array.
 
     Attributes:

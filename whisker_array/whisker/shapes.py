@@ -95,7 +95,7 @@ def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipMo
 
 
 @dataclass(frozen=True, repr=False)
-class LShaped(Validated, error=WhiskerError):
+class LShaped(OneLine, Validated, error=WhiskerError):
     """The L-shaped whisker of Fig. 3, the differentiator.
 
     Attributes:
@@ -183,7 +183,7 @@ def straight_whisker(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chain(Validated, error=WhiskerError):
+class Chain(OneLine, Validated, error=WhiskerError):
     """A whisker of any shape, made of straight segments between points; many short ones make a curve.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from glyphs.ranges import NotNegative, Positive, Range, Validated
+from glyphs.surface.display import OneLine
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
     TIP_RADIUS_HEIGHTS,
@@ -23,7 +24,7 @@ MOST_PRELOAD_MM = 1000.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Touch(Validated, error=WhiskerError):
+class Touch(OneLine, Validated, error=WhiskerError):
     """Touch of a whisker: tip, preload, ball and friction.
 
     Attributes:

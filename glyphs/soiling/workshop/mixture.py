@@ -18,6 +18,7 @@ from glyphs.soiling.workshop.debris import add_swarf
 from glyphs.soiling.workshop.films import add_oil, add_paint
 from glyphs.soiling.workshop.grime import add_grime
 from glyphs.stamping.errors import StampError
+from glyphs.surface.display import OneLine
 
 Layer = Callable[..., Coat]
 _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
@@ -33,7 +34,7 @@ _LEAST, _MOST = 0.4, 1.6
 
 
 @dataclass(frozen=True, repr=False)
-class Dirt(Validated, error=StampError):
+class Dirt(OneLine, Validated, error=StampError):
     """Amount of each kind, 0 (none) to 1: the mean over parts; a single part has 0.4 to 1.6 times as much.
 
     Attributes:
