@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from pipeline.workers.executors import Executor
 
 
+_MOST_NAMED = 5
+
+
 def run(
     *,
     out: Path,
@@ -116,7 +119,7 @@ def run(
     from pipeline.benchmark.report.writing import write_report
     from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
-    from pipeline.cli.exam_tables import print_result
+    from pipeline.cli.tables import print_document
     from pipeline.reading.certificate import checked
     from pipeline.reading.perturbation import PERTURBATIONS
     from recognition.language.orientation import Orientation
@@ -147,7 +150,7 @@ def run(
         trials = run_benchmark(tried, out, executor=executor, progress=progress)
         progress.step("drawing the report")
         written = write_report(tried, trials, out, certificate=vouching, executor=executor)
-    print_result(written)
+    print_document(written.document, written.files)
     _check_stable(written.statistics)
     return 0
 
@@ -295,14 +298,15 @@ def score(
     if len(names) != len(readings) or len(set(names)) != len(names):
         what = f"score: {len(readings)} tables, and the names {', '.join(names)}"
         raise UsageError(what, "give each its own name with --name")
+    from pipeline.benchmark.analysis.statistics import statistics_of
     from pipeline.benchmark.exam.condition import parse_given
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.exam.listed_parts import ListedParts
-    from pipeline.benchmark.report.writing import write_report
+    from pipeline.benchmark.report.writing import document_of, write_report
     from pipeline.benchmark.trials.answers import designed_items, load_answers
     from pipeline.benchmark.trials.run import Benchmark
-    from pipeline.cli.exam_tables import print_scores
+    from pipeline.cli.tables import print_document
     from recognition.senses.settings import ReaderSettings
 
     source: ListedParts | DesignedParts
@@ -317,13 +321,22 @@ def score(
         reader: load_answers(path, items, reader=reader, given=given)
         for reader, path in zip(names, readings, strict=True)
     }
-    print_scores(read)
-    if out is not None:
-        # part by part, as a run has them
-        trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
-        written = write_report(Benchmark(source, names, ReaderSettings()), trials, out)
-        for path in written.files:
-            print(f"wrote {path}")
+    for reader, answers in read.items():
+        for some, what in (
+            (answers.missing, "have no answer and count as read empty"),
+            (answers.unknown, "are not in the exam and do not count"),
+        ):
+            if some:
+                named = ", ".join(some[:_MOST_NAMED]) + (", ..." if len(some) > _MOST_NAMED else "")
+                print(f"{reader}: {len(some)} parts {what}: {named}", file=sys.stderr)
+    # part by part, as a run has them
+    trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
+    benchmark = Benchmark(source, names, ReaderSettings())
+    if out is None:
+        print_document(document_of(statistics_of(trials, benchmark.crossed)))
+    else:
+        written = write_report(benchmark, trials, out)
+        print_document(written.document, written.files)
     return 0
 
 
@@ -332,7 +345,7 @@ def compare(
 ) -> int:
     """Compare two finished benchmarks of the same parts, and show what flipped.
 
-    Writes compare.html, with pictures of the parts that flipped, and compare.csv.
+    Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
 
     Parameters
     ----------
@@ -350,11 +363,12 @@ def compare(
     if pictures < 0:
         raise UsageError("compare: --pictures is at least 0")
     from pipeline.benchmark.report.change_report import write_comparison
-    from pipeline.cli.exam_tables import print_comparison
+    from pipeline.cli.tables import print_document
     from pipeline.workers.options import WorkerSettings
 
     with WorkerSettings(jobs=jobs).opened(pictures) as executor:
-        print_comparison(write_comparison(before, after, out or after, pictures=pictures, executor=executor))
+        written = write_comparison(before, after, out or after, pictures=pictures, executor=executor)
+    print_document(written.document, written.files)
     return 0
 
 

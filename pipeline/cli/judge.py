@@ -12,7 +12,6 @@ from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Wo
 from pipeline.workers.options import WorkerSettings
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.study.study import Study
     from pipeline.runs.certification import Certification
 
 _MOST_NAMED = 5
@@ -128,8 +127,8 @@ def study(
     """Read every part several times, and report how far readings agree and how well depth is gauged.
 
     Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
-    photograph every trial is perturbed. Writes study.html, readings.csv, agreement.csv and depth.csv. The exit status
-    is 1 if any trial has no reading. What was broken off, the same command goes on with.
+    photograph every trial is perturbed. Writes study.html, study.md, study.json and readings.csv. The exit status is 1
+    if any trial has no reading. What was broken off, the same command goes on with.
 
     Parameters
     ----------
@@ -154,48 +153,17 @@ def study(
         raise UsageError("study: name parts, folders, globs or manifests")
     from pipeline.benchmark.study.repeats import StudyPlan
     from pipeline.benchmark.study.run import run_study
+    from pipeline.cli.tables import print_document
 
     with resumable(out, hint=_GO_ON):
         plan = StudyPlan(reading, repeats, arrays)
-        found, written = run_study(
+        found, document, written = run_study(
             plan, inputs, out, WorkerSettings(jobs=jobs), reviewers=reviewers, truth=truth
         )
-    _print(found)
-    for path in written:
-        print(f"wrote {path}")
+    print_document(document, written)
     errors = {m.part: m.error for m in found.measured if m.error}
     for part, error in list(errors.items())[:_MOST_NAMED]:
         print(f"{part}: {error}", file=sys.stderr)
     if errors:
         print(f"{len(errors)} parts could not be read each time; they are in readings.csv", file=sys.stderr)
     return FAILED if errors else 0
-
-
-def _print(found: Study) -> None:
-    from pipeline.cli.tables import print_table
-
-    for note in found.notes:
-        print(note)
-    words = ("what", "comparison", "who")
-    rows = (
-        (what, a.kind.value, a.who, a.parts.count, a.parts.total, f"{a.parts.value:.1%}",
-         f"{100 * a.parts.low:.1f} to {100 * a.parts.high:.1f}",
-         "-" if a.kappa is None else f"{a.kappa.value:.3f}")
-        for what, each in (("serial", found.serials), ("decision", found.decisions))
-        for a in each
-    )  # fmt: skip
-    print_table((*words, "agree", "parts", "share", "95 %", "kappa"), rows, words)
-    gauge = found.depth
-    if gauge is None:
-        print(f"depth: no gauge study, {found.no_depth}")
-        return
-    between = gauge.reproducibility_mm
-    print(
-        f"depth, {gauge.verdict}: gauge {gauge.share:.1%} of the variation, "
-        f"{gauge.categories if gauge.categories is not None else 'any number of'} categories; "
-        f"repeatability {1000 * gauge.repeatability_mm:.2f} µm, "
-        + ("" if between is None else f"reproducibility {1000 * between:.2f} µm, ")
-        + f"parts {1000 * gauge.part_mm:.2f} µm ({gauge.parts} parts)"
-    )
-    part, spread_mm = found.widest_depth
-    print(f"depth varies most on {part}: {1000 * spread_mm:.1f} µm from the least to the most")

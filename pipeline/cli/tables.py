@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 COLUMNS = 80
 
@@ -18,7 +23,6 @@ def print_table(
         rows: cells of each row.
         words: headings of columns that hold words: they stand on the left, and are wrapped if needed.
     """
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
@@ -30,4 +34,19 @@ def print_table(
         )  # fmt: skip
     for row in rows:
         table.add_row(*map(str, row))
-    (Console() if sys.stdout.isatty() else Console(width=COLUMNS)).print(table)
+    _console().print(table)
+
+
+def print_document(text: str, written: Iterable[Path] = ()) -> None:
+    """Print tables in Markdown, and the files that hold them."""
+    from rich.markdown import Markdown
+
+    _console().print(Markdown(text))
+    for path in written:
+        print(f"wrote {path}")
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console() if sys.stdout.isatty() else Console(width=COLUMNS)

@@ -12,14 +12,16 @@ from glyphs.atomic import make_folder
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
-from pipeline.benchmark.report.page import write_page, write_table
+from pipeline.benchmark.report.page import render, write_page, write_table, write_text
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remake import remake
 from pipeline.workers.executors import Executor, ordered_map
 
-PAGE, TABLE = "compare.html", "compare.csv"
+PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
 SHOWN = 24
+_MOST_LEVELS = 8
+"""Levels of factors that the document names, those that changed most."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,12 @@ class Compared:
     """A report.
 
     Attributes:
-        files: the page with pictures, and the table with a line a flip.
-        changes: what the change did.
-        problem: why there are no pictures; empty where there are, or nothing flipped.
+        files: the page with pictures, the tables in Markdown, and the table with a line a flip.
+        document: the tables in Markdown, and why there are no pictures where parts flipped.
     """
 
-    files: tuple[Path, Path]
-    changes: Changes
-    problem: str
+    files: tuple[Path, ...]
+    document: str
 
 
 def write_comparison(
@@ -57,20 +57,23 @@ def write_comparison(
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))
     drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or Executor())
+    values = {"found": found, "kinds": list(Flip), "problem": problem}
+    changed = [row for row in found.by_factor if row.compared.characters.difference.value]
+    changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))
+    document = render("compare.md.j2", **values, largest=changed[:_MOST_LEVELS])
     make_folder(folder)
     write_table(folder / TABLE, _rows(found))
+    write_text(folder / DOCUMENT, document)
     write_page(
         folder / PAGE,
         "compare.html.j2",
+        **values,
         title="What the change did",
         folders=(str(before), str(after)),
         programs=tuple(str(book.description.get("program", "not known")) for book in books),
-        found=found,
-        kinds=list(Flip),
         drawn=drawn,
-        problem=problem,
     )
-    return Compared((folder / PAGE, folder / TABLE), found, problem)
+    return Compared(tuple(folder / name for name in (PAGE, DOCUMENT, TABLE)), document)
 
 
 def _drawn(

@@ -42,7 +42,12 @@ def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
 
 
 def write_page(path: Path, template: str, **values: Any) -> None:
-    """Write a page, or a document in Markdown, of `pipeline.benchmark.report.templates`.
+    """Write a page of `pipeline.benchmark.report.templates`."""
+    write_text(path, render(template, **values))
+
+
+def render(template: str, **values: Any) -> str:
+    """Render a page, or a document in Markdown, of `pipeline.benchmark.report.templates`.
 
     Every template also has the time, the command line and the versions of libraries.
     """
@@ -64,7 +69,7 @@ def write_page(path: Path, template: str, **values: Any) -> None:
         "command": command_line(),
         "versions": versions(),
     }
-    write_text(path, environment.get_template(template).render(values))
+    return environment.get_template(template).render(values)
 
 
 def command_line() -> str:

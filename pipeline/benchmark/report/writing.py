@@ -2,7 +2,7 @@
 
 trials --statistics_of--> Statistics --+--> benchmark.json
    |                                   +--> report.html   (pictures inlined)
-   |                                   +--> benchmark.md   (tables for documents)
+   |                                   +--> benchmark.md   (tables for documents and the console)
    +---------------------------------------> benchmark.csv
 """
 
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.atomic import make_folder
-from pipeline.benchmark.analysis.checks import WRONG_LIMIT, Verdict, at_most, verdicts
 from pipeline.benchmark.analysis.confusion import characters_right, mistakes
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
 from pipeline.benchmark.analysis.stability import unperturbed
@@ -27,7 +26,7 @@ from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.benchmark.report import charts, curves
 from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
-from pipeline.benchmark.report.page import versions, write_page, write_table, write_text
+from pipeline.benchmark.report.page import render, versions, write_page, write_table, write_text
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
@@ -38,6 +37,8 @@ from pipeline.workers.executors import Executor, ordered_map
 from recognition.decision.accepted_risk import parts_needed
 from recognition.decision.evidence import Measure
 
+WRONG_LIMIT = 0.001
+"""Accepted but wrong, of those accepted: the limit that the page judges every reader by."""
 PAGE, DOCUMENT, TABLE, FIGURES = "report.html", "benchmark.md", "benchmark.csv", "benchmark.json"
 
 
@@ -48,14 +49,12 @@ class Written:
     Attributes:
         folder: of its files.
         statistics: all figures.
-        verdicts: what was to be shown, and whether it was.
-        drift: how the parts of each mode differ from the certified ones, in words; of those that do.
+        document: the tables, in Markdown.
     """
 
     folder: Path
     statistics: Statistics
-    verdicts: tuple[Verdict, ...]
-    drift: Mapping[str, str]
+    document: str
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -84,14 +83,24 @@ def write_report(
     ranked = [(part, items[part.part]) for part in rank_worst(unperturbed(trials))]
     worst = list(ordered_map(executor or Executor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
-    written = Written(folder, found, tuple(verdicts(found)), drift)
-    values = _values(benchmark, trials, written) | {"worst": worst, "certificate": certificate}
+    document = document_of(found, drift)
     make_folder(folder)
     write_table(folder / TABLE, _rows(trials))
-    write_text(folder / FIGURES, json.dumps(_figures(benchmark, trials, written), indent=1) + "\n")
-    write_page(folder / DOCUMENT, "benchmark.md.j2", **values)
+    write_text(folder / FIGURES, json.dumps(_figures(benchmark, trials, found), indent=1) + "\n")
+    write_text(folder / DOCUMENT, document)
+    values = _values(benchmark, trials, found) | {"worst": worst, "certificate": certificate, "drift": drift}
     write_page(folder / PAGE, "report.html.j2", **values)
-    return written
+    return Written(folder, found, document)
+
+
+def document_of(found: Statistics, drift: Mapping[str, str] | None = None) -> str:
+    """The tables in Markdown, for documents and the console.
+
+    Args:
+        found: all figures.
+        drift: how the parts of a mode differ from the certified ones, in words, by mode.
+    """
+    return render("benchmark.md.j2", **_tables(found), drift=drift or {})
 
 
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
@@ -121,24 +130,35 @@ def _rows(trials: Sequence[Trial]) -> Iterator[Sequence[object]]:
         )  # fmt: skip
 
 
-def _figures(benchmark: Benchmark, trials: Sequence[Trial], written: Written) -> dict[str, Any]:
+def _figures(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
     """All figures; what differs from run to run stands under "times" alone."""
-    found = written.statistics
     names = ("cells", "by_severity", "by_mode", "effects", "comparisons", "knowledge", "stability")
     return {
         "benchmark": benchmark.description(),
         "versions": versions(),
         "parts": len({t.part for t in trials}),
-        "targets": plain(written.verdicts),
         **{name: plain(getattr(found, name)) for name in names},
         "times": [plain_times(group) for group in found.by_severity],
     }
 
 
-def _values(benchmark: Benchmark, trials: Sequence[Trial], written: Written) -> dict[str, Any]:
+def _tables(found: Statistics) -> dict[str, Any]:
     """Values of the page and of the document by their names in the templates."""
-    found, description = written.statistics, benchmark.description()
     modes = modes_in(found.by_mode)
+    return {
+        "modes": modes,
+        "found": found,
+        "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
+        "lead": leading_mode(modes),
+        "summary": _sorted(found.by_severity),
+        "severities": severities_in(found.by_severity),
+    }
+
+
+def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) -> dict[str, Any]:
+    """Values of the page by their names in its template."""
+    tables, description = _tables(found), benchmark.description()
+    modes = tables["modes"]
     # charts show the first thing given: more lines would hide each other
     by_severity, by_mode = (
         [g for g in groups if g.key.level(GIVEN_FACTOR) in (None, found.given[0])]
@@ -152,25 +172,18 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], written: Written) -> 
     if any(TouchPlan.of(mode) for mode in modes):
         pictures["stage"] = charts.stage_figure(by_severity)
     return {
+        **tables,
         "title": "Benchmark of reading dirty marks",
         "n_parts": len({t.part for t in trials}),
-        "modes": modes,
-        "found": found,
-        "verdicts": written.verdicts,
-        "drift": written.drift,
         "design": description["parts"],
-        "leaders": sorted(found.by_mode, key=lambda g: (g.character_error_rate, -g.accepted.value)),
-        "lead": leading_mode(modes),
         "effects": {(e.mode, e.factor): e for e in found.effects},
         "cells": None if set(found.crossed) <= {"severity"} else _cells(found.cells),
-        "wrong": [(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
+        "wrong": _sorted(found.by_mode),
         "wrong_limit": WRONG_LIMIT,
         "wrong_needs": parts_needed(WRONG_LIMIT, confidence=CONFIDENCE_LEVEL),
         "experts": [m for m in modes if m in EXPERTS],
         "peers": [m for m in modes if m in PEERS],
         "peer_accepts": ACCEPTED_FROM,
-        "summary": _sorted(found.by_severity),
-        "severities": severities_in(found.by_severity),
         "pictures": {name: data_uri(figure) for name, figure in pictures.items()},
         "confusions": [(g.key.mode, mistakes(g.confused)) for g in _sorted(by_mode)],
         "errors": [t for t in trials if t.error],

@@ -1,13 +1,14 @@
-"""The report of a study: one self-contained page and three tables.
+"""The report of a study: one self-contained page, its tables as Markdown, every reading, and all figures as JSON.
 
 study.html     the whole report
+study.md       its tables, for documents and the console
+study.json     every comparison, with its interval and kappa; sources of the variation in depth
 readings.csv   every reading and answer
-agreement.csv  every comparison, with its interval and kappa
-depth.csv      sources of the variation in depth
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -15,51 +16,59 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from glyphs.atomic import make_folder
+from pipeline.benchmark.analysis.statistics import plain
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri, draw_grid
-from pipeline.benchmark.report.page import write_page, write_table
+from pipeline.benchmark.report.page import render, write_page, write_table, write_text
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
 
-PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
+PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"
 _MOST_PARTS = 60
 """Most disputed parts that the page shows; the table has all of them."""
 
 
-def write_study(study: Study, folder: Path) -> tuple[Path, ...]:
-    """Write the page and the tables, and return their paths.
-
-    Without a gauge study there is no table of depths.
+def write_study(study: Study, folder: Path) -> tuple[str, tuple[Path, ...]]:
+    """Write the page, the tables and the figures.
 
     Args:
         study: results of the study.
         folder: folder for the files; created if missing.
 
+    Returns:
+        The tables in Markdown, and the paths of all files.
+
     Raises:
         FileError: the folder cannot be written.
     """
+    sources = [] if study.depth is None else list(components(study.depth))
+    values = {
+        "study": study,
+        "comparisons": [("serials", study.serials), ("decisions", study.decisions)],
+        "gauge": study.depth,
+        "components": sources,
+        "errors": [m for m in study.measured if m.error],
+    }
+    document = render("study.md.j2", **values)
     make_folder(folder)
-    tables = {READINGS: _readings(study), AGREEMENT: _agreement(study)}
-    if study.depth is not None:
-        tables[DEPTH] = _depth(study.depth)
-    for name, rows in tables.items():
-        write_table(folder / name, rows)
+    write_table(folder / READINGS, _readings(study))
+    write_text(folder / DOCUMENT, document)
+    figures = plain(
+        {"serials": study.serials, "decisions": study.decisions, "depth": study.depth, "sources": sources}
+    )
+    write_text(folder / FIGURES, json.dumps(figures, indent=1) + "\n")
     differ = disputed_parts(study)
     write_page(
         folder / PAGE,
         "study.html.j2",
+        **values,
         title="Agreement study",
-        study=study,
         trials=max((m.number for m in study.measured), default=0),
-        comparisons=[("serials", study.serials), ("decisions", study.decisions)],
-        gauge=study.depth,
-        components=[] if study.depth is None else list(components(study.depth)),
         depths="" if study.depth is None else data_uri(depth_figure(study)),
         differ=[(part, study.truth.get(part, ""), _answers_of(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
-        errors=[m for m in study.measured if m.error],
     )
-    return tuple(folder / name for name in (PAGE, *tables))
+    return document, tuple(folder / name for name in (PAGE, DOCUMENT, FIGURES, READINGS))
 
 
 def disputed_parts(study: Study) -> list[str]:
@@ -116,25 +125,3 @@ def _readings(study: Study) -> Iterator[Sequence[object]]:
             m.confidence if m.decision or m.error else "",  # people do not say any
             "" if depth_mm is None else round(depth_mm, 6), m.error,
         )  # fmt: skip
-
-
-def _agreement(study: Study) -> Iterator[Sequence[object]]:
-    yield (
-        "attribute", "comparison", "appraisers", "agree", "parts", "share", "low", "high", "kappa", "kappa_low",
-        "kappa_high", "disagreed",
-    )  # fmt: skip
-    for attribute, each in (("serial", study.serials), ("decision", study.decisions)):
-        for a in each:
-            shares, kappas = (
-                ("", "", "") if of is None else (round(of.value, 6), round(of.low, 6), round(of.high, 6))
-                for of in (a.parts, a.kappa)
-            )
-            counts = (a.parts.count, a.parts.total)
-            yield attribute, a.kind.value, a.who, *counts, *shares, *kappas, " ".join(a.disagreed)
-
-
-def _depth(gauge: GaugeRR) -> Iterator[Sequence[object]]:
-    yield "source", "standard_deviation_mm", "share_of_total"
-    for source, deviation, of_total in components(gauge):
-        yield source, *("" if v is None else round(v, 9) for v in (deviation, of_total))
-    yield "distinct categories", gauge.categories if gauge.categories is not None else "", ""

@@ -30,8 +30,8 @@ def run_study(
     *,
     reviewers: Path | None = None,
     truth: Path | None = None,
-) -> tuple[Study, tuple[Path, ...]]:
-    """Measure every part several times, write the report, and return the study with the files written.
+) -> tuple[Study, str, tuple[Path, ...]]:
+    """Measure every part several times, and write the report.
 
     Args:
         plan: of the measurements; recordings and photographs have one array.
@@ -40,6 +40,9 @@ def run_study(
         workers: settings of the workers that read.
         reviewers: table of the texts that people read.
         truth: table of the stamped texts (default for parts in a manifest: the expected text).
+
+    Returns:
+        The study, its tables in Markdown, and the files written.
 
     Raises:
         MarksError: unusable inputs or tables, or a folder that cannot be written.
@@ -72,9 +75,9 @@ def run_study(
         with workers.opened(len(parts)) as executor:
             measured = measure(plan, parts, executor, journal, progress.advance)
         found = study_of(measured, answers, true, notes=tuple(notes))
-        written = write_study(found, out)
+        document, written = write_study(found, out)
         journal.remove()
-    return found, written
+    return found, document, written
 
 
 def _truth(table: Path | None, listed: Sequence[PartFiles], names: set[str]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import pytest
@@ -50,13 +51,16 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert len(set(depths)) == len(depths)  # no two trials are the same
     # as it is stamped unless --depth-mm is given, less what practice, ball and place take
     assert all(0.1 < d < 0.3 for d in depths)
-    agreement = {(r["attribute"], r["comparison"], r["appraisers"]): r for r in rows(out / "agreement.csv")}
-    assert agreement["serial", "within", "array 1"]["agree"] == "2"
-    assert agreement["serial", "between", "array 1, array 2, Ada"]["disagreed"] == second
-    assert agreement["serial", "against truth", "Ada"]["agree"] == "1"
-    assert ("decision", "between", "array 1, array 2") in agreement
-    sources = {r["source"]: r["standard_deviation_mm"] for r in rows(out / "depth.csv")}
-    assert float(sources["repeatability"]) > 0.0
+    figures = json.loads((out / "study.json").read_text(encoding="utf-8"))
+    agreement = {(a["kind"], a["who"]): a for a in figures["serials"]}
+    assert agreement["within", "array 1"]["parts"]["count"] == 2
+    assert agreement["between", "array 1, array 2, Ada"]["disagreed"] == [second]
+    assert agreement["against truth", "Ada"]["parts"]["count"] == 1
+    assert ("between", "array 1, array 2") in {(a["kind"], a["who"]) for a in figures["decisions"]}
+    assert figures["depth"]["repeatability_mm"] > 0.0
+    assert "| serials | against truth | Ada | 1 | 2 | 50.0 |" in (out / "study.md").read_text(
+        encoding="utf-8"
+    )
     page = Page((out / "study.html").read_text(encoding="utf-8"))
     assert page.open == []
     assert {"serials", "decisions", "depth", "parts", "settings"} <= set(page.ids)
@@ -65,7 +69,7 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "Reviewers read 1 parts that are not in this study: x." in page.text
     assert "??" in page.text
     assert f"wrote {out / 'study.html'}" in said
-    assert "depth, " in said
+    assert "Depth, " in said
 
 
 def test_a_photograph_has_one_array_and_no_depth(
@@ -79,7 +83,7 @@ def test_a_photograph_has_one_array_and_no_depth(
     assert "have one array" in said
     assert "no gauge study" in said
     assert {r["appraiser"] for r in rows(tmp_path / "readings.csv")} == {"the reader"}
-    assert not (tmp_path / "depth.csv").exists()
+    assert json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))["depth"] is None
     assert not (tmp_path / "study.unfinished").exists()
 
 

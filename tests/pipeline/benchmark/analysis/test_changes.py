@@ -141,7 +141,7 @@ def test_pictures_are_left_out_where_parts_cannot_be_made_again(
             for t in trials(texts):
                 book.keep(t.part, (*book.done.get(t.part, ()), t))
     assert main(["benchmark", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0
-    assert "no pictures: its parts are in files" in capsys.readouterr().out
+    assert "No pictures: its parts are in files" in capsys.readouterr().out
     assert "No pictures" in (tmp_path / "b" / "compare.html").read_text(encoding="utf-8")
 
 
