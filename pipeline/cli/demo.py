@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +34,7 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     Parameters
     ----------
     out
-        Folder for plates, recordings, overview.png and overview.html.
+        Folder for plates, recordings and overview.png.
     service
         Show the service instead: its camera photographs dirty parts, and its stage scans those that the
         camera is unsure of. The exit status is then 1 if it accepted a wrong serial.
@@ -56,12 +55,9 @@ def _read(out: Path) -> int:
     The reader knows neither font nor height, only that a serial has eight letters or digits.
     """
     from glyphs.part import stamp
-    from pipeline.benchmark.report.charts import data_uri
-    from pipeline.benchmark.report.page import write_page
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
     from pipeline.reading.simulated_scan import feel
-    from recognition.decision.picture import reading_figure
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
     from recognition.views.levelling import level
@@ -90,13 +86,10 @@ def _read(out: Path) -> int:
             f"{reading.decision:<9} {reading.confidence:10.3f}  {reading.font}",
             flush=True,
         )
-    print("drawing the overview and the page ...", file=sys.stderr, flush=True)
-    overview, page = out / "overview.png", out / "overview.html"
+    overview = out / "overview.png"
     save_figure(overview_figure(parts), overview)
-    shown = [(part, data_uri(reading_figure(part.reading, title=part.name), kind="jpg")) for part in parts]
-    write_page(page, "demo.html.j2", title="Serials read by touch", parts=shown)
     print(f"\npicture: {overview.resolve()}")
-    print(f"page:    {page.resolve()}  (open it in a browser)")
+    print(f"in full: tactile-marks inspect {out / next(iter(PLATES))}.h5")
     return 0 if all(part.right for part in parts) else FAILED
 
 

@@ -69,7 +69,7 @@ def design(
     out
         Whisker file to write, .toml, for `scan --whisker`.
     picture
-        Picture to write, .png or .pdf.
+        Picture of the edge factor and the trade-offs to write, .png or .pdf.
     drawing
         Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
     whisker

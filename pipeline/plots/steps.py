@@ -227,7 +227,7 @@ def read_step(
     if -rise * wedge.run_mm < 0.2 * (1.0 - left):
         raise unread
     rest = (place_mm >= 0.6 * wedge.run_mm) & (place_mm <= 1.4 * wedge.run_mm)
-    foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left, run_mm=wedge.run_mm)
+    foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left)
     if misfit > 2.0 * scatter + _MOST_MISFIT:
         raise unread
     # nothing blurs a foot without a step, a straight whisker's: there the line just crosses the floor's level
@@ -245,12 +245,7 @@ def read_step(
 
 
 def _find_foot(
-    x: NDArray[np.float64],
-    ratio: NDArray[np.float64],
-    line: tuple[float, float],
-    *,
-    floor: float,
-    run_mm: float,
+    x: NDArray[np.float64], ratio: NDArray[np.float64], line: tuple[float, float], *, floor: float
 ) -> tuple[float, float]:
     """End of the line, fitted by least squares, and the residual rms.
 
@@ -258,26 +253,21 @@ def _find_foot(
     moment changes from the line to the floor along a short ramp, whose width is fitted as well. The ramp is much
     steeper than the line; otherwise the two could not be separated.
     """
+    from scipy.optimize import minimize
+
     rise, start = line
     slope = start + rise * x
+
+    def squares(fitted: NDArray[np.float64]) -> float:
+        foot, width = fitted  # the ramp's, of the widest
+        corner = start + rise * foot
+        widest = abs(corner - floor) / (_STEEPER * abs(rise))
+        share = np.clip((x - foot) / max(width * widest, 1e-9), 0.0, 1.0)
+        return float(np.mean((np.where(x < foot, slope, corner + (floor - corner) * share) - ratio) ** 2))
+
     # first without a ramp: the line up to sample j, the floor from there on
-    before = np.concatenate([[0.0], np.cumsum((ratio - slope) ** 2)])
-    after = np.concatenate([[0.0], np.cumsum((ratio - floor) ** 2)])
-    j = int(np.argmin(before + after[-1] - after))
-    foot, ramp = float(x[min(j, x.size - 1)]), 0.0
-    reach = 0.2 * run_mm
-    misfit = math.inf
-    for _ in range(5):  # a grid of places and widths, drawn closer about its best
-        feet = foot + reach * np.linspace(-1.0, 1.0, 17)
-        ramps = np.maximum(ramp + reach * np.linspace(-1.0, 1.0, 17), 0.0)[:, None]
-        costs = []
-        for place in feet:
-            corner = start + rise * place
-            widest = abs(corner - floor) / (_STEEPER * abs(rise))
-            share = np.clip((x - place) / np.clip(ramps, 1e-9, max(widest, 1e-9)), 0.0, 1.0)
-            model = np.where(x < place, slope, corner + (floor - corner) * share)
-            costs.append(np.mean((ratio - model) ** 2, axis=1))
-        row, column = divmod(int(np.argmin(costs)), ramps.size)
-        foot, ramp, misfit = float(feet[row]), float(ramps[column, 0]), float(np.min(costs))
-        reach /= 4.0
-    return foot, math.sqrt(misfit)
+    j = int(np.argmin(np.cumsum((ratio - slope) ** 2 - (ratio - floor) ** 2)))
+    bounds = [(x[0], x[-1]), (0.0, 1.0)]
+    exact = {"xatol": 1e-6, "fatol": 1e-16}
+    found = minimize(squares, (x[j], 0.5), method="Nelder-Mead", bounds=bounds, options=exact)
+    return float(found.x[0]), math.sqrt(found.fun)

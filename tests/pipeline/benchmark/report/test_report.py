@@ -224,7 +224,7 @@ def test_two_parts_from_the_command_line(
     assert "1 cell, the smallest of 2 parts; its serials right to ±" in captured.err
     assert max(len(line) for line in said.splitlines() if not line.startswith("wrote")) <= 80
     assert f"wrote {out / 'report.html'}" in said
-    (row,) = (line.split() for line in said.splitlines() if line.startswith(" tactile"))
+    row, *_ = (line.split() for line in said.splitlines() if line.startswith(" tactile"))
     assert row[:3] == ["tactile", "2", "0.0"]
     with (out / "benchmark.csv").open(encoding="utf-8") as stream:
         times = [(float(r["reading_s"]), float(r["compute_s"])) for r in csv.DictReader(stream)]
