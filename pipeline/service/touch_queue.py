@@ -89,10 +89,12 @@ class TouchQueue:
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
                 await self._given_up(part_id)
+        under_way = set(self._attempts)  # those that end while the store is asked may still be in its answer
         for part in await asyncio.to_thread(self.store.waiting_for_stage, self.line):
             if len(self._attempts) >= AT_ONCE:
                 break
-            if part.id not in self._attempts and self._rest_until.get(part.id, 0.0) <= now:
+            busy = part.id in under_way or part.id in self._attempts
+            if not busy and self._rest_until.get(part.id, 0.0) <= now:
                 attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
                 attempt.add_done_callback(_looked_at)
 

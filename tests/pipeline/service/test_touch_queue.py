@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -96,6 +97,30 @@ def test_who_asks_while_the_stage_is_at_the_part_gets_what_comes_of_it(store: St
 
     felt = asyncio.run(both())
     assert felt[0] == felt[1] == store.part(part.id)
+    assert bench.asked == [part.id]
+
+
+def test_a_part_felt_while_the_store_is_asked_is_not_felt_again(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part, bench = waiting(store), Bench(store)
+    ended, ask = threading.Event(), store.waiting_for_stage
+
+    def answer_late(line: str) -> tuple[PartRecord, ...]:
+        found = ask(line)
+        assert ended.wait(20.0)
+        return found
+
+    monkeypatch.setattr(store, "waiting_for_stage", answer_late)
+
+    async def both() -> None:
+        attempt = asyncio.create_task(bench.queue.attempt(part))
+        attempt.add_done_callback(lambda _: ended.set())
+        await asyncio.sleep(0)
+        await bench.queue.look()
+        await asyncio.sleep(0)
+
+    asyncio.run(both())
     assert bench.asked == [part.id]
 
 

@@ -29,12 +29,12 @@ from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import default_touch
 
 HEIGHT_MM = 5.0
-TEXT = "KX407251"
+TEXT = "K407"
 
 
 @cache
 def reader() -> TactileReader:
-    return Reader(format="AA999999").touch
+    return Reader(format="A999").touch
 
 
 def mounted(surface: HeightMap, session: type[SimulatedSession] = SimulatedSession) -> SimulatedSession:
@@ -166,8 +166,8 @@ class WithDeadWhisker(SimulatedSession):
 
 
 def test_a_whisker_that_is_dead_is_named() -> None:
-    # with it the text is never sure, and every pass of the budget is felt
-    found = ActiveReader(reader(), ActiveSettings(budget_s=12.0)).read(mounted(part(), WithDeadWhisker))
+    # with it the text is not sure within the budget, and every pass of it is felt
+    found = ActiveReader(reader(), ActiveSettings(budget_s=8.0)).read(mounted(part(), WithDeadWhisker))
     assert ReadingFlag.WHISKER_FAULTY in found.reading.flags
     assert any("whisker 2, dead whisker" in message for message in found.reading.messages())
     assert found.reading.text == TEXT or found.reading.decision is not Decision.ACCEPT
