@@ -129,8 +129,8 @@ def belief_of(
     columns: Floats,
     fonts: Sequence[Sequence[Prototypes]],
     lattice: Lattice,
-) -> Lattice | None:
-    """Match the font that suits a line best to its places; None without fonts.
+) -> tuple[Lattice, int] | None:
+    """Match the font that suits a line best to its places: its lattice, and which it is; None without fonts.
 
     Args:
         views: of one part, in one frame.
@@ -142,12 +142,12 @@ def belief_of(
     seen = [features_of(view.strip(line)) for view in views]
     tried = []
     for font in fonts:
-        best = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
-        tried.append((np.mean(best, axis=0), font[0].chars))
+        suited = [max((cosines(one, columns, lit) for lit in font), key=_suits) for one in seen]
+        tried.append((np.mean(suited, axis=0), font[0].chars))
     if not tried:
         return None
-    cosine, chars = max(tried, key=lambda one: _suits(one[0]))
-    return lattice_of(cosine, chars, lattice)
+    best = max(range(len(tried)), key=lambda k: _suits(tried[k][0]))
+    return lattice_of(*tried[best], lattice), best
 
 
 def _suits(cosine: Floats) -> float:

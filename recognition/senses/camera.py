@@ -148,7 +148,7 @@ class VisionReader:
         if not self.prototypes or is_agreed(belief):
             return {}
         found = belief_of(views, main.line, belief.columns, self.prototypes, belief.lattice)
-        return {} if found is None else {"templates": found}
+        return {} if found is None else {"templates": found[0]}
 
 
 def _file_notes(photo: Photo) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
+from recognition.glyph_match.laid_line import with_depths
 from recognition.glyph_match.predicted import template_key
 from recognition.glyph_match.prototypes import belief_of, felt_prototypes
 from recognition.glyph_match.template_cache import MOST_SETS, TemplateCache
@@ -212,14 +213,21 @@ class TactileReader:
             return {}
         line, columns = (main.line, main.belief.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        fonts = []
+        sets = []
         for font in self.fonts:
             chars = "".join(c for c in self.chars if c in font.glyphs)
             if chars:
                 key = template_key(font, _touch_of(view), height_mm=line.height_mm, raised=raised)
-                fonts.append([felt_prototypes(self.cache.get(font, chars, key))])
-        found = belief_of([view], line, columns, fonts, main.belief.lattice)
-        return {} if found is None else {"templates": found}
+                sets.append(self.cache.get(font, chars, key))
+        prototypes = [[felt_prototypes(one)] for one in sets]
+        found = belief_of([view], line, columns, prototypes, main.belief.lattice)
+        if found is None:
+            return {}
+        lattice, best = found
+        if felt is not None:
+            together = main.with_experts({"templates": lattice}).belief.lattice
+            lattice = with_depths(lattice, together, view, line, columns, sets[best], raised=raised)
+        return {"templates": lattice}
 
     def _with_depths(self, reading: Reading, main: ReadLine, view: View, felt: FeltLine | None) -> Reading:
         """The reading with what is measured along the strokes of the font that suits it."""

@@ -1,0 +1,169 @@
+"""The pose of one character on a felt surface: place, turn, size and depth, by robust least squares.
+
+    felt depth                 predicted depth, moved, turned, sized        what is left
+    .. 0 8 9 9 7 0 ..    -     ..  0 9 9 9 9 0 ..  x depth + a plane   =    noise, or dirt
+
+A sample is either felt as predicted, but for noise, or it tells nothing: dirt lies on it, or a scratch runs there. A
+missing stroke, or a groove that is none of the character's, therefore counts against it only so much. The logarithm
+of this mixture's likelihood, summed over the samples of a place, compares characters with each other.
+
+A pose is a vector of nine numbers:
+
+    RIGHT, DOWN       of the place's middle, character heights
+    TURN              radians, from right to down
+    WIDE, TALL, DEEP  logarithms of factors
+    LEVEL and slopes  of the land, in usual depths, and per character height to the right and down
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Glyph = NDArray[np.float32]
+"""(rows, columns, 3) of a predicted character, its middle in the middle pixel: depth in usual depths, and how that
+rises to the right and down, per character height."""
+PIXELS = 24
+"""Pixels to a character height."""
+RIGHT, DOWN, TURN, WIDE, TALL, DEEP, LEVEL = range(7)
+NUMBERS = 9
+
+
+def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> Floats:
+    """A pose of usual depth on level land, moved by character heights; size is a logarithm."""
+    made = np.zeros(NUMBERS)
+    made[[RIGHT, DOWN, WIDE, TALL]] = right, down, size, size
+    return made
+
+
+def spread_of_poses(
+    *,
+    right: float,
+    down: float,
+    turn_deg: float,
+    deep: float,
+    wide: float = 0.06,
+    tall: float = 0.05,
+    land: float = 0.5,
+) -> Floats:
+    """Standard deviations of poses about what is expected, each in the unit of its number but for the turn."""
+    return np.array([right, down, math.radians(turn_deg), wide, tall, deep, land, land, land])
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceSamples:
+    """What was felt about a place.
+
+    Attributes:
+        right, down: (n,) of the place's middle, character heights.
+        felt: (n,) depth below the land about, in units of noise.
+        usual: depth of the line's strokes in units of noise.
+        missed: share of samples that tell nothing.
+        span: range of depths of these, in usual depths.
+        alike: neighbouring samples that tell the same: noise and dirt are wider than a pixel.
+    """
+
+    right: Floats
+    down: Floats
+    felt: Floats
+    usual: float
+    missed: float = 0.15
+    span: float = 6.0
+    alike: float = 18.0
+
+    def predict(self, glyph: Glyph, at: Floats) -> Floats:
+        """(n, channels) of a character in a pose, where the samples lie."""
+        from glyphs.opencv import cv2
+
+        rows, columns = glyph.shape[:2]
+        along, across = self._inside(at)
+        x, y = along * PIXELS + columns // 2, across * PIXELS + rows // 2
+        seen = cv2.remap(glyph, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
+        return np.asarray(seen.reshape(self.felt.size, -1), dtype=np.float64)
+
+    def _inside(self, at: Floats) -> tuple[Floats, Floats]:
+        """Where the samples lie in the frame of a character in a pose, character heights."""
+        right, down = self.right - at[RIGHT], self.down - at[DOWN]
+        cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
+        along, across = cos * right + sin * down, cos * down - sin * right
+        return along * math.exp(-at[WIDE]), across * math.exp(-at[TALL])
+
+    def correlation(self, glyph: Glyph, at: Floats) -> float:
+        """Correlation of the felt depths, cut off above the usual one, with a character's: it favours no size."""
+        want = self.predict(glyph[..., :1], at)[:, 0]
+        felt = np.clip(self.felt / self.usual, -0.5, 1.3)
+        want, felt = want - want.mean(), felt - felt.mean()
+        return float(want @ felt / math.sqrt((want @ want) * (felt @ felt) + 1e-9))
+
+    def residuals(self, glyph: Glyph, at: Floats) -> Floats:
+        """(n,) predicted less felt depth, in units of noise."""
+        depth = math.exp(at[DEEP]) * self.predict(glyph[..., :1], at)[:, 0]
+        land = at[LEVEL] + at[LEVEL + 1] * self.right + at[LEVEL + 2] * self.down
+        return np.asarray(self.usual * (depth + land) - self.felt)
+
+    def slopes(self, glyph: Glyph, at: Floats) -> Floats:
+        """(n, NUMBERS) derivatives of the residuals."""
+        depth, on, down = self.usual * math.exp(at[DEEP]) * self.predict(glyph, at).T
+        along, across = self._inside(at)
+        cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
+        wide, tall = math.exp(-at[WIDE]), math.exp(-at[TALL])
+        land = self.usual * np.ones_like(depth)
+        return np.stack(
+            [
+                -on * cos * wide + down * sin * tall,
+                -on * sin * wide - down * cos * tall,
+                on * across / tall * wide - down * along / wide * tall,
+                -on * along,
+                -down * across,
+                depth,
+                land,
+                land * self.right,
+                land * self.down,
+            ],
+            axis=1,
+        )
+
+    def loss(self, squares: Floats) -> Floats:
+        """(3, n) twice the negative log likelihood of squared residuals, and its derivatives by them."""
+        outside = self.missed / (self.span * self.usual) * math.sqrt(2.0 * math.pi)
+        inside = (1.0 - self.missed) * np.exp(-0.5 * squares)
+        share = inside / (inside + outside)
+        return np.stack([-2.0 * np.log(inside + outside), share, -0.5 * share * (1.0 - share)]) / self.alike
+
+    def fit(
+        self, glyph: Glyph, about: Floats, spread: Floats, starts: Sequence[Floats], *, most_steps: int = 12
+    ) -> tuple[float, Floats]:
+        """The likeliest pose of a character, and the logarithm of its likelihood.
+
+        Args:
+            glyph: the character.
+            about: the pose that is expected.
+            spread: standard deviations about it.
+            starts: poses, of which the likeliest is fitted.
+            most_steps: of the fit.
+        """
+        from scipy.optimize import least_squares
+
+        n = self.felt.size
+
+        def residuals(at: Floats) -> Floats:
+            return np.concatenate([self.residuals(glyph, at), (at - about) / spread])
+
+        def slopes(at: Floats) -> Floats:
+            return np.concatenate([self.slopes(glyph, at), np.diag(1.0 / spread)])
+
+        def loss(squares: Floats) -> Floats:
+            expected = squares[n:]
+            plain = np.stack([expected, np.ones_like(expected), np.zeros_like(expected)])
+            return np.concatenate([self.loss(squares[:n]), plain], axis=1)
+
+        first = min(starts, key=lambda at: float(loss(residuals(at) ** 2)[0].sum()))
+        found = least_squares(
+            residuals, first, slopes, loss=loss, max_nfev=most_steps, xtol=1e-3, ftol=1e-3, gtol=1e-3
+        )
+        return -float(found.cost), np.asarray(found.x)
