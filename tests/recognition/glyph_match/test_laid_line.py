@@ -1,0 +1,130 @@
+"""Characters laid on a felt line by least squares: poses are found, and doubtful places are judged by depths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs import stamp
+from glyphs.fonts.outlines import load_font
+from recognition.glyph_match.laid_line import SETTLED, glyph_depths, with_depths
+from recognition.glyph_match.pose import DEEP, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples, pose
+from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
+from recognition.language.lattice import Lattice
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.views.text_line import TextLine
+from recognition.views.view import View, felt_view, relief_of
+from tests.support.felt import felt
+from whisker_array.estimation.edges import edge_map
+from whisker_array.whisker.touch import Touch
+
+TEXT = "QB50R3X8"
+SHORT = st.floats(-0.08, 0.08)
+
+
+@pytest.fixture(scope="module")
+def templates(touch: Touch) -> Callable[[str], TemplateSet]:
+    fonts = {name: load_font(name) for name in ("gothic", "timesr")}
+    made = {
+        name: predict_templates(font, ALPHANUMERIC, template_key(font, touch, height_mm=5.0))
+        for name, font in fonts.items()
+    }
+    return made.__getitem__
+
+
+@pytest.fixture(scope="module")
+def glyph(templates: Callable[[str], TemplateSet]) -> Glyph:
+    return glyph_depths(templates("gothic"))["R"]
+
+
+def samples_of(glyph: Glyph, at: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> PlaceSamples:
+    """A place at which a character was struck in a pose, ten times as deep as the noise."""
+    down, right = (np.mgrid[-17:18, -14:15] / PIXELS).reshape(2, -1)
+    bare = PlaceSamples(right, down, np.zeros(right.size), usual=10.0)
+    rng = np.random.default_rng(seed)
+    return PlaceSamples(right, down, bare.residuals(glyph, at) + noise * rng.normal(size=right.size), 10.0)
+
+
+@settings(max_examples=20)
+@given(right=SHORT, down=SHORT, size=SHORT, turn=SHORT, deep=st.floats(-0.4, 0.3), seed=st.integers(0, 99))
+def test_a_pose_is_found_again_and_other_characters_fit_worse(
+    templates: Callable[[str], TemplateSet],
+    right: float, down: float, size: float, turn: float, deep: float, seed: int,
+) -> None:  # fmt: skip
+    glyphs = glyph_depths(templates("gothic"))
+    struck = pose(right=right, down=down, size=size)
+    struck[[TURN, DEEP]] = turn, deep
+    place = samples_of(glyphs["R"], struck, noise=1.0, seed=seed)
+    starts = [pose(right=a, down=b) for a in (-0.07, 0.0, 0.07) for b in (-0.07, 0.0, 0.07)]
+    likely, found = place.fit(glyphs["R"], pose(), SETTLED, starts)
+    np.testing.assert_allclose(found[[RIGHT, 1, TURN, WIDE, TALL, DEEP]], struck[: DEEP + 1], atol=0.05)
+    assert all(place.fit(glyphs[other], pose(), SETTLED, starts)[0] < likely for other in "PBK")
+
+
+@given(right=SHORT, size=SHORT, turn=SHORT, number=st.integers(0, 8))
+def test_slopes_are_those_of_the_residuals(
+    glyph: Glyph, right: float, size: float, turn: float, number: int
+) -> None:
+    place, at, step = samples_of(glyph, pose()), pose(right=right, size=size), 0.01
+    at[TURN] = turn
+    move = step * (np.arange(at.size) == number)
+    differences = (place.residuals(glyph, at + move) - place.residuals(glyph, at - move)) / (2.0 * step)
+    slopes = place.slopes(glyph, at)[:, number]
+    # the edges of a character are steep, and differences run over more than a pixel of them
+    assert slopes @ differences > 0.9 * np.linalg.norm(slopes) * np.linalg.norm(differences) > 0.0
+    assert np.linalg.norm(slopes) == pytest.approx(np.linalg.norm(differences), rel=0.3)
+
+
+def test_what_lies_far_off_costs_only_so_much(glyph: Glyph) -> None:
+    place = samples_of(glyph, pose())
+    cost, share, bend = place.loss(np.array([0.0, 4.0, 1e4, 1e6]))
+    assert cost[0] < cost[1] < cost[2] == cost[3]
+    assert share[0] * place.alike > 0.9
+    assert share[2] == 0.0
+    np.testing.assert_allclose(bend[[0, 2, 3]], 0.0, atol=0.01)
+
+
+def doubt(text: str, place: int, rival: str, *, belief: float = 0.7) -> Lattice:
+    """A text that is sure but at one place, where its character is less likely than a rival."""
+    even = (1.0 - 0.999) / (len(ALPHANUMERIC) - 1)
+    share = np.full((len(text), len(ALPHANUMERIC)), even)
+    for k, char in enumerate(text):
+        share[k, ALPHANUMERIC.index(char)] = 0.999
+    share[place, [ALPHANUMERIC.index(c) for c in (text[place], rival)]] = 0.998 - belief, belief
+    return Lattice(tuple(ALPHANUMERIC), np.log(share))
+
+
+@pytest.fixture(scope="module")
+def dirty(touch: Touch, stamped_line: Callable) -> tuple[View, TextLine, np.ndarray]:
+    part = stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=3, dirt=0.3)
+    edges = edge_map(scan := felt(part.height_map, touch=touch, soil=part.soil))
+    return felt_view(edges, relief_of(scan, edges), touch), *stamped_line(part.stamped)
+
+
+@pytest.mark.parametrize(("place", "rival"), [(0, "O"), (1, "8"), (2, "6"), (4, "P"), (5, "8"), (7, "3")])
+def test_depths_tell_a_character_from_its_rival(
+    place: int, rival: str, dirty: tuple[View, TextLine, np.ndarray], templates: Callable[[str], TemplateSet]
+) -> None:
+    before = doubt(TEXT, place, rival)
+    assert before.text != TEXT
+    made = with_depths(before, before, *dirty, templates("gothic"), raised=False)
+    assert made.text == TEXT
+    others = np.arange(len(TEXT)) != place
+    np.testing.assert_array_equal(made.log_belief[others], before.log_belief[others])
+    sums = [np.exp(one.log_belief).sum(axis=1) for one in (made, before)]
+    np.testing.assert_allclose(*sums, atol=1e-6)
+
+
+def test_nothing_is_said_of_what_is_sure_or_of_another_font(
+    dirty: tuple[View, TextLine, np.ndarray], templates: Callable[[str], TemplateSet]
+) -> None:
+    view, line, columns = dirty
+    sure, doubtful = doubt(TEXT, 0, "O", belief=1e-6), doubt(TEXT, 4, "P")
+    assert with_depths(sure, sure, *dirty, templates("gothic"), raised=False) is sure
+    beside = TextLine(line.centre_mm + np.array([0.0, 0.7 * line.height_mm]), line.height_mm)
+    where = (view, beside, columns)
+    assert with_depths(doubtful, doubtful, *where, templates("gothic"), raised=False) is doubtful
