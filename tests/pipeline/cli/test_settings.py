@@ -203,6 +203,10 @@ def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.Monke
         ('[service.mqtt]\nurl = "broker:1883"\n', "mqtt://host:1883"),
         ('[service.tcp]\nhost = "0.0.0.0"\nport = 8418\n', "tcp.clients"),
         ('[service.opcua]\nhost = "0.0.0.0"\nport = 4840\n', "opcua.certificate"),
+        (
+            '[service.opcua]\nhost = "0.0.0.0"\nport = 0\ncertificate = "a.der"\nkey = "a.pem"\n',
+            "give it .* opcua.users",
+        ),
         ('[service]\ntcp.clients = ["the line"]\n', "tcp.clients in"),
         ("[service.tcp]\nprot = 1\n", "unknown setting tcp.prot in .* did you mean tcp.port"),
         ("[service]\ntcp = 1\n", r"tcp in .* is 1; make it a table: \[service.tcp\]"),

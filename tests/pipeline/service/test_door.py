@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ipaddress
 import os
 import re
 import socket
@@ -26,7 +27,7 @@ from pipeline.service.settings import ServiceSettings, TlsSettings
 from pipeline.service.web import door
 from pipeline.service.web import web_server as web_server_module
 from pipeline.service.web.access import COOKIE
-from pipeline.service.web.own_user import is_own_user, user_of
+from pipeline.service.web.own_user import is_in, is_own_user, user_of
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.web.web_server import patient_protocol
 from pipeline.store.store import Store
@@ -259,6 +260,14 @@ def test_the_user_of_a_connection_is_its_program_s(host: str) -> None:
             assert is_own_user(client, server)
             assert user_of((host, client[1] + 1), server) == -1
     assert is_own_user(("testclient", 1), ("testserver", 80))  # no socket
+
+
+@pytest.mark.parametrize(
+    ("address", "inside"),
+    [("10.1.2.3", True), ("::ffff:10.1.2.3", True), ("11.1.2.3", False), ("::1", False), ("unix", False)],
+)
+def test_an_address_is_in_its_networks_however_it_is_written(address: str, inside: bool) -> None:
+    assert is_in(address, (ipaddress.ip_network("10.0.0.0/8"),)) is inside
 
 
 async def test_app(scope: Any, receive: Any, send: Any) -> None:
