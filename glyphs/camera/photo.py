@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
 from glyphs.surface.display import OneLine, picture_html
-from glyphs.surface.maps import MAX_PIXELS, MapError
+from glyphs.surface.maps import MAX_PIXELS, MapError, read_only_copy
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,10 +62,7 @@ class Photo(OneLine, Validated, error=MapError):
                     f"{other.shape[0]} x {other.shape[1]} pixels",
                     hint="take them from one place, with one camera",
                 )
-        if p is self.pixels and p.flags.writeable:
-            p = p.copy()
-        p.flags.writeable = False
-        object.__setattr__(self, "pixels", p)
+        object.__setattr__(self, "pixels", read_only_copy(p, p.dtype))
 
     @property
     def shape(self) -> tuple[int, int]:

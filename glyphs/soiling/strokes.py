@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
+
+
+def record_array(**columns: NDArray[Any]) -> Any:
+    """A numpy record array of columns (n,), whose rows are picked together."""
+    return np.rec.fromarrays(list(columns.values()), names=list(columns))  # type: ignore[call-overload]
 
 
 def across(width_mm: float, pitch_mm: float) -> tuple[NDArray[np.float64], float]:

@@ -1,4 +1,4 @@
-"""The glyph database: fonts, dies and enrolled exemplars in one file.
+"""The glyph database: fonts and enrolled exemplars in one file.
 
 The file is HDF5 behind a user block of 512 bytes that names the format, its version and the SHA-256 of all
 that follows. The digest is checked before the HDF5 library sees a byte: a damaged file is refused, never
@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -26,7 +25,6 @@ from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
-from glyphs.stamping.faces import Die
 from glyphs.surface.display import OneLine
 
 FORMAT_NAME = "tactile-marks glyph database"
@@ -97,19 +95,17 @@ class Exemplar(OneLine):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GlyphDatabase(OneLine):
-    """Fonts, dies and enrolled exemplars of the letters in use.
+    """Fonts and enrolled exemplars of the letters in use.
 
     Attributes:
         fonts: by name, read-only.
-        dies: by the user's name for them, read-only.
         exemplars: in order of enrolment.
 
     Raises:
-        DatabaseError: a font filed under another name, or a die without a name.
+        DatabaseError: a font filed under another name.
     """
 
     fonts: Mapping[str, Font] = field(default_factory=dict)
-    dies: Mapping[str, Die] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
 
     def __post_init__(self) -> None:
@@ -118,10 +114,7 @@ class GlyphDatabase(OneLine):
                 raise DatabaseError(
                     f"font {font.name!r} is filed under {name!r}", hint="file it under its own name"
                 )
-        if any(not name for name in self.dies):
-            raise DatabaseError("a die has no name", hint="give every die one")
         object.__setattr__(self, "fonts", MappingProxyType(dict(self.fonts)))
-        object.__setattr__(self, "dies", MappingProxyType(dict(self.dies)))
         object.__setattr__(self, "exemplars", tuple(self.exemplars))
 
 
@@ -193,11 +186,6 @@ def _pack(database: GlyphDatabase) -> bytes:
         fonts = file.create_group("fonts")
         for k, font in enumerate(database.fonts.values()):
             _pack_font(fonts.create_group(str(k)), font)
-        dies = file.create_group("dies")
-        for k, (name, die) in enumerate(database.dies.items()):
-            group = dies.create_group(str(k))
-            group.attrs["name"] = name
-            group.attrs["die"] = json.dumps(asdict(die))
         exemplars = file.create_group("exemplars")
         for k, exemplar in enumerate(database.exemplars):
             _pack_exemplar(exemplars.create_group(str(k)), exemplar)
@@ -219,8 +207,7 @@ def _unpack(body: bytes) -> GlyphDatabase:
         with h5py.File(io.BytesIO(body), "r") as file:
             _check_content(file, len(body))
             fonts = {font.name: font for font in map(_unpack_font, in_order(file["fonts"]))}
-            dies = {str(g.attrs["name"]): Die(**json.loads(g.attrs["die"])) for g in in_order(file["dies"])}
-            return GlyphDatabase(fonts, dies, tuple(map(_unpack_exemplar, in_order(file["exemplars"]))))
+            return GlyphDatabase(fonts, tuple(map(_unpack_exemplar, in_order(file["exemplars"]))))
     except Exception as error:
         reason = error.what if isinstance(error, MarksError) else error
         raise DatabaseError(

@@ -70,10 +70,6 @@ class Layout(OneLine, Validated, error=StampError):
         )
 
 
-def _turned(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
-    return Layout(turned_deg=float(rng.uniform(-MOST_TURNED_DEG, MOST_TURNED_DEG)))
-
-
 def _arc(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
     side = 1.0 if rng.uniform() < 0.5 else -1.0
     return Layout(radius_mm=side * max(6.0 * height_mm, float(rng.uniform(0.8, 1.4)) * length_mm))
@@ -87,13 +83,9 @@ def _two_lines(rng: np.random.Generator, height_mm: float, length_mm: float, fon
     return Layout(other_text=other, other_above=bool(rng.uniform() < 0.5))
 
 
-def _straight(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
-    return Layout()
-
-
 LAYOUTS: Final[dict[str, Callable[[np.random.Generator, float, float, Font, str], Layout]]] = {
-    "straight": _straight,
-    "turned": _turned,
+    "straight": lambda *_: Layout(),
+    "turned": lambda rng, *_: Layout(turned_deg=float(rng.uniform(-MOST_TURNED_DEG, MOST_TURNED_DEG))),
     "arc": _arc,
     "two-lines": _two_lines,
 }

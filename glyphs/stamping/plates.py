@@ -6,27 +6,36 @@ from collections.abc import Callable
 from typing import Final
 
 from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
-from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
+from glyphs.stamping.textures import Grinding, Milling, Sand, Turning
 from glyphs.stamping.variation import PlateVariation
 
 _FALL, _MOST_FALL_MM = 0.2, 1.5
 """Fall of a form from the middle to the ends of a line: share of the height (1 mm at 5 mm), and at most in mm."""
 
+_IRONING = 0.5
+"""The tool's marks are pressed flat less than a fine lay is: they are as deep as some marks' corners."""
+
 PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
-    "machined": lambda height_mm, length_mm: PlateVariation(),
-    "cylinder": lambda height_mm, length_mm: _curved(PlateForm(radius_y_mm=_shaft(height_mm, length_mm))),
-    "ring": lambda height_mm, length_mm: _curved(PlateForm(radius_x_mm=_radius(height_mm, length_mm))),
-    "saddle": lambda height_mm, length_mm: _curved(
-        PlateForm(radius_x_mm=-_radius(height_mm, length_mm), radius_y_mm=12 * height_mm)
+    "machined": lambda *_: PlateVariation(),
+    "cylinder": lambda height_mm, length_mm: PlateVariation(
+        form=PlateForm(radius_y_mm=_shaft(height_mm, length_mm))
     ),
-    "bow": lambda height_mm, length_mm: _curved(
-        PlateForm(radius_x_mm=1.5 * _radius(height_mm, length_mm), radius_y_mm=60 * height_mm)
+    "ring": lambda height_mm, length_mm: PlateVariation(
+        form=PlateForm(radius_x_mm=_radius(height_mm, length_mm))
     ),
-    "milled": lambda height_mm, length_mm: _textured(Milling()),
-    "turned": lambda height_mm, length_mm: _textured(Turning()),
-    "faced": lambda height_mm, length_mm: _textured(Turning(ring_radius_mm=max(20.0, 0.6 * length_mm))),
-    "ground": lambda height_mm, length_mm: _textured(Grinding()),
-    "sand": lambda height_mm, length_mm: _textured(Sand()),
+    "saddle": lambda height_mm, length_mm: PlateVariation(
+        form=PlateForm(radius_x_mm=-_radius(height_mm, length_mm), radius_y_mm=12 * height_mm)
+    ),
+    "bow": lambda height_mm, length_mm: PlateVariation(
+        form=PlateForm(radius_x_mm=1.5 * _radius(height_mm, length_mm), radius_y_mm=60 * height_mm)
+    ),
+    "milled": lambda *_: PlateVariation(texture=Milling(), ironing=_IRONING),
+    "turned": lambda *_: PlateVariation(texture=Turning(), ironing=_IRONING),
+    "faced": lambda height_mm, length_mm: PlateVariation(
+        texture=Turning(ring_radius_mm=max(20.0, 0.6 * length_mm)), ironing=_IRONING
+    ),
+    "ground": lambda *_: PlateVariation(texture=Grinding(), ironing=_IRONING),
+    "sand": lambda *_: PlateVariation(texture=Sand(), ironing=_IRONING),
 }
 """From character height and length of the line, mm, to a plate. `machined` is the usual one."""
 
@@ -41,12 +50,3 @@ def _shaft(height_mm: float, length_mm: float) -> float:
     """The radius of a shaft that a line runs along: 8 heights, or what room for another line or an arc asks for."""
     half = 1.3 * height_mm + max(0.08 * length_mm, 0.75 * height_mm)
     return max(8 * height_mm, half**2 / (1.9 * MAX_SAG_MM))
-
-
-def _curved(form: PlateForm) -> PlateVariation:
-    return PlateVariation(form=form)
-
-
-def _textured(texture: Texture) -> PlateVariation:
-    # the tool's marks are pressed flat less than a fine lay is: they are as deep as some marks' corners
-    return PlateVariation(texture=texture, ironing=0.5)

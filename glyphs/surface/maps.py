@@ -21,7 +21,7 @@ from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from glyphs.errors import MarksError
 from glyphs.ranges import Range, Validated
@@ -60,7 +60,7 @@ OPPOSITE_DIRECTIONS = (
 )
 
 
-def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
+def read_only_copy(array: NDArray[np.generic], dtype: DTypeLike) -> NDArray[np.generic]:
     """A contiguous read-only array of the dtype; copied unless it is one already."""
     out: NDArray[np.generic] = np.ascontiguousarray(array, dtype=dtype)
     if out.flags.writeable:
@@ -104,7 +104,7 @@ class HeightMap(OneLine, Validated, error=MapError):
                 f"{array.shape[0]} x {array.shape[1]} samples exceed the limit of {MAX_PIXELS:,}",
                 hint="crop or thin the map",
             )
-        z = _read_only(array, np.float32)
+        z = read_only_copy(array, np.float32)
         if np.isinf(z).any():
             raise MapError("heights contain infinities", hint="mark bad points as NaN")
         if not np.isfinite(z).any():
@@ -158,8 +158,8 @@ class EdgeMap(OneLine, Validated, error=MapError):
         return picture_html(self, self.enhancement[0])
 
     def __post_init__(self) -> None:
-        e = _read_only(np.asarray(self.enhancement), np.float32)
-        valid = _read_only(np.asarray(self.valid), np.bool_)
+        e = read_only_copy(np.asarray(self.enhancement), np.float32)
+        valid = read_only_copy(np.asarray(self.valid), np.bool_)
         directions = tuple(TraceDirection(d) for d in self.directions)
         if e.ndim != 3 or e.shape[0] != len(directions) or e.shape[1:] != valid.shape:
             raise MapError(

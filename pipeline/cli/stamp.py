@@ -32,7 +32,7 @@ def list_fonts(database: Path | None = None) -> int:
         stroke = f"stroke h x {font.stroke_ratio:.3g}" if font.stroke_ratio else "outlines"
         print(f"{font.name:<20} {len(font.glyphs):4d} characters  {stroke:<18}  {font.source}")
     if content is not None:
-        print(f"{len(content.dies)} dies, {len(content.exemplars)} enrolled exemplars")
+        print(f"{len(content.exemplars)} enrolled exemplars")
     return 0
 
 

@@ -6,39 +6,23 @@ _____/     \\____/       \\____   where two meet, the higher counts
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
-from glyphs.surface.display import OneLine
+from glyphs.soiling.strokes import record_array
 from glyphs.surface.noise import Field
 
+Bumps: TypeAlias = Any
+"""A numpy record array of round things drawn over a plate:
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Bumps(OneLine):
-    """Round things drawn over a plate, `born` when the amount passes that number; arrays (n,).
-
-    Attributes:
-        x_mm: of the centre.
-        y_mm: of the centre.
-        radius_mm: when grown.
-        height_mm: when grown; depth of a pit.
-        blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
-        stretch: long axis over the mean one.
-        turn_rad: of the long axis.
-        born: 0 to 1.
-    """
-
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
-    height_mm: NDArray[np.float64]
-    blunt: NDArray[np.float64]
-    stretch: NDArray[np.float64]
-    turn_rad: NDArray[np.float64]
-    born: NDArray[np.float64]
+- x_mm, y_mm: of the centre.
+- radius_mm, height_mm: when grown; the height is the depth of a pit.
+- blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
+- stretch, turn_rad: long axis over the mean one, and its direction.
+- born: the amount at which it begins to grow, 0 to 1.
+"""
 
 
 def scatter_bumps(
@@ -67,7 +51,7 @@ def scatter_bumps(
     n = int(rng.poisson(density * coat.area_mm2 / coat.height_mm**2))
     log = spread * np.clip(rng.standard_normal((2, n)), -2.5, 2.5)
     radius = 0.5 * width * coat.height_mm * np.exp(log[0])
-    return Bumps(
+    return record_array(
         x_mm=rng.random(n) * coat.shape[1] * coat.pitch_mm,
         y_mm=rng.random(n) * coat.shape[0] * coat.pitch_mm,
         radius_mm=radius,
@@ -90,7 +74,7 @@ def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
     for some in np.array_split(alive[np.argsort(radius[alive])], 10):
         if not some.size:
             continue
-        b = Bumps(**{name: values[some] for name, values in vars(bumps).items()})
+        b = bumps[some]
         half = int(np.ceil(1.18 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
         step = np.arange(-half, half + 1)
         col = np.rint(b.x_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, None, :]

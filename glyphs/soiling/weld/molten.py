@@ -6,12 +6,14 @@ Sources: see `glyphs.soiling.weld.plate`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.grids import axes_mm
+from glyphs.soiling.strokes import record_array
 from glyphs.surface.display import OneLine
 from glyphs.surface.noise import Field, ramp
 
@@ -55,23 +57,6 @@ def draw_seam(coat: Coat, rng: np.random.Generator) -> Seam:
     return Seam(away, float(corners.min()), float(np.ptp(corners) * rng.uniform(0.6, 1.6)))
 
 
-@dataclass(frozen=True)
-class _Drops:
-    """Frozen drops: centre x, y and radius (mm), height (radii), stretch along `heading`, lobes, and which spread."""
-
-    at_mm: Numbers
-    radius_mm: Numbers
-    high: Numbers
-    stretch: Numbers
-    lobe: Numbers
-    heading: Numbers
-    splat: NDArray[np.bool_]
-
-    def only(self, which: NDArray[np.bool_]) -> _Drops:
-        """Some of them."""
-        return _Drops(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
-
-
 def add_spatter(
     coat: Coat, z: Field, seam: Seam, amount: float, share: float, rng: np.random.Generator
 ) -> tuple[Field, Field]:
@@ -106,16 +91,25 @@ def add_spatter(
     stretch = 1.0 + np.where(splat, 0.8, 0.35) * rng.random(n) ** 2
     lobe = np.where(splat, 0.16, 0.06) * rng.uniform(-1.0, 1.0, n)
     grown = np.clip((amount - onset) / 0.25, 0.0, 1.0) ** (1 / 3)
-    drops = _Drops(at, 0.5 * diameter * grown, high, stretch, lobe, np.append(heading, fan), splat)
-    return _lay_drops(z, drops.only(grown > 0.05), coat.pitch_mm)
+    radius, heading = 0.5 * diameter * grown, np.append(heading, fan)
+    drops = record_array(
+        x_mm=at[:, 0], y_mm=at[:, 1], radius_mm=radius, high=high, stretch=stretch, lobe=lobe, heading=heading,
+        splat=splat,
+    )  # fmt: skip
+    return _lay_drops(z, drops[grown > 0.05], coat.pitch_mm)
 
 
-def _lay_drops(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
-    """Drops on a surface: each stands on the mean level below it, as liquid does, and so fills a groove it covers."""
+def _lay_drops(z: Field, drops: Any, pitch_mm: float) -> tuple[Field, Field]:
+    """Drops on a surface: each stands on the mean level below it, as liquid does, and so fills a groove it covers.
+
+    A record of each drop: centre and radius (mm), height (radii), stretch along its heading, lobes, and whether it
+    spread.
+    """
     rows, cols = z.shape
+    centre = np.stack([drops.x_mm, drops.y_mm], axis=1)
     half = drops.radius_mm * drops.stretch * 1.1
-    low = np.clip(np.ceil((drops.at_mm - half[:, None]) / pitch_mm), 0, [cols, rows]).astype(np.intp)
-    high = np.clip(np.floor((drops.at_mm + half[:, None]) / pitch_mm) + 1, 0, [cols, rows]).astype(np.intp)
+    low = np.clip(np.ceil((centre - half[:, None]) / pitch_mm), 0, [cols, rows]).astype(np.intp)
+    high = np.clip(np.floor((centre + half[:, None]) / pitch_mm) + 1, 0, [cols, rows]).astype(np.intp)
     wide, tall = np.maximum(high - low, 0).T
     count = wide * tall
     # the samples of all windows one after the other; `owner` is the drop
@@ -128,7 +122,7 @@ def _lay_drops(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
         return np.asarray(values.astype(np.float32)[owner])
 
     dx, dy = (
-        k.astype(np.float32) * np.float32(pitch_mm) - of(drops.at_mm[:, i]) for i, k in enumerate((col, row))
+        k.astype(np.float32) * np.float32(pitch_mm) - of(centre[:, i]) for i, k in enumerate((col, row))
     )
     r, c, s = of(drops.radius_mm), of(np.cos(drops.heading)), of(np.sin(drops.heading))
     u, w = (dx * c + dy * s) / (r * of(drops.stretch)), (dy * c - dx * s) / r

@@ -31,7 +31,6 @@ spall (0.3) or lift, crack spacing, the depth and rim of strikes, and how sizes 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -51,21 +50,11 @@ _TINT = (
 )
 
 
-class _Finish(NamedTuple):
-    """Surface properties of a layer."""
-
-    red: float
-    green: float
-    blue: float
-    roughness: float
-    reflectance: float
-    friction: float
-    hardness_mpa: float
-
-
-_SCALE = _Finish(0.075, 0.08, 0.095, 0.42, 0.16, 0.4, 5000.0)
-_MOLTEN = _Finish(0.11, 0.115, 0.13, 0.30, 0.32, 0.3, 3500.0)
-_GROUND = _Finish(0.36, 0.355, 0.34, 0.24, 0.6, 0.25, 2500.0)
+# a layer's red, green, blue, roughness, reflectance, friction and hardness, MPa
+_Finish = tuple[float, float, float, float, float, float, float]
+_SCALE: _Finish = (0.075, 0.08, 0.095, 0.42, 0.16, 0.4, 5000.0)
+_MOLTEN: _Finish = (0.11, 0.115, 0.13, 0.30, 0.32, 0.3, 3500.0)
+_GROUND: _Finish = (0.36, 0.355, 0.34, 0.24, 0.6, 0.25, 2500.0)
 
 
 def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:

@@ -1,5 +1,4 @@
 import os
-from dataclasses import asdict
 
 import h5py
 import matplotlib
@@ -12,7 +11,6 @@ from glyphs.fonts.glyph import Font, Glyph
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping import database as module
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
-from glyphs.stamping.faces import Face, default_die
 
 WHEN = "2024-05-17T09:30:00+00:00"
 
@@ -27,8 +25,7 @@ def exemplar(**change):
 def full():
     dejavu = load_font(f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf")
     fonts = (load_font("gothic"), load_font("timesr"), dejavu)
-    dies = {"5 mm/flat": default_die(5.0), "sharp é": default_die(3.2, face=Face.SHARP, bevel_deg=60.0)}
-    return GlyphDatabase({f.name: f for f in fonts}, dies, (exemplar(), exemplar(char="B", note="")))
+    return GlyphDatabase({f.name: f for f in fonts}, (exemplar(), exemplar(char="B", note="")))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +49,6 @@ def test_round_trip_keeps_everything(full, saved):
             assert len(twin.contours) == len(glyph.contours)
             for a, b in zip(twin.strokes + twin.contours, glyph.strokes + glyph.contours, strict=True):
                 assert np.array_equal(a, b)
-    assert {n: asdict(d) for n, d in back.dies.items()} == {n: asdict(d) for n, d in full.dies.items()}
     for one, two in zip(back.exemplars, full.exemplars, strict=True):
         assert (one.char, one.font_name, one.note, one.enrolled_at) == (
             two.char,
@@ -67,7 +63,7 @@ def test_any_hdf5_reader_opens_the_file(saved):
     with h5py.File(saved) as file:
         assert file.attrs["format"] == module.FORMAT_NAME
         assert file.attrs["format_version"] == module.FORMAT_VERSION
-        assert set(file) == {"fonts", "dies", "exemplars"}
+        assert set(file) == {"fonts", "exemplars"}
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -132,8 +128,7 @@ def replace_with_objects(file):
     "change",
     [
         replace_with_objects,
-        lambda file: file.__delitem__("dies"),
-        lambda file: file["dies/0"].attrs.__setitem__("die", "{}"),
+        lambda file: file.__delitem__("exemplars"),
         lambda file: file["exemplars/0"].__delitem__("relief"),
         lambda file: file["exemplars/0"].attrs.__setitem__("char", "KK"),
         lambda file: file["fonts/0/points"].__setitem__((0, 0), np.nan),
@@ -166,7 +161,6 @@ def test_a_failed_save_leaves_the_old_file_and_no_litter(full, tmp_path, monkeyp
         (lambda: exemplar(relief=np.zeros(3, dtype=np.float32)), "no rows and columns"),
         (lambda: exemplar(enrolled_at="yesterday"), "ISO 8601"),
         (lambda: GlyphDatabase({"other": load_font("gothic")}), "own name"),
-        (lambda: GlyphDatabase(dies={"": default_die(5.0)}), "name"),
     ],
 )
 def test_values_refuse(make, message):
@@ -185,7 +179,7 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     felt = np.where(relief > 1.0, np.nan, relief)
     values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
     one = exemplar(part="part-7", evidence="ab" * 32, **values)
-    save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, {}, (one,)), tmp_path / "l.glyphs")
+    save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, (one,)), tmp_path / "l.glyphs")
     back = load_database(tmp_path / "l.glyphs")
     font = back.fonts["press"]
     assert font.learned
