@@ -139,7 +139,7 @@ def print_arrays(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> None:
                 "mm/s", "stage s")  # fmt: skip
     rows = (
         (a.n_whiskers, a.rows, f"{a.stagger_mm:.2f}", f"{a.pitch_mm:.2f}", f"{ribbon_mm(c.whisker):.2f}",
-         f"{math.degrees(c.whisker.beta_rad):.0f}", c.lines, len(c.measured.directions), c.plan.n_passes,
+         f"{math.degrees(c.whisker.beta_rad):.0f}", c.measured.lines, len(c.measured.directions), c.plan.n_passes,
          f"{c.plan.speed_mm_s:.0f}", f"{c.stage_s:.1f}")
         for c in choices
         for a in [c.plan.array]

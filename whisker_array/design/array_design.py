@@ -74,13 +74,11 @@ class ArrayChoice(OneLine):
     Attributes:
         whisker: of the comb.
         plan: the array and its passes over the line.
-        lines: traced lines a character height.
         measured: what was read by such a plan.
     """
 
     whisker: LShaped
     plan: RasterPlan
-    lines: int
     measured: PlanCounts
 
     @property
@@ -161,7 +159,7 @@ def _choices(
                 pitch = interlace * usual.line_pitch_mm
                 rows = least_rows(build.body, pitch_mm=pitch, n_whiskers=n_whiskers)
                 points = WhiskerArray(n_whiskers, pitch, rows=rows, stagger_mm=build.stagger_mm(rows))
-                yield ArrayChoice(build.whisker, replace(usual, array=points), counts.lines, counts)
+                yield ArrayChoice(build.whisker, replace(usual, array=points), counts)
 
 
 def design_arrays(

@@ -51,7 +51,7 @@ def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) ->
     def change(factor: float) -> tuple[Request, Limits]:
         return design.request, replace(design.limits, slide_lines=factor * design.limits.slide_lines)
 
-    return _trade_off(design, factors, change, name="sideways slide allowed", unit="mm", at=at)
+    return _trade_off(design, factors, change, "sideways slide allowed", "mm", at)
 
 
 def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) -> TradeOff:
@@ -61,14 +61,13 @@ def speed_trade_off(design: Design, factors: Iterable[float] = SPEED_FACTORS) ->
     def change(factor: float) -> tuple[Request, Limits]:
         return replace(design.request, speed_mm_s=factor * at), design.limits
 
-    return _trade_off(design, factors, change, name="scan speed", unit="mm/s", at=at)
+    return _trade_off(design, factors, change, "scan speed", "mm/s", at)
 
 
 def _trade_off(
     design: Design,
     factors: Iterable[float],
     change: Callable[[float], tuple[Request, Limits]],
-    *,
     name: str,
     unit: str,
     at: float,

@@ -78,57 +78,32 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
     place = sweep.plan.line_mm.ravel()[order]
     whisker = np.tile(np.arange(shape[1]), shape[0])[order]
-    lines = ordered_lines(
-        raw.reshape(-1, shape[2]), sweep.flags.reshape(-1, shape[2]), offset.ravel(), order, lead
-    )
+    within, flags = slice(lead, max(shape[2] - lead, lead)), sweep.flags.reshape(-1, shape[2])[order]
+    lines = raw.reshape(-1, shape[2])[order, within].astype(np.float64) - offset.ravel()[order, None]
+    lines[(flags[:, within] & UNUSABLE) != 0] = np.nan
     keep = np.asarray(np.isfinite(lines).any(axis=1))
     # lines of a whisker that is left out stay, unknown: others may have felt what lies under them
-    faulty = (sweep.flags.reshape(-1, shape[2])[order] & np.uint8(SampleFlag.FAULTY)) != 0
-    kept = np.asarray(keep | faulty.all(axis=1))
-    places = place[kept]
+    kept = np.asarray(keep | ((flags & np.uint8(SampleFlag.FAULTY)) != 0).all(axis=1))
+    values = np.full((np.count_nonzero(kept), lines.shape[1]), np.nan)
     if keep.sum() < 2:
         raise MapError(
             f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
             + SampleFlag(int(np.bitwise_or.reduce(sweep.flags, axis=None))).describe()
         )
-    if not keep.all():
-        lines, place, whisker = lines[keep], place[keep], whisker[keep]
-    position = sweep.plan.position_mm()[lead : shape[2] - lead]
+    lines, whisker = lines[keep], whisker[keep]
     if ideal:
-        ratio = lines / scan.touch.land_moment_n_mm() - 1.0
-        return SweptLines(_insert_lines(ratio, keep[kept]), places, position, sweep.plan.direction)
-    if scan.calibration is None:
-        lines /= whisker_gain(lines, whisker)[:, None]
-    land = land_coefficients(lines)
-    if not np.isfinite(land).all() or not land.any():
-        raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    lines /= land_surface(land, lines.shape)
-    remove_drift(lines)
-    lines -= 1.0
-    return SweptLines(_insert_lines(lines, keep[kept]), places, position, sweep.plan.direction)
-
-
-def _insert_lines(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The lines that are known among those that are not."""
-    if known.all():
-        return lines
-    out = np.full((known.size, lines.shape[1]), np.nan)
-    out[known] = lines
-    return out
-
-
-def ordered_lines(
-    signal: NDArray[np.floating[Any]],
-    flags: NDArray[np.uint8],
-    offset: NDArray[np.float64],
-    order: NDArray[np.intp],
-    lead: int,
-) -> NDArray[np.float64]:
-    """Lines of a sweep less their offsets, in an order, lead-in and -out left off, NaN where they cannot be used."""
-    within = slice(lead, max(signal.shape[1] - lead, lead))
-    lines = signal[order, within].astype(np.float64) - offset[order, None]
-    lines[(flags[order, within] & UNUSABLE) != 0] = np.nan
-    return np.asarray(lines)
+        lines /= scan.touch.land_moment_n_mm()
+    else:
+        if scan.calibration is None:
+            lines /= whisker_gain(lines, whisker)[:, None]
+        land = land_coefficients(lines)
+        if not np.isfinite(land).all() or not land.any():
+            raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
+        lines /= land_surface(land, lines.shape)
+        remove_drift(lines)
+    values[keep[kept]] = lines - 1.0
+    position = sweep.plan.position_mm()[lead : shape[2] - lead]
+    return SweptLines(values, place[kept], position, sweep.plan.direction)
 
 
 def edge_map(

@@ -39,8 +39,7 @@ def averaging_weights(
     order = np.argsort(position, kind="stable")
     ordered = position[order]
     gaps = np.diff(ordered)
-    steps = np.sort(gaps)
-    step = float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2])) if steps.size else pitch
+    step = float(np.median(gaps)) if gaps.size else pitch
     # reach to the neighbour on either side, but one median step at the ends and into an open gap
     closed = np.where(gaps > gap_steps * step, step, gaps)
     apart = np.maximum(np.r_[step, closed, step], pitch) * (1.0 + 1e-6)

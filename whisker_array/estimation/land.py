@@ -91,8 +91,7 @@ def _tilted_start(
         # the slope of most neighbours (Theil-Sen on a few pairs), then no curvature to begin with
         k = max(1, int(known.sum()) // 3)
         y, x = levels[known], at[known]
-        slopes = np.sort((y[k:] - y[:-k]) / (x[k:] - x[:-k]))
-        coefficients[linear] = 0.5 * (slopes[(slopes.size - 1) // 2] + slopes[slopes.size // 2])
+        coefficients[linear] = np.median((y[k:] - y[:-k]) / (x[k:] - x[:-k]))
     return coefficients
 
 

@@ -120,9 +120,7 @@ def draw_sensor_chain(
     rng: np.random.Generator,
     full_scale_n_mm: float = 20.0,
     gain_sd: float = 0.03,
-    offset_sd_n_mm: float | None = None,
-    noise_n_mm: float | None = None,
-    drift_n_mm_per_sqrt_s: float | None = None,
+    offset_sd: float = 0.01,
     vibration: float = 0.002,
     adc_bits: int | None = 16,
     memory: bool = True,
@@ -135,32 +133,28 @@ def draw_sensor_chain(
         n_whiskers: how many.
         rng: draws the gains and offsets.
         full_scale_n_mm: converter range to either side, N mm. About three times the land moment leaves room
-            for enhancement (20 suits default_whisker(5.0) with 6.5 N mm). The defaults below scale with it.
+            for enhancement (20 suits default_whisker(5.0) with 6.5 N mm).
         gain_sd: standard deviation of the gain about 1; draws are kept within 3.
-        offset_sd_n_mm: standard deviation of the offset, N mm; None: 1 % of full scale.
-        noise_n_mm: rms noise, N mm; None: `noise` of full scale, which is taken for the largest load.
-        drift_n_mm_per_sqrt_s: random walk, N mm per root second; None: `drift_a_minute` of full scale.
+        offset_sd: standard deviation of the offset, of full scale.
         vibration: rms vibration of the base as a share of the preload.
         adc_bits: converter, None for none.
         memory: whether the gauges creep and lag, as `draw_memory` draws it.
-        noise: rms of one sample, of the largest load, as recorded of whiskers.
-        drift_a_minute: walk of the zero in a minute, rms, of the largest load, as recorded of whiskers.
+        noise: rms of one sample, of full scale, the largest load, as recorded of whiskers.
+        drift_a_minute: walk of the zero in a minute, rms, of full scale, as recorded of whiskers.
 
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
     """
     require_range(SensorError, Range(0.0, 0.33, "beyond 0.33 a gain could be 0"), gain_sd=gain_sd)
     require_positive(SensorError, full_scale_n_mm=full_scale_n_mm)
-    require_not_negative(SensorError, offset_sd_n_mm=offset_sd_n_mm)
-    offset_sd = 0.01 * full_scale_n_mm if offset_sd_n_mm is None else offset_sd_n_mm
-    walk = drift_a_minute / math.sqrt(60.0) * full_scale_n_mm
+    require_not_negative(SensorError, offset_sd=offset_sd)
     # of a generator of its own: the same seed gives the same gains, offsets and noise with memory and without
     remembering = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
-        offset_n_mm=offset_sd * rng.standard_normal(n_whiskers),
-        noise_n_mm=noise * full_scale_n_mm if noise_n_mm is None else noise_n_mm,
-        drift_n_mm_per_sqrt_s=walk if drift_n_mm_per_sqrt_s is None else drift_n_mm_per_sqrt_s,
+        offset_n_mm=offset_sd * full_scale_n_mm * rng.standard_normal(n_whiskers),
+        noise_n_mm=noise * full_scale_n_mm,
+        drift_n_mm_per_sqrt_s=drift_a_minute / math.sqrt(60.0) * full_scale_n_mm,
         memory=draw_memory(n_whiskers, rng=remembering, largest_n_mm=full_scale_n_mm) if memory else None,
         vibration=vibration,
         adc_range_n_mm=full_scale_n_mm if adc_bits is not None else math.inf,

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from glyphs.ranges import require_not_negative
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import cross_matrix, split
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
 DEFLECTION_LIMIT = 0.1
@@ -60,7 +58,7 @@ class LumpedWhisker(OneLine):
         return np.asarray(self.strain.T @ self.strain)
 
 
-def lumped_whisker(whisker: Whisker, *, parts: int, tip_mass_g: float = 0.0) -> LumpedWhisker:
+def lumped_whisker(whisker: Whisker, *, parts: int) -> LumpedWhisker:
     """The whisker in pieces: half the mass of each on either end, the flexibility between the joints exact.
 
     strain^T strain is the flexibility: two Gauss points a piece, M = r x f linear between its ends.
@@ -77,13 +75,10 @@ def lumped_whisker(whisker: Whisker, *, parts: int, tip_mass_g: float = 0.0) -> 
             root = np.linalg.cholesky(piece.section_compliance(t) * (piece.length_mm / 2.0)).T
             point = piece.start_mm + t * (piece.end_mm - piece.start_mm)
             strain[2 * e + g, :, e:, :] = np.moveaxis(root @ cross_matrix(joints[e:] - point), 0, 1)
-    mass[-1] += tip_mass_g * 1e-6
     return LumpedWhisker(joints, mass[1:], strain.reshape(6 * n, 3 * n))
 
 
-def first_bending_frequency_hz(
-    whisker: Whisker, *, tip_mass_g: float = 0.0, tip_held: bool = False, parts: int = 24
-) -> float:
+def first_bending_frequency_hz(whisker: Whisker, *, tip_held: bool = False, parts: int = 24) -> float:
     """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
 
     Mass is lumped at the joints of `parts` pieces a segment; the flexibility between the joints is exact.
@@ -91,17 +86,12 @@ def first_bending_frequency_hz(
 
     Args:
         whisker: the whisker, clamped at its base.
-        tip_mass_g: mass of a ball at the tip, g.
         tip_held: the tip is held in height by contact, which is 4.4 times faster for a straight whisker (a
             round one is as slow sideways as it was), as while tracing: contact is kept (Assumption 3), so the modes
             that can ring are those between two held ends.
         parts: pieces a segment.
-
-    Raises:
-        WhiskerError: a negative tip mass.
     """
-    require_not_negative(WhiskerError, tip_mass_g=tip_mass_g)
-    lumped = lumped_whisker(whisker, parts=parts, tip_mass_g=tip_mass_g)
+    lumped = lumped_whisker(whisker, parts=parts)
     weighted = lumped.strain * np.repeat(np.sqrt(lumped.mass_t), 3)
     if tip_held:
         reaction = lumped.strain[:, -2]

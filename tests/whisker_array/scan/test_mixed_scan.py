@@ -146,8 +146,8 @@ def test_every_row_has_its_own_sensors() -> None:
     chain = draw_sensor_chain(
         2 * N,
         rng=rng,
-        noise_n_mm=0.0,
-        drift_n_mm_per_sqrt_s=0.0,
+        noise=0.0,
+        drift_a_minute=0.0,
         vibration=0.0,
         adc_bits=None,
         memory=False,

@@ -71,7 +71,7 @@ def test_converter_rounds_to_the_nearest_count_and_clips() -> None:
 
 def test_drawn_chains_have_the_spread_asked_for() -> None:
     n = 4000
-    chain = draw_sensor_chain(n, rng=rng(), gain_sd=0.03, offset_sd_n_mm=0.2)
+    chain = draw_sensor_chain(n, rng=rng(), gain_sd=0.03)
     assert chain.n_whiskers == n
     tolerance = SIX_SIGMA / math.sqrt(2 * n)
     assert chain.gain.std() == pytest.approx(
