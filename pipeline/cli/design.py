@@ -173,7 +173,7 @@ def _report_built(path: Path, request: Request) -> int:
     from pipeline.cli.design_words import fitness
     from pipeline.formats.whisker_file import read_whisker_file
     from pipeline.reading.identified import prediction_lines
-    from whisker_array.identification.predictions import predictions
+    from pipeline.reading.predictions import predictions
 
     built = read_whisker_file(path)
     if built.known is None or built.whisker.is_straight:

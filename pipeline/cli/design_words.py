@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from pipeline.reading.predictions import Quantity
 from whisker_array.design.checks import check
 from whisker_array.design.design import NoWhiskerError, worst_edge
 from whisker_array.design.limits import DesignError, Request
-from whisker_array.identification.predictions import Quantity
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 

@@ -78,8 +78,8 @@ def scan(
     from pipeline.formats.touch_file import read_height_map
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
     from pipeline.reading.identified import prediction_lines
+    from pipeline.reading.predictions import predictions
     from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
-    from whisker_array.identification.predictions import predictions
     from whisker_array.scan.recording import save_scan
     from whisker_array.simulation.traces import Fidelity
     from whisker_array.whisker.array import default_plan

@@ -34,7 +34,7 @@ from pipeline.common.parsed import Strict, read_toml, write_toml
 from pipeline.errors import DataError, naming
 from pipeline.formats.touch_file import read_height_map
 from whisker_array.identification.bench import Unknown
-from whisker_array.identification.predictions import Knowledge
+from whisker_array.identification.knowledge import Knowledge
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, straight_whisker

@@ -17,10 +17,11 @@ from pipeline.formats.whisker_file import (
     read_whisker_file,
     write_whisker_file,
 )
+from pipeline.reading.open_numbers import confounded, remedies, undetermined
+from pipeline.reading.predictions import Prediction
 from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
-from whisker_array.identification.open_numbers import confounded, remedies, undetermined
-from whisker_array.identification.predictions import Prediction, knowledge_of
+from whisker_array.identification.knowledge import knowledge_of
 from whisker_array.whisker.shapes import LShaped
 
 _MEANINGS = {

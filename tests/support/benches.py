@@ -11,8 +11,8 @@ from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import feel
 from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, of_screw, prior_sd
+from whisker_array.identification.knowledge import Knowledge
 from whisker_array.identification.piece_map import Heights
-from whisker_array.identification.predictions import Knowledge
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain

@@ -10,6 +10,7 @@ import pytest
 
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.pieces import Piece, PieceKind
+from pipeline.reading.open_numbers import confounded, remedies, undetermined
 from tests.support.benches import recorded, worn
 from whisker_array.identification.bench import (
     BENCH_GAIN,
@@ -19,7 +20,6 @@ from whisker_array.identification.bench import (
     prior_sd,
 )
 from whisker_array.identification.fit import IdentifyError, identify
-from whisker_array.identification.open_numbers import confounded, remedies, undetermined
 from whisker_array.identification.piece_map import heights_of
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from pipeline.cli.design_words import fitness
+from pipeline.reading.predictions import predictions
 from tests.support.benches import known_whisker
 from whisker_array.design.limits import Request
 from whisker_array.identification.bench import Unknown
-from whisker_array.identification.predictions import Knowledge, predictions
+from whisker_array.identification.knowledge import Knowledge
 from whisker_array.whisker.enhancement import is_jammed
 from whisker_array.whisker.sections import WhiskerError
 

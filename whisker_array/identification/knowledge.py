@@ -1,0 +1,57 @@
+"""How well the numbers of a whisker are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.ranges import freeze_arrays
+from glyphs.surface.display import OneLine
+from whisker_array.identification.bench import DRAWN, Unknown
+from whisker_array.identification.fit import Identified
+from whisker_array.whisker.sections import WhiskerError
+
+OF_WHISKER = (*DRAWN, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
+"""Numbers that a whisker takes from one part to the next."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Knowledge(OneLine):
+    """Covariance of a whisker's numbers.
+
+    Attributes:
+        names: numbers, of `OF_WHISKER`; others count as known. The stiffness is in parts of the whisker's own.
+        covariance: (n, n) of them.
+
+    Raises:
+        WhiskerError: other numbers, one twice, or no covariance of as many.
+    """
+
+    names: tuple[Unknown, ...]
+    covariance: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
+            raise WhiskerError(
+                "an identified whisker has a number that none has, or one twice",
+                hint=f"name each of {', '.join(OF_WHISKER)} once at most",
+            )
+        freeze_arrays(WhiskerError, self, {"covariance": (n, n)})
+        if (np.diag(self.covariance) < 0.0).any():
+            raise WhiskerError("covariance has a negative variance", hint="give a covariance of the numbers")
+
+    @property
+    def sd(self) -> NDArray[np.float64]:
+        """(n,) standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+def knowledge_of(found: Identified) -> Knowledge:
+    """Take the covariance of the whisker's numbers from an identification."""
+    names = OF_WHISKER if found.drawn is not None else tuple(n for n in OF_WHISKER if n not in DRAWN)
+    at = [list(Unknown).index(name) for name in names]
+    scale = np.array([found.bench[name] if name is Unknown.STIFFNESS else 1.0 for name in names])
+    return Knowledge(names, found.covariance[np.ix_(at, at)] / np.outer(scale, scale))
