@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from glyphs.ranges import ShareBelowOne, Validated, require_positive
 from glyphs.surface.display import OneLine
+from whisker_array.whisker.beam import require_plane
 from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker
 from whisker_array.whisker.validity import lumped_whisker
@@ -69,10 +70,7 @@ def whisker_modes(whisker: Whisker, *, held: int = 3, damping: float = 0.01, par
         WhiskerError: more modes than pieces, or a whisker that leaves the plane of tracing.
     """
     lumped = lumped_whisker(whisker, parts=parts)
-    if np.ptp(lumped.joints_mm[:, 2]) > 1e-9 * np.abs(lumped.joints_mm).max():
-        raise WhiskerError(
-            "the whisker leaves the plane of tracing", hint="give a chain with one z for all points"
-        )
+    require_plane(WhiskerError, lumped.joints_mm)
     n = len(lumped.joints_mm)
     if not 1 <= held < n:
         raise WhiskerError(f"held is {held}", hint=f"from 1 to {n - 1} modes")

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.ranges import freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
@@ -202,6 +203,16 @@ def check_chain(segments: Sequence[Segment]) -> None:
                 f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}",
                 hint="list them base to tip",
             )
+
+
+def require_plane(error: type[MarksError], points_mm: Matrix) -> None:
+    """Check that the points (n, 3) of a whisker lie in the plane of tracing.
+
+    Raises:
+        MarksError: (as `error`) they do not.
+    """
+    if np.ptp(points_mm[:, 2]) > 1e-9 * np.abs(points_mm - points_mm[0]).max():
+        raise error("the whisker leaves the plane of tracing", hint="give a chain with one z for all points")
 
 
 def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:

@@ -29,7 +29,7 @@ from glyphs.errors import MarksError
 from glyphs.ranges import Finite, Validated, freeze_arrays, require_positive
 from glyphs.surface.display import OneLine
 from whisker_array.whisker import enhancement
-from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix, require_plane
 from whisker_array.whisker.sections import Taper
 from whisker_array.whisker.shapes import Matrix, Vector, Whisker
 
@@ -129,17 +129,10 @@ def _rod(whisker: Whisker, *, mu: float, alpha_rad: float) -> _Rod:
     push = enhancement.contact_force(1.0, alpha_rad=alpha_rad, mu=mu)
     segments = whisker.segments()
     points = np.array([segments[0].start_mm] + [s.end_mm for s in segments])
-    if np.ptp(points[:, 2]) > 1e-9 * np.abs(points[-1] - points[0]).max():
-        raise ElasticaError(
-            "the whisker leaves the plane of tracing", hint="give a chain with one z for all points"
-        )
+    require_plane(ElasticaError, points)
     d11 = chain_compliance(segments, axial=False)[:3, :3]
     if not (d11 @ push)[1] > 0.0:
-        raise ElasticaError(
-            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
-            "cannot lift the tip",
-            hint="take a smaller k, or a surface less steep",
-        )
+        raise enhancement.jam_error(ElasticaError, alpha_rad, mu)
     length = sum(s.length_mm for s in segments)
     line = (points[:, :2] - points[-1, :2]).T[:, :, None] / length
     arm = whisker.tip_model().moment_arm_mm

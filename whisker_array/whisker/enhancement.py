@@ -38,23 +38,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from whisker_array.whisker.sections import WhiskerError
+from glyphs.errors import MarksError
+from glyphs.ranges import require_not_negative, require_range
+from whisker_array.whisker.sections import UPRIGHT, WhiskerError
 
 if TYPE_CHECKING:
     from whisker_array.whisker.shapes import TipModel
 
 
-def _check(alpha_rad: float, mu: float) -> None:
-    if not abs(alpha_rad) < math.pi / 2.0:
-        raise WhiskerError(
-            f"alpha_rad is {alpha_rad}", hint="it must lie between -pi/2 and pi/2 (radians, not degrees)"
-        )
-    _check_mu(mu)
-
-
-def _check_mu(mu: float) -> None:
-    if not (math.isfinite(mu) and mu >= 0.0):
-        raise WhiskerError(f"mu is {mu}", hint="a friction coefficient is finite and not negative")
+def jam_error(error: type[MarksError], alpha_rad: float, mu: float) -> MarksError:
+    """Make the error of a whisker whose contact force cannot lift its tip."""
+    what = (
+        f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the tip"
+    )
+    return error(what, hint="take a smaller k, or a surface less steep")
 
 
 def _divide(numerator: float, denominator: float, what: str) -> float:
@@ -65,19 +62,19 @@ def _divide(numerator: float, denominator: float, what: str) -> float:
 
 def rotation(alpha_rad: float) -> NDArray[np.float64]:
     """Eq. (9): R(alpha), from surface axes (t1, n, t2) to the world; (3, 3) float64."""
+    require_range(WhiskerError, UPRIGHT, alpha_rad=alpha_rad)
     c, s = math.cos(alpha_rad), math.sin(alpha_rad)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def contact_direction(mu: float) -> NDArray[np.float64]:
     """a of eq. (10) = (-mu, 1, 0): contact force per normal force in surface axes; (3,) float64."""
-    _check_mu(mu)
+    require_not_negative(WhiskerError, mu=mu)
     return np.array([-mu, 1.0, 0.0])
 
 
 def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDArray[np.float64]:
     """Eqs. (8) and (10): f = f_n R a, the force on the sliding tip in world axes; (3,) float64, N."""
-    _check(alpha_rad, mu)
     return np.asarray(normal_force_n * (rotation(alpha_rad) @ contact_direction(mu)))
 
 
@@ -90,14 +87,9 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
     Raises:
         WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
     """
-    _check(alpha_rad, mu)
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:
-        raise WhiskerError(
-            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
-            "cannot lift the tip",
-            hint="take a smaller k, or a surface less steep",
-        )
+        raise jam_error(WhiskerError, alpha_rad, mu)
     return lift_mm / give
 
 
@@ -123,7 +115,6 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
     Raises:
         WhiskerError: one of the two denominators vanishes (the singular angle, or no moment on the land).
     """
-    _check(alpha_rad, mu)
     land = contact_direction(mu)
     slope = rotation(alpha_rad) @ land
     row = tip_model.compliance_mm_per_n[1]
@@ -137,7 +128,7 @@ def _lift_and_turn(
     slope: ArrayLike, mu: float, tip_model: TipModel
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """e_y.D11 R'a and s3.T1 R'a, both over cos(alpha): R'a = cos(alpha) (-mu - p, 1 - mu p, 0), p = slope."""
-    _check_mu(mu)
+    require_not_negative(WhiskerError, mu=mu)
     p = np.asarray(slope, dtype=np.float64)
     along, up = -mu - p, 1.0 - mu * p
     row, arm = tip_model.compliance_mm_per_n[1], tip_model.moment_arm_mm

@@ -25,6 +25,14 @@ _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 """1 + 1/3^5 + 1/5^5 + ... = 31/32 zeta(5)."""
 
 
+UPRIGHT = Range(
+    math.nextafter(-0.5 * math.pi, 0.0),
+    math.nextafter(0.5 * math.pi, 0.0),
+    "it must lie between -pi/2 and pi/2 (radians, not degrees)",
+)
+"""Slopes of surfaces and whiskers, rad."""
+
+
 class WhiskerError(MarksError):
     """An impossible whisker or array, or an impossible use of one."""
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +27,10 @@ from numpy.typing import NDArray
 from glyphs.ranges import Finite, NotNegative, Positive, Validated, freeze_arrays
 from glyphs.surface.display import OneLine
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
-from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
+from whisker_array.whisker.sections import MUSIC_WIRE, UPRIGHT, Material, SectionLike, WhiskerError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-
-
-def _check_beta(beta_rad: float) -> None:
-    if not abs(beta_rad) < math.pi / 2.0:
-        raise WhiskerError(
-            f"beta_rad is {beta_rad}", hint="it must be within -pi/2 to pi/2 (radians, not degrees)"
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,13 +106,9 @@ class LShaped(OneLine, Validated, error=WhiskerError):
     l1_mm: Positive
     l2_mm: NotNegative
     l3_mm: Finite | None
-    beta_rad: float
+    beta_rad: Annotated[float, UPRIGHT]
     section: SectionLike
     material: Material = MUSIC_WIRE
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_beta(self.beta_rad)
 
     @property
     def lowered_mm(self) -> float:
