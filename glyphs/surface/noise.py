@@ -52,13 +52,8 @@ def share(noise: Field) -> Field:
 
 def ramp(values: Field, low: float | np.float32 | Field, high: float | np.float32 | Field) -> Field:
     """0 below `low`, 1 above `high`, smooth between (the cubic 3 t^2 - 2 t^3)."""
-    t = np.asarray((values - low) / np.maximum(np.subtract(high, low), 1e-9))
-    np.clip(t, 0.0, 1.0, out=t)
-    smooth = np.asarray(t * t)
-    t *= -2.0
-    t += 3.0
-    smooth *= t
-    return np.asarray(smooth, dtype=np.float32)
+    t = np.clip((values - low) / np.maximum(np.subtract(high, low), 1e-9), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t), dtype=np.float32)
 
 
 def bilinear(values: NDArray[np.floating], row: NDArray[np.floating], col: NDArray[np.floating]) -> Field:
@@ -69,9 +64,5 @@ def bilinear(values: NDArray[np.floating], row: NDArray[np.floating], col: NDArr
     # the few rows first: whole rows are then copied, and columns looked up in few of them
     left = np.take(values, c0, axis=1)
     along = left + right * (np.take(values, c0 + 1, axis=1) - left)
-    out = np.take(along, r0, axis=0)
-    step = np.take(along, r0 + 1, axis=0)
-    step -= out
-    step *= down
-    out += step
-    return np.asarray(out, dtype=np.float32)
+    above = np.take(along, r0, axis=0)
+    return np.asarray(above + down * (np.take(along, r0 + 1, axis=0) - above), dtype=np.float32)

@@ -163,18 +163,13 @@ def _scale(
     layers = made * np.float32(stays / lamina_mm)
     least = made * np.float32(adherent / lamina_mm)
     weak = np.float32(3.6 * min(spall, 1.0) - 3.0) - flaky
-    fallen = np.maximum(weak, 0.0)
-    fallen *= 3.5
+    fallen = 3.5 * np.maximum(weak, 0.0)
     left = np.maximum(layers - fallen, least)
     whole = np.floor(left)
-    left -= whole
-    whole += np.clip(5.0 * left - 4.0, 0.0, 1.0)
-    terrace = np.minimum(np.maximum(whole, least), layers)
-    edge = np.clip(1.0 + 5.0 * weak, 0.0, 1.0)
-    edge *= np.minimum(layers, 1.0)
+    terrace = np.minimum(np.maximum(whole + np.clip(5.0 * (left - whole) - 4.0, 0.0, 1.0), least), layers)
+    edge = np.clip(1.0 + 5.0 * weak, 0.0, 1.0) * np.minimum(layers, 1.0)
     gone = weak > 0.0
-    kept = np.where(gone, terrace, layers + 0.5 * edge)
-    kept *= np.float32(lamina_mm)
+    kept = np.where(gone, terrace, layers + 0.5 * edge) * np.float32(lamina_mm)
     return kept, np.where(gone, np.minimum(fallen, layers), -(edge > 0.5).astype(np.float32))
 
 

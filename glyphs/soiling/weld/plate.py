@@ -82,13 +82,9 @@ def _finish(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
     """The coat with the finish of every layer, the first lowest, where its cover (0 to 1) says so."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
-    rest = np.empty_like(coat.z_mm)
-    for k, start in enumerate(planes):
-        planes[k] = plane = np.array(start, order="C")
+    for k in range(len(planes)):
         for cover, finish in layers:
-            np.subtract(np.float32(finish[k]), plane, out=rest)
-            np.multiply(rest, cover, out=rest)
-            plane += rest
+            planes[k] = planes[k] + cover * (np.float32(finish[k]) - planes[k])
     changes: dict[str, Field] = dict(zip(names, planes[3:], strict=True))
     return replace(coat, albedo=np.stack(planes[:3], axis=-1), **changes)  # type: ignore[arg-type]
 
