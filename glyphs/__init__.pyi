@@ -12,7 +12,6 @@ from .soiling.soil import Soil
 from .soiling.soiled import SoiledPart, Soiling, soil_part
 from .soiling.soils import SOILS, SoilModel
 from .soiling.workshop.mixture import Dirt
-from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from .stamping.die import IdealGlyph, ideal_relief
 from .stamping.dies import DIES
 from .stamping.errors import StampError
@@ -34,18 +33,15 @@ __all__ = [
     "SOILS",
     "Camera",
     "Coat",
-    "DatabaseError",
     "Die",
     "Dirt",
     "EdgeMap",
-    "Exemplar",
     "Face",
     "FileError",
     "Font",
     "FontError",
     "FormatError",
     "Glyph",
-    "GlyphDatabase",
     "Grinding",
     "HeightMap",
     "IdealGlyph",
@@ -74,11 +70,9 @@ __all__ = [
     "draw_camera",
     "draw_light",
     "ideal_relief",
-    "load_database",
     "load_font",
     "photograph",
     "random_text",
-    "save_database",
     "soil_part",
     "stamp",
     "stamp_line",

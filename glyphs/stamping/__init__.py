@@ -1,1 +1,1 @@
-"""Dies and what they cut: faces, plates, blows, whole serials, and the database of glyphs."""
+"""Dies and what they cut: faces, plates, blows and whole serials."""

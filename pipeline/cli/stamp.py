@@ -25,7 +25,7 @@ def list_fonts(database: Path | None = None) -> int:
         Glyph database.
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-    from glyphs.stamping.database import load_database
+    from pipeline.formats.glyph_database import load_database
 
     content = None if database is None else load_database(database)
     for font in map(load_font, BUILTIN_FONTS) if content is None else content.fonts.values():
@@ -78,7 +78,7 @@ def build(out: Path, *font: str) -> int:
         raise UsageError("glyphs build: name at least one font")
     from glyphs.atomic import check_writable
     from glyphs.fonts.outlines import load_font
-    from glyphs.stamping.database import GlyphDatabase, save_database
+    from pipeline.formats.glyph_database import GlyphDatabase, save_database
 
     check_writable(out)
     fonts = [load_font(name) for name in font]
@@ -90,7 +90,7 @@ def build(out: Path, *font: str) -> int:
 def _fonts_of(name: str) -> list[Font]:
     """Load the fonts of a glyph database, else the font of a name or file."""
     from glyphs.fonts.outlines import load_font
-    from glyphs.stamping.database import DatabaseError, load_database
+    from pipeline.formats.glyph_database import DatabaseError, load_database
 
     if Path(name).suffix.lower() != ".glyphs":
         return [load_font(name)]

@@ -103,7 +103,7 @@ def enroll(
 
 
 def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
-    from glyphs.stamping.database import load_database
+    from pipeline.formats.glyph_database import load_database
     from pipeline.plots.exemplars_picture import exemplars_figure
     from pipeline.plots.pictures import save_figure
 

@@ -7,10 +7,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.hdf5_checks import n_values, own_datasets
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError, naming, reading
+from pipeline.formats.hdf5_checks import n_values, own_datasets
 from pipeline.formats.kinds import FORMATS_SUFFIXES, MESH_SUFFIXES, MOST_BYTES, PHOTO_SUFFIXES, TEXT_SUFFIXES
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pipeline.reading.enrolment import SetAside, exemplar_places
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
-    from glyphs.stamping.database import Exemplar
+    from pipeline.formats.glyph_database import Exemplar
 
 _USED, _ASIDE, _SHAPE = "0.6", "#c62828", "#1b4e91"
 

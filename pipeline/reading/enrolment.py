@@ -18,9 +18,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
-from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from pipeline.common.texts import without_blanks
 from pipeline.common.version import file_sha256
+from pipeline.formats.glyph_database import (
+    DatabaseError,
+    Exemplar,
+    GlyphDatabase,
+    load_database,
+    save_database,
+)
 from recognition.learning.exemplars import Cut, ExemplarError
 
 if TYPE_CHECKING:

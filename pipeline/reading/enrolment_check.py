@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from glyphs.errors import MarksError
-from glyphs.stamping.database import load_database, save_database
 from pipeline.common.settings import ReadSettings
 from pipeline.common.texts import without_blanks
+from pipeline.formats.glyph_database import load_database, save_database
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import enrol
 

@@ -25,7 +25,7 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
         OwnFileError: a file that it names is not.
         FileError: its settings are not.
     """
-    from glyphs.stamping.database import DatabaseError
+    from pipeline.formats.glyph_database import DatabaseError
     from pipeline.reading.readers import open_reader
 
     job = job_of(path, written, digest)

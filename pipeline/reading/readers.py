@@ -86,7 +86,7 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
     """Fonts out of the database, and names still to be loaded."""
     if settings.database is None:
         return settings.font
-    from glyphs.stamping.database import DatabaseError, load_database
+    from pipeline.formats.glyph_database import DatabaseError, load_database
 
     kept = load_database(settings.database).fonts
     if not kept and not settings.font:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from glyphs import GlyphDatabase, load_font, save_database
+from glyphs import load_font
 from pipeline import ReadSettings
+from pipeline.formats.glyph_database import GlyphDatabase, save_database
 from tests.contract.front_doors import ROOT, Command, environment
 
 READ = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1")

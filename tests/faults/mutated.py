@@ -30,9 +30,9 @@ import numpy as np
 
 from glyphs.errors import MarksError
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.database import GlyphDatabase, load_database, save_database
 from pipeline.common.job_file import read_job_file
 from pipeline.common.serial_format import read_lexicon
+from pipeline.formats.glyph_database import GlyphDatabase, load_database, save_database
 from pipeline.formats.manifest import read_manifest
 from pipeline.formats.photos import read_photo
 from pipeline.formats.touch_file import read_height_map, read_scan

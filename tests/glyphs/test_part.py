@@ -72,7 +72,7 @@ def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dic
     [
         (("glyphs", "whisker_array", "recognition"), {"numpy", "scipy", "numba", "cv2", "matplotlib"}),
         (
-            ("glyphs.part", "glyphs.stamping.database"),
+            ("glyphs.part", "pipeline.formats.glyph_database"),
             {"numba", "h5py", "fontTools", "HersheyFonts", "matplotlib", "scipy"},
         ),
     ],

@@ -6,13 +6,13 @@ import matplotlib
 import numpy as np
 import pytest
 
-from glyphs.stamping.database import DatabaseError, load_database
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
+from pipeline.formats.glyph_database import DatabaseError, load_database
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part

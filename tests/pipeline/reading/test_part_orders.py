@@ -203,7 +203,7 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
 
 def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
     from glyphs.fonts.outlines import load_font
-    from glyphs.stamping.database import GlyphDatabase, save_database
+    from pipeline.formats.glyph_database import GlyphDatabase, save_database
 
     path = tmp_path / "dies.npz"
     save_database(GlyphDatabase(fonts={"gothic": load_font("gothic")}), path)

@@ -213,7 +213,7 @@ def test_a_foreign_page_cannot_reach_a_service_without_tokens(client: TestClient
 
 def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
     from glyphs.fonts.outlines import load_font
-    from glyphs.stamping.database import GlyphDatabase, save_database
+    from pipeline.formats.glyph_database import GlyphDatabase, save_database
 
     (tmp_path / "databases").mkdir()
     save_database(GlyphDatabase({"gothic": load_font("gothic")}), tmp_path / "databases" / "press-7.glyphs")

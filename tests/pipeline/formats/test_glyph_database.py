@@ -9,8 +9,14 @@ from hypothesis import strategies as st
 
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping import database as module
-from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
+from pipeline.formats import glyph_database as module
+from pipeline.formats.glyph_database import (
+    DatabaseError,
+    Exemplar,
+    GlyphDatabase,
+    load_database,
+    save_database,
+)
 
 WHEN = "2024-05-17T09:30:00+00:00"
 

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
-from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
 from glyphs.surface.display import OneLine
+from pipeline.formats.hdf5_checks import n_bytes, n_values, own_datasets
 
 FORMAT_NAME = "tactile-marks glyph database"
 FORMAT_VERSION = 2
