@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whisker_array.estimation.estimate import _small_root, moment_per_lift
-from whisker_array.whisker.enhancement import _check, _check_mu, _divide
+from whisker_array.whisker.enhancement import _divide, contact_direction, rotation
 from whisker_array.whisker.sections import Material, Section, WhiskerError
 from whisker_array.whisker.shapes import Matrix, TipModel, Vector
 
@@ -100,7 +100,7 @@ def friction_slope(alpha_rad: float, mu: float) -> float:
     Raises:
         WhiskerError: 1 + mu tan(alpha) = 0, a rising wall on the edge of the friction cone.
     """
-    _check(alpha_rad, mu)
+    rotation(alpha_rad), contact_direction(mu)  # refuse what is out of range
     t = math.tan(alpha_rad)
     return _divide(t - mu, 1.0 + mu * t, "the contact force is horizontal")
 
@@ -139,7 +139,7 @@ def h_of_paper(alpha_rad: float, mu: float) -> float:
     Raises:
         WhiskerError: alpha = 0, where the form is 0/0 (its limit is mu).
     """
-    _check(alpha_rad, mu)
+    rotation(alpha_rad), contact_direction(mu)  # refuse what is out of range
     t = math.tan(alpha_rad)
     what = "eq. (26) is 0/0 at alpha = 0"
     return _divide(1.0, t, what) - _divide(t + _divide(1.0, t, what), mu * t + 1.0, "the force is horizontal")
@@ -151,7 +151,7 @@ def enhancement_frictionless(*, alpha_rad: float, k: float) -> float:
     Raises:
         WhiskerError: alpha is the singular angle.
     """
-    _check(alpha_rad, 0.0)
+    rotation(alpha_rad)  # refuses what is out of range
     return _divide(1.0, 1.0 - 1.5 * k * math.tan(alpha_rad), "alpha is the singular angle")
 
 
@@ -164,7 +164,7 @@ def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
     Raises:
         WhiskerError: k or mu negative or not finite.
     """
-    _check_mu(mu)
+    contact_direction(mu)  # refuses what is out of range
     if not (math.isfinite(k) and k >= 0.0):
         raise WhiskerError(f"k is {k}", hint="l2 / l1 is finite and not negative")
     return math.atan2(2.0, 3.0 * k) + math.atan(mu)
