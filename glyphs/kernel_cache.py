@@ -22,10 +22,6 @@ _dumps: Any = serialize.dumps
 _runtime: Any = rtsys
 
 
-class DamagedKernelError(Exception):
-    """A kernel on disk is not the one that was written."""
-
-
 class _Sealed(_Impl):  # type: ignore[misc]
     """Kernels with the digest of their bytes and of the source: damaged machine code would end the process."""
 
@@ -36,7 +32,7 @@ class _Sealed(_Impl):  # type: ignore[misc]
     def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
         digest, body = reduced_data
         if digest != self._digest(body):
-            raise DamagedKernelError
+            raise ValueError("a kernel on disk is not the one that was written")
         return super().rebuild(target_context, pickle.loads(body))
 
     def _digest(self, body: bytes) -> bytes:

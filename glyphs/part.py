@@ -115,15 +115,9 @@ class Part:
         first, stands = light or drawn, camera or camera_drawn
         taken = photograph(self.soiled, first, stands, rng=rng)
         noise = self._rng(_NOISE_STREAM)
-        others = tuple(
-            photograph(
-                self.soiled,
-                replace(first, azimuth_deg=(first.azimuth_deg + 360.0 * k / lights) % 360.0),
-                stands,
-                rng=noise,
-            )
-            for k in range(1, lights)
-        )
+        around = ((first.azimuth_deg + 360.0 * k / lights) % 360.0 for k in range(1, lights))
+        turned = (replace(first, azimuth_deg=azimuth_deg) for azimuth_deg in around)
+        others = tuple(photograph(self.soiled, each, stands, rng=noise) for each in turned)
         return replace(taken, others=others)
 
     def _rng(self, stream: int) -> np.random.Generator:

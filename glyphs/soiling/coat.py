@@ -113,7 +113,6 @@ class Coat(OneLine):
         cover: Field,
         *,
         albedo: ArrayLike | None = None,
-        darker: ArrayLike | None = None,
         roughness: ArrayLike | None = None,
         reflectance: ArrayLike | None = None,
     ) -> Coat:
@@ -122,15 +121,13 @@ class Coat(OneLine):
         Args:
             cover: share of the new look.
             albedo: the new albedo.
-            darker: factor on the albedo instead.
             roughness: the new roughness.
             reflectance: the new reflectance.
         """
         w = cover.astype(np.float32)
         changes: dict[str, NDArray[np.float32]] = {}
-        if albedo is not None or darker is not None:
-            given = self.albedo * np.asarray(darker) if albedo is None else albedo
-            new = np.asarray(given, dtype=np.float32)
+        if albedo is not None:
+            new = np.asarray(albedo, dtype=np.float32)
             changes["albedo"] = np.clip(self.albedo + w[..., None] * (new - self.albedo), 0.0, 1.0)
         for name, value in (("roughness", roughness), ("reflectance", reflectance)):
             if value is not None:

@@ -10,22 +10,17 @@ from glyphs.surface.noise import Field
 
 
 def coarse_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
-    """Smooth noise on a grid as coarse as its length allows; `refine` brings it to the part's."""
+    """Smooth noise on a grid as coarse as its length allows."""
     return grids.coarse_noise(coat, length_mm, max(1, int(length_mm / coat.pitch_mm / 6.0)), rng)
-
-
-def refine(values: Field, shape: tuple[int, ...]) -> Field:
-    """A coarse field on the part's grid."""
-    return grids.resize(values, shape, how="cubic")
 
 
 def slow_noise(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
     """Smooth noise of a length well above the pitch."""
-    return refine(coarse_noise(coat, length_mm, rng), coat.shape)
+    return grids.resize(coarse_noise(coat, length_mm, rng), coat.shape, how="cubic")
 
 
 def blur(z: Field, width_mm: float, pitch_mm: float) -> Field:
     """Gaussian mean of `width_mm`, on a grid thinned where that is wide."""
     step = max(1, int(width_mm / pitch_mm / 2.0))
     mean = grids.resize(z, (max(2, z.shape[0] // step), max(2, z.shape[1] // step)), how="area")
-    return refine(grids.blur(mean, width_mm / pitch_mm / step), z.shape)
+    return grids.resize(grids.blur(mean, width_mm / pitch_mm / step), z.shape, how="cubic")

@@ -15,9 +15,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.soiling.casting.fields import blur, coarse_noise, refine, slow_noise
+from glyphs.soiling.casting.fields import blur, coarse_noise, slow_noise
 from glyphs.soiling.casting.sand import MARK, Mould
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.grids import resize
 from glyphs.soiling.strokes import across, along, drop, spread
 from glyphs.surface.noise import Field, ramp
 
@@ -52,7 +53,8 @@ def laps(coat: Coat, mould: Mould, amount: float, rng: np.random.Generator) -> F
     near = ramp(-mould.warmth, onset - 0.9, onset)
     # distance from the line where the two fronts are level, in widths of the crack
     slope = np.hypot(*np.gradient(meet)) * meet.shape[0] / (rows * coat.pitch_mm)
-    away = refine((meet / (slope + 0.1 / size) / (0.025 * size)).astype(np.float32), coat.shape)
+    far = (meet / (slope + 0.1 / size) / (0.025 * size)).astype(np.float32)
+    away = resize(far, coat.shape, how="cubic")
     lips = np.exp(-((away / 3.0) ** 2))
     crack = lips * lips * lips
     seam = np.float32(0.35) * lips - np.float32(1.35) * crack * crack * crack

@@ -98,4 +98,4 @@ def add_scratches(coat: Coat, amount: float, *, rng: np.random.Generator, most_a
     dull = ramp(cut, 0.003, 0.02) - shine
     coat = replace(coat, z_mm=coat.z_mm - cut)
     coat = coat.shaded(0.7 * shine, albedo=(0.33, 0.32, 0.31), roughness=0.25, reflectance=0.6)
-    return coat.shaded(0.6 * dull, darker=0.45)
+    return coat.shaded(0.6 * dull, albedo=np.float64(0.45) * coat.albedo)

@@ -24,7 +24,8 @@ def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2
           \\______/
     """
     most = max(1, round(most_a_mm2 * coat.area_mm2))
-    kinds = rng.choice(3, size=most, p=_mix(rng))
+    # shares of curls, slivers and grains differ from part to part
+    kinds = rng.choice(3, size=most, p=rng.dirichlet((1.5, 2.5, 3.0)))
     # one stream a piece, so that more swarf is the same pieces and some
     streams = rng.spawn(most)
     count = round(most * amount)
@@ -45,11 +46,6 @@ def add_swarf(coat: Coat, amount: float, *, rng: np.random.Generator, most_a_mm2
         friction=np.where(lies, np.float32(STEEL_FRICTION), coat.friction),
     )
     return coat.shaded(lies.astype(np.float32), albedo=tint, roughness=0.22, reflectance=0.6)
-
-
-def _mix(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Shares of curls, slivers and grains on this part."""
-    return rng.dirichlet((1.5, 2.5, 3.0))
 
 
 def _lay(
