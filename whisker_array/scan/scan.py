@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.ranges import Positive, Validated
-from glyphs.surface.display import OneLine, picture_html
+from glyphs.surface.display import OneLine
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.mounting import VirtualBench, mount
@@ -50,9 +49,6 @@ class Scan(OneLine, Validated, error=MapError):
     kind: tuple[int, ...] = ()
     log: PassLog | None = None
 
-    def _repr_html_(self) -> str:
-        return picture_html(self, _overview(self))
-
     def __post_init__(self) -> None:
         if not self.sweeps:
             raise MapError("a scan has at least one sweep")
@@ -90,16 +86,6 @@ class Scan(OneLine, Validated, error=MapError):
     def directions(self) -> tuple[TraceDirection, ...]:
         """Trace directions, in the order of the sweeps."""
         return tuple(s.plan.direction for s in self.sweeps)
-
-
-def _overview(scan: Scan) -> NDArray[np.float32]:
-    """Moments of the first sweep as they lie on the plate, each line about its median, less of them darker."""
-    plan, moment = scan.sweeps[0].plan, scan.sweeps[0].moment_n_mm
-    lines = -moment.reshape(-1, plan.n_samples)[np.argsort(plan.line_mm, axis=None)]
-    lines = lines - np.nanmedian(lines, axis=1, keepdims=True)
-    lines = np.repeat(lines, max(1, round(scan.line_pitch_mm / plan.step_mm)), axis=0)
-    lines = lines[:, ::-1] if plan.direction.backward else lines
-    return lines if plan.direction.along_x else lines.T
 
 
 def trace_scan(

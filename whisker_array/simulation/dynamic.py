@@ -156,13 +156,8 @@ def trace_dynamic(
     Raises:
         WhiskerError: preload, step, speed or contact not positive.
     """
-    require_positive(
-        WhiskerError,
-        preload_mm=preload_mm,
-        step_mm=step_mm,
-        speed_mm_s=speed_mm_s,
-        contact_mm_per_n=contact_mm_per_n,
-    )
+    require_positive(WhiskerError, preload_mm=preload_mm, contact_mm_per_n=contact_mm_per_n)
+    require_positive(WhiskerError, step_mm=step_mm, speed_mm_s=speed_mm_s)
     period = shortest_period_s(modes, contact_mm_per_n=contact_mm_per_n, friction=friction)
     steps = max(1, math.ceil(step_mm / speed_mm_s / period * steps_a_period))
     lag = CONTACT_DAMPING * period / math.pi
