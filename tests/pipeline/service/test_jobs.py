@@ -204,6 +204,28 @@ def test_a_job_has_a_certificate_of_its_own(tmp_path: Path) -> None:
     assert "made with other settings" in listed.problem
 
 
+def test_a_check_that_fails_or_cannot_be_made_touches_its_own_job_alone(tmp_path: Path) -> None:
+    folder, fault = tmp_path / "jobs", list[Exception]()
+
+    def call(function: Any, *arguments: Any) -> Any:
+        if fault and arguments and arguments[0].stem == "left":
+            raise fault[0]
+        return function(*arguments)
+
+    for name in ("left", "right"):
+        put(folder, name, 'format = "A9"\nfont = "gothic"\n')
+    jobs = JobFolder(folder, own=ReadSettings(), needed="right", call=call)
+    for error, told in ((Problem(503, "no worker"), ""), (KeyError("odd"), "report this")):
+        fault[:] = [error]
+        put(folder, "left", 'format = "A99"\nfont = "gothic"\n')
+        left, right = jobs.listed()
+        assert told in left.problem
+        assert (bool(left.problem), right.problem) == (bool(told), "")
+        assert jobs.settings("left").format == jobs.settings("right").format == ("A9",)
+    with pytest.raises(Problem, match="watched folder uses the job right"):
+        jobs.delete("right")
+
+
 # ---- taught
 
 
