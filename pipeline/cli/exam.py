@@ -16,15 +16,13 @@ from cyclopts import Parameter
 from pipeline.cli.choices import FidelityName, Flag, Jobs, Positive, listed
 from pipeline.cli.exit_status import CommandError, UsageError, resumable
 from pipeline.common.settings import SettingsError
+from pipeline.common.texts import first_of
 
 if TYPE_CHECKING:
     from pipeline.benchmark.analysis.statistics import Statistics
     from pipeline.benchmark.exam.specimens import Parts
     from pipeline.runs.progress import Progress
     from pipeline.workers.executors import Executor
-
-
-_MOST_NAMED = 5
 
 
 def run(
@@ -70,8 +68,7 @@ def run(
         side each time), a reader of your own, module:function, that takes a pipeline.ExamPart and gives its text, or
         another program, such as "rapidocr relief". Also groups: experts (what every expert of the modes named would
         read alone), peers (RapidOCR and Tesseract on the line as photographed, as felt and as it is; extra peers),
-        plans (touch that chooses its passes against uniform, random and whole plans; the report draws accepted serials
-        against stage seconds).
+        plans (touch that chooses its passes against uniform, random and whole plans).
     give
         What the reader is given beside the part: font, height, format, several separated by commas, or nothing
         (default: what the design says, else the format). Repeat it to read every part with each:
@@ -117,7 +114,6 @@ def run(
     """
     from pipeline.benchmark.readers.modes import expand_groups
     from pipeline.benchmark.report.writing import write_report
-    from pipeline.benchmark.trials.planning import foresight
     from pipeline.benchmark.trials.run import Benchmark, run_benchmark
     from pipeline.cli.tables import print_document
     from pipeline.reading.certificate import checked
@@ -144,9 +140,7 @@ def run(
     tried = Benchmark(
         source, expand_groups(listed(mode), ablate=listed(ablate)), reading, PERTURBATIONS if perturb else ()
     )
-    items = source.items()
-    print(foresight(items, tried.crossed), file=sys.stderr)
-    with _at_work(len(items), out, jobs, cluster) as (progress, executor):
+    with _at_work(len(source.items()), out, jobs, cluster) as (progress, executor):
         trials = run_benchmark(tried, out, executor=executor, progress=progress)
         progress.step("drawing the report")
         written = write_report(tried, trials, out, certificate=vouching, executor=executor)
@@ -213,7 +207,6 @@ def export(
     folder: Path,
     *,
     parts: int | None = None,
-    felt: bool = True,
     jobs: Jobs = 1,
     cluster: str | None = None,
     check: Flag = False,
@@ -229,8 +222,6 @@ def export(
         For the files; made if it is not there.
     parts
         The first so many parts (default: all). The first of a design are balanced, too.
-    felt
-        Write what touch feels; it takes a third of the time.
     jobs
         Worker processes.
     cluster
@@ -241,11 +232,10 @@ def export(
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
     from pipeline.benchmark.export import folder as exporting
-    from pipeline.benchmark.export.exported_part import ExportOrder
 
-    order = ExportOrder(DesignedParts(design_named(design), parts), felt=felt)
+    exam = DesignedParts(design_named(design), parts)
     if check:
-        found = exporting.check(order, folder)
+        found = exporting.check(exam, folder)
         for path, problem in found.items():
             print(f"{path}: {problem}")
         if found:
@@ -253,8 +243,8 @@ def export(
             raise CommandError(f"the folder differs from its manifest, files: {len(found)}", hint=hint)
         print(f"{folder} is as its manifest says")
         return 0
-    with _at_work(len(order.parts.items()), folder, jobs, cluster) as (progress, executor):
-        written = exporting.export(order, folder, executor=executor, progress=progress)
+    with _at_work(len(exam.items()), folder, jobs, cluster) as (progress, executor):
+        written = exporting.export(exam, folder, executor=executor, progress=progress)
     print(f"wrote {written} parts and their truth to {folder}")
     return 0
 
@@ -327,8 +317,7 @@ def score(
             (answers.unknown, "are not in the exam and do not count"),
         ):
             if some:
-                named = ", ".join(some[:_MOST_NAMED]) + (", ..." if len(some) > _MOST_NAMED else "")
-                print(f"{reader}: {len(some)} parts {what}: {named}", file=sys.stderr)
+                print(f"{reader}: {len(some)} parts {what}: {first_of(some)}", file=sys.stderr)
     # part by part, as a run has them
     trials = [t for same in zip(*(a.trials for a in read.values()), strict=True) for t in same]
     benchmark = Benchmark(source, names, ReaderSettings())
@@ -340,9 +329,7 @@ def score(
     return 0
 
 
-def compare(
-    before: Path, after: Path, /, *, out: Path | None = None, pictures: int = 24, jobs: Jobs = 1
-) -> int:
+def compare(before: Path, after: Path, /, *, out: Path | None = None, jobs: Jobs = 1) -> int:
     """Compare two finished benchmarks of the same parts, and show what flipped.
 
     Writes compare.html, with pictures of the parts that flipped, compare.md and compare.csv.
@@ -355,19 +342,15 @@ def compare(
         Folder of the benchmark after it.
     out
         Folder for the page and the table (default: that of the second benchmark).
-    pictures
-        How many flips are drawn at most, the gravest first.
     jobs
         Worker processes that draw.
     """
-    if pictures < 0:
-        raise UsageError("compare: --pictures is at least 0")
-    from pipeline.benchmark.report.change_report import write_comparison
+    from pipeline.benchmark.report.change_report import SHOWN, write_comparison
     from pipeline.cli.tables import print_document
     from pipeline.workers.options import WorkerSettings
 
-    with WorkerSettings(jobs=jobs).opened(pictures) as executor:
-        written = write_comparison(before, after, out or after, pictures=pictures, executor=executor)
+    with WorkerSettings(jobs=jobs).opened(SHOWN) as executor:
+        written = write_comparison(before, after, out or after, executor=executor)
     print_document(written.document, written.files)
     return 0
 

@@ -13,8 +13,6 @@ from pipeline.runs.options import RunOptions
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.formats.part_files import PartFiles
-    from recognition.decision import reading as readings
 
 _RUN = RunOptions()
 
@@ -50,7 +48,7 @@ def read(
 def inspect(file: Path, *, out: Path | None = None, reading: Reading = READING, config: Config = None) -> int:
     """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
-    A photograph beside the file with the same name is shown, too, whether or not it is read.
+    A photograph beside the file with the same name is shown, too, where it is read.
 
     Parameters
     ----------
@@ -91,22 +89,5 @@ def _draw(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         open_reader(settings), mode=settings.mode, maps=settings, budget_s=settings.touch_budget_s
     )
     found = reader.read(part)
-    shown, problem = _with_photo(found, part)
-    save_figure(reading_figure(shown, title=part.name), picture)
-    return [*problem, f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]
-
-
-def _with_photo(reading: readings.Reading, part: PartFiles) -> tuple[readings.Reading, list[str]]:
-    """Add the photograph to the trace, to be shown; say why where it cannot be used."""
-    from glyphs.errors import FileError
-    from pipeline.reading.part_reader import load_photo
-    from recognition.reader import centre_on
-
-    if reading.trace.photo is not None or not part.photo:
-        return reading, []
-    try:
-        photo = load_photo(part)
-    except FileError as problem:
-        return reading, [f"  not shown: {problem}"]
-    surface = None if reading.touch is None else reading.touch.trace.height_map
-    return reading.with_trace(photo=photo if surface is None else centre_on(photo, surface)), []
+    save_figure(reading_figure(found, title=part.name), picture)
+    return [f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]

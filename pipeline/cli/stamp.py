@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from pipeline.cli.choices import Flag, Positive, listed
 from pipeline.cli.exit_status import UsageError
-from pipeline.common.stamping import FaceName, Stamping
+from pipeline.common.stamping import Stamping
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
@@ -36,8 +36,8 @@ def list_fonts(database: Path | None = None) -> int:
     return 0
 
 
-def show(*font: str, out: Path | None = None, face: FaceName = "flat", height_mm: float = 5.0) -> int:
-    """Draw every character of fonts, and some as stamped relief.
+def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> int:
+    """Draw every character of fonts.
 
     Parameters
     ----------
@@ -46,20 +46,17 @@ def show(*font: str, out: Path | None = None, face: FaceName = "flat", height_mm
     out
         Picture to write, .png, .svg or .pdf. By default NAME.png here, of the only file or font that is named; else
         fonts.png.
-    face
-        Face of the die.
     height_mm
-        Character height.
+        Character height, mm: strokes of small characters are wider.
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
-    from glyphs.stamping.faces import Face
     from pipeline.plots.font_sheet import sheet_figure
     from pipeline.plots.pictures import check_picture, save_figure
 
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
     check_picture(out)
     fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
-    save_figure(sheet_figure(fonts, die_face=Face(face), height_mm=height_mm), out)
+    save_figure(sheet_figure(fonts, height_mm=height_mm), out)
     print(f"wrote {out}")
     return 0
 

@@ -238,12 +238,5 @@ def _lines(report: CheckReport) -> list[str]:
 
 
 def _as_json(report: CheckReport) -> str:
-    found = {
-        "well": report.well,
-        "parts": report.parts,
-        "files": report.files,
-        "counts": report.counts,
-        "what_to_do": {fault: fault.todo for fault in report.counts},
-        "findings": [{"fault": f.fault, "subject": f.subject, "what": f.what} for f in report.findings],
-    }
-    return json.dumps(found, indent=1)
+    todo = {fault: fault.todo for fault in report.counts}
+    return json.dumps({"well": report.well, **vars(report), "what_to_do": todo}, indent=1, default=vars)

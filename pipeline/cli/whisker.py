@@ -16,7 +16,7 @@ from pipeline.cli.settings import MAPS, Maps
 
 if TYPE_CHECKING:
     from whisker_array.scan.session import StageSession
-    from whisker_array.whisker.array import RasterPlan, WhiskerArray
+    from whisker_array.whisker.array import RasterPlan
     from whisker_array.whisker.shapes import Whisker
 
 
@@ -303,26 +303,10 @@ def figures(
     mu
         Friction coefficient in Figs. 6 and 7; Fig. 4 has the paper's range of them.
     """
-    from pipeline.cli.tables import print_table
     from pipeline.plots.paper_figures import draw_figures
-    from whisker_array.simulation.traces import Fidelity
 
     print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
-    written, rows = draw_figures(out, mu=mu)
-    felt = [heading for fidelity in Fidelity for heading in (fidelity.value, "error", "peak")]
-    step, trace = (
-        "{figure} {k:.3f} {alpha_deg:.0f} {mu:.2f} {f_predicted:.4f}",
-        "{f_read_off:.4f} {error:+.2%} {peak:.3f}",
-    )
-    lines = (
-        " ".join([step.format(**pair[0]), *(trace.format(**row) for row in pair)])
-        for pair in zip(*[iter(rows)] * len(Fidelity), strict=True)
-    )
-    print_table(("figure", "l2/l1", "alpha", "mu", "F (16)", *felt), map(str.split, lines), ("figure",))
-    print(
-        "peak: highest moment over the land's; the ball rounds the edge, and in contact the tip slides off it"
-    )
-    for path in written:
+    for path in draw_figures(out, mu=mu):
         print(f"wrote {path}")
     return 0
 
@@ -330,20 +314,12 @@ def figures(
 def describe_plan(plan: RasterPlan) -> str:
     """Describe region, array, passes and time on one line."""
     x0, y0, x1, y1 = plan.region_mm
-    ways = "/".join(f"{int(d)}°" for d in plan.directions) + (" and back" if plan.two_way else "")
+    array, ways = plan.array, "/".join(f"{int(d)}°" for d in plan.directions) + " and back" * plan.two_way
     return (
-        f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, {_describe_array(plan.array)}, "
-        f"lines {plan.line_pitch_mm:.3f} mm, {ways}, {plan.n_passes} passes, {plan.n_samples:,} samples, "
-        f"{plan.scan_time_s:.0f} s at {plan.speed_mm_s:g} mm/s"
+        f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, {array.kinds * array.n_whiskers} whiskers {array.pitch_mm:.2f} mm apart "
+        f"(rows: {array.kinds * array.rows}), lines {plan.line_pitch_mm:.3f} mm, {ways}, {plan.n_passes} passes, "
+        f"{plan.n_samples:,} samples, {plan.scan_time_s:.0f} s at {plan.speed_mm_s:g} mm/s"
     )
-
-
-def _describe_array(array: WhiskerArray) -> str:
-    combs = f"{array.kinds} kinds of " if array.kinds > 1 else ""
-    words = f"{combs}{array.n_whiskers} whiskers {array.pitch_mm:.2f} mm apart"
-    if array.rows * array.kinds > 1 and array.stagger_mm > 0.0:
-        words += f", {array.rows * array.kinds} rows {array.stagger_mm:.2f} mm behind each other"
-    return words + (f", {array.mass_g:.2g} g" if array.body is not None else "")
 
 
 def linear_beam_warning(whisker: Whisker, *, lift_mm: float, mu: float) -> str:

@@ -13,6 +13,7 @@ taken (Levenshtein), EXTRA and MISSING where one has nothing beside it::
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rapidfuzz.distance import Levenshtein
@@ -33,6 +34,11 @@ def without_blanks(text: str) -> str:
 def same_text(one: str, other: str) -> bool:
     """Whether two serials are the same; spaces are not stamped."""
     return without_blanks(one) == without_blanks(other)
+
+
+def first_of(names: Sequence[str], *, most: int = 5) -> str:
+    """Write the first of some names, and that there are more."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def harmless(text: str) -> str:

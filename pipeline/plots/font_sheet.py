@@ -1,9 +1,8 @@
-"""A specimen sheet: every letter of a font as ink, and some of them as stamped relief."""
+"""A specimen sheet: every letter of a font as ink."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,39 +10,31 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, signed_distance
 from glyphs.fonts.outlines import SERIAL_CHARACTERS
-from glyphs.stamping.die import die_glyph, ideal_relief
-from glyphs.stamping.faces import Die, Face, default_die
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.faces import Die, default_die
 from pipeline.plots.pictures import styled
 
 
 @styled
-def sheet_figure(fonts: Sequence[Font], *, die_face: Face = Face.FLAT, height_mm: float = 5.0) -> Figure:
+def sheet_figure(fonts: Sequence[Font], *, height_mm: float = 5.0) -> Figure:
     """Draw the sheet.
 
     Args:
         fonts: at least one.
-        die_face: face of the die that stamps the relief row (DOTTED falls back to FLAT for outlined fonts).
-        height_mm: character height.
+        height_mm: character height, which sets the width of strokes.
 
     Raises:
         ValueError: no font given.
     """
     if not fonts:
         raise ValueError("a specimen sheet needs at least one font")
-    figure = Figure(figsize=(11.0, 2.9 * len(fonts)), dpi=100)
-    grid = figure.subplots(2 * len(fonts), 1, height_ratios=[1.25, 1.0] * len(fonts))
-    for font, ink, relief in zip(fonts, grid[::2], grid[1::2], strict=True):
-        face = Face.FLAT if die_face is Face.DOTTED and font.stroke_ratio == 0.0 else die_face
-        die = default_die(height_mm, font=font, face=face)
-        ink.contourf(*_ink(font, die, height_mm), levels=[-1e3, 0.0], colors=["black"])
-        ink.set_title(f"{font.name}  ({font.source})")
-        ink.set_aspect("equal", anchor="W")
-        ink.set_axis_off()
-        picture, pitch_mm = _relief(font, die, height_mm), height_mm / 80
-        extent = (0.0, picture.shape[1] * pitch_mm, 0.0, picture.shape[0] * pitch_mm)
-        shown = relief.imshow(picture, cmap="viridis", extent=extent, interpolation="nearest")
-        figure.colorbar(shown, ax=relief, fraction=0.02, pad=0.01, label=f"{face} mm")
-        relief.set(xlabel="mm", anchor="W")  # the colour bar would move it
+    figure = Figure(figsize=(11.0, 1.8 * len(fonts)), dpi=100)
+    for font, axes in zip(fonts, figure.subplots(len(fonts), 1, squeeze=False).flat, strict=True):
+        die = default_die(height_mm, font=font)
+        axes.contourf(*_ink(font, die, height_mm), levels=[-1e3, 0.0], colors=["black"])
+        axes.set_title(f"{font.name}  ({font.source})")
+        axes.set_aspect("equal", anchor="W")
+        axes.set_axis_off()
     return figure
 
 
@@ -69,15 +60,3 @@ def _ink(
             distance[window] = np.minimum(distance[window], found)
             origin += shape.advance
     return x, y, distance
-
-
-def _relief(font: Font, die: Die, height_mm: float, *, text: str = "AR38SQ5W") -> NDArray[np.float32]:
-    """(rows, cols) a few characters stamped faultlessly, side by side, mm; 80 pixels a cap height."""
-    stamp = partial(
-        ideal_relief, die=die, height_mm=height_mm, pitch_mm=height_mm / 80, margin_mm=0.15 * height_mm
-    )
-    tiles = [stamp(font.glyphs[c]).height_map.z_mm for c in text if c in font.glyphs]
-    rows = max(t.shape[0] for t in tiles)
-    return np.hstack(
-        [np.pad(t, (((rows - t.shape[0]) // 2, (rows - t.shape[0] + 1) // 2), (0, 0))) for t in tiles]
-    )

@@ -34,7 +34,7 @@ Drawn = tuple[Figure, list[tuple[str, Step]]]
 """A figure, and the steps that it shows with the number of their panel."""
 
 
-def draw_figures(folder: Path, *, mu: float) -> tuple[list[Path], list[dict[str, Any]]]:
+def draw_figures(folder: Path, *, mu: float) -> list[Path]:
     """Draw the figures into a folder, made if need be, and write their steps beside them as figures.csv.
 
     Args:
@@ -42,7 +42,7 @@ def draw_figures(folder: Path, *, mu: float) -> tuple[list[Path], list[dict[str,
         mu: friction in Figs. 6 and 7; Fig. 4 has the paper's range of them.
 
     Returns:
-        The files, and the rows of the table.
+        The files.
 
     Raises:
         FileError: the folder cannot be made or written.
@@ -68,7 +68,7 @@ def draw_figures(folder: Path, *, mu: float) -> tuple[list[Path], list[dict[str,
         writer.writerows(
             {n: f"{v:.6g}" if isinstance(v, float) else v for n, v in row.items()} for row in rows
         )
-    return written, rows
+    return written
 
 
 @styled

@@ -19,9 +19,9 @@ from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_tri
 from pipeline.benchmark.analysis.stability import unperturbed
 from pipeline.benchmark.exam.condition import Level, level_name
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.texts import first_of
 from pipeline.common.version import differences
 
-_SHOWN_NAMES = 3
 _NOT_OF_PARTS = ("name", "given", "kept_out_soils", "cross")
 
 
@@ -185,12 +185,12 @@ def _check_same_parts(before: Sequence[Trial], after: Sequence[Trial]) -> None:
     for name, only in (("A", set(old) - set(new)), ("B", set(new) - set(old))):
         if only:
             raise NotComparableError(
-                f"{len(only):,} parts are in {name} alone: {_named(only)}",
+                f"{len(only):,} parts are in {name} alone: {first_of(sorted(only))}",
                 hint="finish both runs with the same number of parts",
             )
     if others := {part for part in old if old[part] != new[part]}:
         raise NotComparableError(
-            f"{len(others):,} parts of the same name are other parts: {_named(others)}",
+            f"{len(others):,} parts of the same name are other parts: {first_of(sorted(others))}",
             hint="run the same design with both programs",
         )
 
@@ -201,8 +201,3 @@ def _levels(trial: Trial) -> dict[str, Level]:
 
 def _readers(keys: Iterable[GroupKey]) -> str:
     return "; ".join(sorted({key.reader for key in keys}))
-
-
-def _named(names: set[str]) -> str:
-    found = sorted(names)
-    return ", ".join(found[:_SHOWN_NAMES]) + (" ..." if len(found) > _SHOWN_NAMES else "")

@@ -86,8 +86,7 @@ class Group:
         characters_by_part: 95 % interval of their share, whole parts drawn again.
         split: number of parts by what became of them, see `FATES`.
         accepted: parts vouched for.
-        accepted_wrong: parts vouched for and wrong, of all parts; with exact one-sided bounds.
-        wrong_of_accepted: the same, of those vouched for.
+        wrong_of_accepted: of these wrong; with exact one-sided bounds.
         risk: risk against coverage.
         serial_reliability: of the confidence in whole serials.
         character_reliability: of the confidence in single characters.
@@ -103,7 +102,6 @@ class Group:
     characters_by_part: Estimate
     split: dict[str, int]
     accepted: Share
-    accepted_wrong: Share
     wrong_of_accepted: Share
     risk: RiskCoverage
     serial_reliability: Reliability
@@ -128,7 +126,6 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
         characters_by_part=bootstrap_share(right, stamped),
         split={fate: counts[fate] for fate in FATES},
         accepted=share(accepted, len(trials)),
-        accepted_wrong=exact_share(counts["accepted_wrong"], len(trials)),
         wrong_of_accepted=exact_share(counts["accepted_wrong"], accepted),
         risk=risk_coverage([t.confidence for t in trials], [t.right for t in trials]),
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),

@@ -40,7 +40,7 @@ def card_of(
         "missing_views": {
             view: gone
             for view in ("edges", "relief")
-            if design["felt"] and (gone := sum(view not in label["views"] for label in labels))
+            if (gone := sum(view not in label["views"] for label in labels))
         },
         "fonts": _fonts(parts),
         "design": design,

@@ -41,19 +41,6 @@ FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
 
 
 @dataclass(frozen=True)
-class ExportOrder:
-    """The files to write of every part.
-
-    Attributes:
-        parts: of the design.
-        felt: whether what touch feels is.
-    """
-
-    parts: DesignedParts
-    felt: bool = True
-
-
-@dataclass(frozen=True)
 class ExportedPart:
     """The files of one part, to be written where the order came from.
 
@@ -66,19 +53,19 @@ class ExportedPart:
     files: dict[str, bytes]
 
 
-def export_part(order: ExportOrder, item: Item) -> ExportedPart:
+def export_part(parts: DesignedParts, item: Item) -> ExportedPart:
     """Make a part and all its files.
 
     Raises:
         MarksError: a part that cannot be made or photographed.
     """
-    specimen = order.parts.make(item)
-    height_mm = order.parts.spec(item.condition).height_mm
+    specimen = parts.make(item)
+    height_mm = parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:
         writer = _Writer(
             Path(scratch), specimen, PartReadings(specimen, Reader(orientation=Orientation.UPRIGHT))
         )
-        writer.write(felt=order.felt)
+        writer.write()
         paths = sorted(p for p in Path(scratch).rglob("*") if p.is_file())
         files = {p.relative_to(scratch).as_posix(): p.read_bytes() for p in paths}
     label: dict[str, Any] = {
@@ -119,7 +106,7 @@ class _Writer:
     lines: dict[str, str] = field(default_factory=dict)
     scan: dict[str, Any] = field(default_factory=dict)
 
-    def write(self, *, felt: bool) -> None:
+    def write(self) -> None:
         for name in FOLDERS:
             (self.folder / name).mkdir()
         part, surface = self.specimen.part, self.specimen.height_map
@@ -129,8 +116,7 @@ class _Writer:
         self._picture("photo", f"photos/{part}.png", photo, photo_grid)
         plate = _grid(surface.pitch_mm, (0.0, 0.0), surface.z_mm.shape)
         self._layer("ideal", f"ideal/{part}.png", surface.z_mm, "mm", plate)
-        if felt:
-            self._felt(self.senses.felt, f"felt/{part}")
+        self._felt(self.senses.felt, f"felt/{part}")
         for view in (view for view in PICTURES if view in self.views):
             path = f"lines/{part}-{view}.png"
             try:

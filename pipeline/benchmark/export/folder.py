@@ -16,11 +16,11 @@ from typing import Any
 
 from glyphs.atomic import replacing
 from glyphs.errors import FileError, MarksError
+from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.export.data_card import CARD, card_of, page_of
 from pipeline.benchmark.export.exported_part import (
     FOLDERS,
-    ExportOrder,
     export_part,
     label_path,
     sha256,
@@ -39,7 +39,7 @@ class ExportError(MarksError):
 
 
 def export(
-    order: ExportOrder,
+    parts: DesignedParts,
     folder: Path,
     *,
     executor: Executor | None = None,
@@ -48,7 +48,7 @@ def export(
     """Write the exam; complete parts already in the folder are kept, so that a later call can add more parts.
 
     Args:
-        order: what to write.
+        parts: parts of the exam.
         folder: output folder; created if needed.
         executor: executor that runs the work (default: this process).
         progress: shows how far the export is.
@@ -60,14 +60,14 @@ def export(
         ExportError: some parts could not be made; the others are written.
         FileError: the folder holds something else, or cannot be written.
     """
-    items = order.parts.items()
-    _prepare(order, folder)
+    items = parts.items()
+    _prepare(parts, folder)
     labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}
     if progress:
         progress.start(len(items), len(labels))
     missing = [item for item in items if item.part not in labels]
     failed: list[str] = []
-    for outcome in (executor or Executor()).calls(export_part, order, missing):
+    for outcome in (executor or Executor()).calls(export_part, parts, missing):
         item, made = outcome.task, outcome.result
         if made is None:
             failed.append(f"{item.part}: {outcome.error}")
@@ -80,18 +80,18 @@ def export(
             progress.advance()
     if failed:
         raise ExportError(f"{len(failed)} parts could not be made, the first is {failed[0]}")
-    _finish(order, folder, [labels[item.part] for item in items])
+    _finish(parts, folder, [labels[item.part] for item in items])
     return len(items)
 
 
-def check(order: ExportOrder, folder: Path) -> dict[str, str]:
+def check(parts: DesignedParts, folder: Path) -> dict[str, str]:
     """Files that differ from the manifest, by path: missing, changed, or not in the manifest.
 
     Raises:
         FileError: no manifest, or of another design.
     """
     card = _json_of(folder / CARD)
-    if card is None or card.get("design") != _design_of(order):
+    if card is None or card.get("design") != _design_of(parts):
         raise FileError(folder, "holds no export of this design", "name its folder, or its design")
     manifest = _json_of(folder / MANIFEST)
     if manifest is None or not isinstance(manifest.get("files"), dict):
@@ -107,13 +107,13 @@ def check(order: ExportOrder, folder: Path) -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def _design_of(order: ExportOrder) -> dict[str, Any]:
+def _design_of(parts: DesignedParts) -> dict[str, Any]:
     """Everything that the parts depend on, except the program."""
-    design: dict[str, Any] = json.loads(json.dumps({**order.parts.description(), "felt": order.felt}))
+    design: dict[str, Any] = json.loads(json.dumps(parts.description()))
     return design
 
 
-def _prepare(order: ExportOrder, folder: Path) -> None:
+def _prepare(parts: DesignedParts, folder: Path) -> None:
     """Make the folders, or see that they are of the same export by the same program.
 
     Raises:
@@ -123,7 +123,7 @@ def _prepare(order: ExportOrder, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
         held = _json_of(folder / CARD)
-        new = card_of(order.parts, [], design=_design_of(order))
+        new = card_of(parts, [], design=_design_of(parts))
         if occupied:
             if held is None:
                 raise FileError(folder, "is not empty and holds no export", "name another folder")
@@ -151,9 +151,9 @@ def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
     return label if same else None
 
 
-def _finish(order: ExportOrder, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
+def _finish(parts: DesignedParts, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
     """Label files, card and manifest."""
-    card = card_of(order.parts, labels, design=_design_of(order))
+    card = card_of(parts, labels, design=_design_of(parts))
     texts = {**label_files(labels), CARD: _json(card), PAGE: page_of(card)}
     hashes: dict[str, str] = {}
     for label in labels:

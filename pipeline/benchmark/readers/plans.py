@@ -32,12 +32,7 @@ BUDGET_S = 90.0
 """Maximum stage time of a part in active mode, seconds."""
 BENCH_SEED = 1
 _NO_LIMIT_S = 1e6
-_LEVELS = {
-    "active": "a serial is worth {0:g} s",
-    "uniform": "{0:g} lines to half a height",
-    "random": "{0:g} s at most",
-    "whole": "{0:g} lines to a height, four directions",
-}
+_NAMES = ("active", "uniform", "random", "whole")
 
 
 @dataclass(frozen=True)
@@ -57,16 +52,11 @@ class TouchPlan:
         """The mode that reads by this plan."""
         return f"{self.name} {self.level:g}"
 
-    @property
-    def level_text(self) -> str:
-        """The level in words."""
-        return _LEVELS[self.name].format(self.level)
-
     @classmethod
     def of(cls, mode: str) -> TouchPlan | None:
         """Plan for the name of a mode; None if the mode is not a touch plan."""
         name, _, level = mode.partition(" ")
-        return cls(name, float(level)) if name in _LEVELS and level.replace(".", "", 1).isdigit() else None
+        return cls(name, float(level)) if name in _NAMES and level.replace(".", "", 1).isdigit() else None
 
     def settings(self, number: int) -> ActiveSettings:
         """Policy and budget for the part with this number."""

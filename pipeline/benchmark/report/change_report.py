@@ -20,6 +20,7 @@ from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"
 SHOWN = 24
+"""Maximum number of flips that are drawn, the most serious first."""
 _MOST_LEVELS = 8
 """Levels of factors that the document names, those that changed most."""
 
@@ -38,7 +39,7 @@ class Compared:
 
 
 def write_comparison(
-    before: Path, after: Path, folder: Path, *, pictures: int = SHOWN, executor: Executor | None = None
+    before: Path, after: Path, folder: Path, *, executor: Executor | None = None
 ) -> Compared:
     """Compare two folders of finished benchmarks.
 
@@ -46,7 +47,6 @@ def write_comparison(
         before: folder A.
         after: folder B.
         folder: output folder for the page and the table; created if needed.
-        pictures: maximum number of flips to draw, the most serious first.
         executor: executor that draws (default: this process).
 
     Raises:
@@ -56,7 +56,7 @@ def write_comparison(
     books = TrialJournal.read(before), TrialJournal.read(after)
     old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
     found = changes(old, new, (books[0].description, books[1].description))
-    drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or Executor())
+    drawn, problem = _drawn(books[1].description, found.flips[:SHOWN], executor or Executor())
     values = {"found": found, "kinds": list(Flip), "problem": problem}
     changed = [row for row in found.by_factor if row.compared.characters.difference.value]
     changed.sort(key=lambda row: -abs(row.compared.characters.difference.value))

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, PercentFormatter
+from matplotlib.ticker import PercentFormatter
 
 from pipeline.benchmark.analysis.groups import Group
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.readers.experts import EXPERT_MODES
 from pipeline.benchmark.readers.modes import PEERS
-from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.common.shares import Share
+from pipeline.plots.pictures import styled
 
 _STYLES = (
     ("#0072b2", "o", "-"), ("#d55e00", "s", "--"), ("#009e73", "D", "-"), ("#7f7f7f", "^", ":"),
@@ -48,46 +48,16 @@ def severities_in(groups: Sequence[Group]) -> list[float | None]:
     return sorted(found, key=lambda s: (s is None, s or 0.0))
 
 
-def severity_panels(
-    severities: Sequence[float | None], draw: Callable[[Axes, float | None], None], *, height_in: float
-) -> Figure:
-    """A panel for every severity, two in a row, under them what their lines mean.
-
-    Args:
-        severities: one a panel.
-        draw: draws on the axes of a severity, with labels on the first ones.
-        height_in: of a panel.
-    """
-    columns = min(2, max(1, len(severities)))
-    rows = -(-len(severities) // columns) or 1
-    figure = Figure(figsize=(WIDTH_IN, 0.7 + height_in * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, severity in zip(panels, severities, strict=False):
-        draw(axes, severity)
-        axes.set_title(f"dirt {level_name(severity)}", loc="left", fontsize=10, fontweight="bold")
-        axes.xaxis.label.set_fontsize(9)
-        axes.yaxis.label.set_fontsize(9)
-        draw_grid(axes)
-    for axes in panels[len(severities) :]:
-        axes.set_axis_off()
-    _legend_below(figure, panels[0])
-    return figure
-
-
-def draw_grid(axes: Axes) -> None:
-    """Draw a light grid behind the lines."""
-    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
-    axes.set_axisbelow(True)
-
-
-def _legend_below(figure: Figure, axes: Axes) -> None:
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Say under the panels what the lines of the first mean."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
 
 
+@styled
 def accuracy_figure(groups: Sequence[Group]) -> Figure:
     """Shares of serials and characters right against severity, with Wilson's 95 % intervals."""
-    figure = Figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.8))
     panels = figure.subplots(1, 2, sharey=True)
     severities, modes = severities_in(groups), modes_in(groups)
     for axes, measure in zip(panels, ("serials", "characters"), strict=True):
@@ -104,35 +74,13 @@ def accuracy_figure(groups: Sequence[Group]) -> Figure:
                 yerr=([s.value - s.low for s in shares], [s.high - s.value for s in shares]), color=colour,
                 marker=marker, linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
             )  # fmt: skip
-        axes.set_title(f"{measure} right", loc="left", fontsize=11, fontweight="bold")
+        axes.set_title(f"{measure} right")
         axes.set(ylim=(-0.02, 1.03), xlabel="severity of the dirt")
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xticks(range(len(severities)), [level_name(s) for s in severities])
-        draw_grid(axes)
-    _legend_below(figure, panels[0])
+        axes.grid()
+    legend_below(figure, panels[0])
     return figure
-
-
-def stage_figure(groups: Sequence[Group]) -> Figure:
-    """Accepted serials of plans of touch against mean stage seconds; a red cross where an accepted one was wrong."""
-    plans = {g.key: plan for g in groups if (plan := TouchPlan.of(g.key.mode)) is not None}
-
-    def draw(axes: Axes, severity: float | None) -> None:
-        here = [g for g in groups if g.key in plans and g.key.severity == severity]
-        for name, (colour, marker, line) in zip(
-            dict.fromkeys(p.name for p in plans.values()), _STYLES, strict=False
-        ):
-            own = sorted((g.stage_s, g.accepted.value) for g in here if plans[g.key].name == name)
-            axes.plot(*zip(*own, strict=True), color=colour, marker=marker, linestyle=line, label=name)
-        wrong = [g for g in here if g.split["accepted_wrong"]]
-        x, y = [g.stage_s for g in wrong], [g.accepted.value for g in wrong]
-        axes.scatter(x, y, marker="x", s=90.0, color="#c00000", zorder=5)
-        axes.set_xscale("log")  # the whole plan takes twenty times as long as the others
-        axes.set(ylim=(-0.03, 1.05), xlabel="mean stage time of a part, s", ylabel="accepted")
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-
-    return severity_panels(severities_in(groups), draw, height_in=2.8)
 
 
 def data_uri(figure: Figure, *, kind: str = "svg") -> str:

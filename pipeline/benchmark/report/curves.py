@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,60 +12,66 @@ from matplotlib.ticker import PercentFormatter
 
 from pipeline.benchmark.analysis.calibration import Reliability
 from pipeline.benchmark.analysis.groups import Group
+from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import (
     WIDTH_IN,
-    draw_grid,
+    legend_below,
     modes_in,
     severities_in,
-    severity_panels,
     style_of,
 )
+from pipeline.plots.pictures import styled
 
 
+@styled
 def risk_figure(groups: Sequence[Group]) -> Figure:
     """Share of wrong serials among the surest, against how many are let through; a panel for every severity."""
-    modes = modes_in(groups)
-
-    def draw(axes: Axes, severity: float | None) -> None:
+    severities = severities_in(groups)
+    rows = math.ceil(len(severities) / 2)
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + 2.6 * rows))
+    panels = figure.subplots(rows, min(2, len(severities)), squeeze=False).ravel()
+    for axes in panels[len(severities) :]:
+        axes.set_axis_off()
+    for axes, severity in zip(panels, severities, strict=False):
         most = 0.02
-        for group in sorted(groups, key=lambda g: modes.index(g.key.mode)):
-            if group.key.severity != severity:
-                continue
-            colour, _, line = style_of(group.key.mode)
-            axes.plot(
-                group.risk.coverage, group.risk.risk, color=colour, linestyle=line, linewidth=1.6,
-                label=group.key.mode, clip_on=False,
-            )  # fmt: skip
-            most = max(most, float(group.risk.risk.max(initial=0.0)))
-        axes.set(xlim=(0.0, 1.0), ylim=(0.0, min(1.02, 1.08 * most)))
-        axes.set(xlabel="coverage: share let through, the surest first", ylabel="risk: of these wrong")
+        for mode in modes_in(groups):
+            for group in (g for g in groups if g.key.mode == mode and g.key.severity == severity):
+                colour, _, line = style_of(mode)
+                axes.plot(
+                    group.risk.coverage, group.risk.risk, color=colour, linestyle=line, linewidth=1.6, label=mode,
+                    clip_on=False,
+                )  # fmt: skip
+                most = max(most, float(group.risk.risk.max(initial=0.0)))
+        axes.set(
+            xlim=(0.0, 1.0), ylim=(0.0, min(1.02, 1.08 * most)), title=f"dirt {level_name(severity)}",
+            xlabel="coverage: share let through, the surest first", ylabel="risk: of these wrong",
+        )  # fmt: skip
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.grid()
+    legend_below(figure, panels[0])
+    return figure
 
-    return severity_panels(severities_in(groups), draw, height_in=2.6)
 
-
+@styled
 def reliability_figure(groups: Sequence[Group]) -> Figure:
     """Confidence said against the share right, of serials and of characters of every mode.
 
     A bin's mark is larger the more it holds; bars are Wilson's 95 % intervals.
     """
     modes = modes_in(groups)
-    in_a_row = len(modes) <= 2
-    shape = (1, 2 * len(modes)) if in_a_row else (2, len(modes))
-    figure = Figure(figsize=(max(WIDTH_IN, 2.4 * shape[1]), 3.1 * shape[0]), layout="constrained")
-    panels = figure.subplots(*shape, squeeze=False, sharex=True, sharey=True)
-    for column, mode in enumerate(modes):
+    figure = Figure(figsize=(max(WIDTH_IN, 2.4 * len(modes)), 6.2))
+    panels = figure.subplots(2, len(modes), squeeze=False, sharex=True, sharey=True)
+    for column, mode in zip(panels.T, modes, strict=True):
         group = next(g for g in groups if g.key.mode == mode)
         diagrams = {"serials": group.serial_reliability, "characters": group.character_reliability}
-        for row, (name, diagram) in enumerate(diagrams.items()):
-            axes = panels[0, 2 * column + row] if in_a_row else panels[row, column]
+        for axes, (name, diagram) in zip(column, diagrams.items(), strict=True):
             _diagram(axes, diagram, style_of(mode)[0])
-            axes.set_title(f"{mode}, {name}\nECE {diagram.error:.3f}", loc="left", fontsize=9)
+            axes.set_title(f"{mode}, {name}\nECE {diagram.error:.3f}")
     for axes in panels[-1]:
-        axes.set_xlabel("confidence said", fontsize=9)
+        axes.set_xlabel("confidence said")
     for axes in panels[:, 0]:
-        axes.set_ylabel("share right", fontsize=9)
+        axes.set_ylabel("share right")
     return figure
 
 
@@ -72,9 +79,9 @@ def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
     axes.plot([0, 1], [0, 1], color="#9aa5ad", linewidth=0.8, linestyle="--")
     ends, ticks = (-0.03, 1.03), (0.0, 0.5, 1.0)
     axes.set(xlim=ends, ylim=ends, xticks=ticks, yticks=ticks, aspect="equal")
-    draw_grid(axes)
+    axes.grid()
     if not diagram.bins:
-        axes.text(0.5, 0.5, "no confidence said", ha="center", va="center", fontsize=8)
+        axes.text(0.5, 0.5, "no confidence said", ha="center", va="center")
         return
     x, y, n, low, high = np.transpose(
         [(b.confidence, b.right.value, b.right.total, b.right.low, b.right.high) for b in diagram.bins]

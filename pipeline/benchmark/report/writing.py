@@ -23,7 +23,6 @@ from pipeline.benchmark.analysis.statistics import Statistics, plain, plain_time
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
-from pipeline.benchmark.readers.plans import TouchPlan
 from pipeline.benchmark.report import charts, curves
 from pipeline.benchmark.report.charts import data_uri, leading_mode, modes_in, severities_in
 from pipeline.benchmark.report.page import render, versions, write_page, write_table, write_text
@@ -169,8 +168,6 @@ def _values(benchmark: Benchmark, trials: Sequence[Trial], found: Statistics) ->
         "risk": curves.risk_figure(by_severity),
         "reliability": curves.reliability_figure(by_mode),
     }
-    if any(TouchPlan.of(mode) for mode in modes):
-        pictures["stage"] = charts.stage_figure(by_severity)
     return {
         **tables,
         "title": "Benchmark of reading dirty marks",

@@ -17,11 +17,12 @@ from matplotlib.figure import Figure
 
 from glyphs.atomic import make_folder
 from pipeline.benchmark.analysis.statistics import plain
-from pipeline.benchmark.report.charts import WIDTH_IN, data_uri, draw_grid
+from pipeline.benchmark.report.charts import WIDTH_IN, data_uri
 from pipeline.benchmark.report.page import render, write_page, write_table, write_text
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
+from pipeline.plots.pictures import styled
 
 PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"
 _MOST_PARTS = 60
@@ -90,11 +91,12 @@ def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None
         yield source, deviation, None if deviation is None else gauge.of_total(deviation)
 
 
+@styled
 def depth_figure(study: Study) -> Figure:
     """Mean depth of every part as each appraiser measured it, the shallowest part first."""
     parts = sorted(study.depths.values(), key=np.mean)
     appraisers = list(dict.fromkeys(m.mode for m in study.measured))
-    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes = figure.subplots()
     for number, who in enumerate(appraisers):
         offset = 0.18 * (number - 0.5 * (len(appraisers) - 1))
@@ -103,8 +105,8 @@ def depth_figure(study: Study) -> Figure:
     axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
     axes.set_ylabel("mean depth, mm")
-    draw_grid(axes)
-    axes.legend(frameon=False, ncols=4)
+    axes.grid()
+    axes.legend(ncols=4)
     return figure
 
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from glyphs.errors import FileError
 from pipeline.benchmark.study.repeats import RECORDED
 from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.texts import first_of
 from pipeline.formats.truth import load_part_lines
 
 _HEADINGS = ("reviewer", "appraiser", "who")
-_MOST_NAMED = 5
 
 
 def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple[str, ...]]:
@@ -51,9 +51,9 @@ def load_reviews(path: Path, parts: Collection[str]) -> tuple[list[Trial], tuple
     for who, counts in times.items():
         if len(set(counts.values())) > 1:
             most = max(counts.values())
-            few = [part for part, n in counts.items() if n < most][:_MOST_NAMED]
+            few = first_of([part for part, n in counts.items() if n < most])
             raise FileError(
-                path, f"{who} read some parts {most} times and others less often: {', '.join(few)}",
+                path, f"{who} read some parts {most} times and others less often: {few}",
                 "give as many lines for each",
             )  # fmt: skip
     return answers, tuple(unknown)

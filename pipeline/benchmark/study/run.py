@@ -11,6 +11,7 @@ from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, measure, s
 from pipeline.benchmark.study.report import write_study
 from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import Study, study_of
+from pipeline.common.texts import first_of
 from pipeline.common.version import program_mark
 from pipeline.formats.find_parts import discover
 from pipeline.formats.part_files import PartFiles
@@ -18,8 +19,6 @@ from pipeline.formats.truth import PartTexts, load_truth
 from pipeline.reading.readers import reader_of
 from pipeline.runs.progress import Progress
 from pipeline.workers.options import WorkerSettings
-
-_MOST_NAMED = 5
 
 
 def run_study(
@@ -59,8 +58,7 @@ def run_study(
         plan = replace(plan, arrays=1)
         notes.append("Recordings and photographs have one array: what another changes is not in this study.")
     if unknown:
-        named = ", ".join(unknown[:_MOST_NAMED]) + (", ..." if len(unknown) > _MOST_NAMED else "")
-        notes.append(f"Reviewers read {len(unknown)} parts that are not in this study: {named}.")
+        notes.append(f"Reviewers read {len(unknown)} parts that are not in this study: {first_of(unknown)}.")
     description = {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": list(inputs),

@@ -56,9 +56,7 @@ def test_the_benchmark_compares_plans(
     rows = list(csv.DictReader((tmp_path / "benchmark.csv").open(encoding="utf-8")))
     assert [row["mode"] for row in rows] == [plan.mode for plan in plans]
     assert all(row["text"] == row["truth"] and float(row["scan_s"]) > 0.0 for row in rows)
-    assert "a serial is worth 100 s" in capsys.readouterr().out
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Accepted serials against mean stage seconds" in page
+    assert "mean scan by a stage" in capsys.readouterr().out
     # what is kept is not felt again
     monkeypatch.setattr(run, "try_part", None)
     assert main(asked) == 0

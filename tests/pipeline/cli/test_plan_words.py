@@ -12,7 +12,7 @@ def test_plan_in_words() -> None:
     plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
     for word in (
         "40.0 x 10.0 mm",
-        "4 whiskers 5.00 mm apart, 2.2 g",
+        "4 whiskers 5.00 mm apart (rows: 1)",
         "0°/90°/180°/270°",
         f"{plan.n_samples:,} samples",
     ):
@@ -23,5 +23,4 @@ def test_plan_in_words() -> None:
 
 def test_two_kinds_stand_behind_each_other() -> None:
     plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4, kinds=2)
-    assert "2 kinds of 4 whiskers" in describe_plan(plan)
-    assert f"2 rows {plan.array.stagger_mm:.2f} mm behind each other" in describe_plan(plan)
+    assert "8 whiskers 5.00 mm apart (rows: 2)" in describe_plan(plan)

@@ -112,12 +112,13 @@ def test_the_command_shows_what_flipped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(change_report, "draw_worst", not_drawn)
+    monkeypatch.setattr(change_report, "SHOWN", 2)
     before = kept(tmp_path / "a", trials("AAAAABBBBBBB", decision="review"))
     after = kept(
         tmp_path / "b",
         [*trials("AABBABBBBAAA", decision="review")[:-1], *trials("B" * 12, decision="accept")[-1:]],
     )
-    assert main(["benchmark", "compare", str(before), str(after), "--pictures", "2"]) == 0
+    assert main(["benchmark", "compare", str(before), str(after)]) == 0
     said = capsys.readouterr().out
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("wrote"))
     with (after / "compare.csv").open(encoding="utf-8", newline="") as stream:

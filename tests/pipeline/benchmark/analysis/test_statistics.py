@@ -151,7 +151,7 @@ def test_what_became_of_the_parts() -> None:
     assert group.split == dict.fromkeys(FATES, 1)
     assert (group.serials.count, group.serials.total) == (2, 5)
     assert (group.characters.count, group.characters.total) == (6, 10)
-    assert (group.accepted.count, group.accepted_wrong.count) == (2, 1)
+    assert (group.accepted.count, group.wrong_of_accepted.count) == (2, 1)
     assert group.character_reliability.bins[-1].right.total == 8  # the error says nothing
 
 

@@ -15,7 +15,7 @@ from glyphs.errors import FileError
 from pipeline import read_height_map
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.export.exported_part import ExportOrder, polygon_px
+from pipeline.benchmark.export.exported_part import polygon_px
 from pipeline.benchmark.export.folder import ExportError, check, export
 from pipeline.formats.npz import read_soil
 from tests.factories import designed_parts
@@ -26,21 +26,21 @@ EMPTY_MM = 0.06
 
 
 @pytest.fixture(scope="module")
-def exam(tmp_path_factory: pytest.TempPathFactory) -> tuple[ExportOrder, Path]:
+def exam(tmp_path_factory: pytest.TempPathFactory) -> tuple[DesignedParts, Path]:
     parts = designed_parts(severities=(0.0, 0.4), depth_mm=0.2, layout="two-lines")
     folder = tmp_path_factory.mktemp("exam")
-    assert export(ExportOrder(parts), folder) == 2
-    return ExportOrder(parts), folder
+    assert export(parts, folder) == 2
+    return parts, folder
 
 
 def _labels(folder: Path) -> list[dict[str, object]]:
     return [json.loads(path.read_text()) for path in sorted((folder / "labels").iterdir())]
 
 
-def test_a_part_is_written_as_it_is_made(exam: tuple[ExportOrder, Path]) -> None:
-    order, folder = exam
-    for item in order.parts.items():
-        made, path = order.parts.make(item), folder / "parts" / f"{item.part}.npz"
+def test_a_part_is_written_as_it_is_made(exam: tuple[DesignedParts, Path]) -> None:
+    parts, folder = exam
+    for item in parts.items():
+        made, path = parts.make(item), folder / "parts" / f"{item.part}.npz"
         np.testing.assert_array_equal(read_height_map(path).z_mm, made.height_map.z_mm)
         assert (read_soil(path) is None) == (made.soil is None) == (item.condition.severity == 0.0)
         with Image.open(folder / "ideal" / f"{item.part}.png") as picture:
@@ -50,9 +50,9 @@ def test_a_part_is_written_as_it_is_made(exam: tuple[ExportOrder, Path]) -> None
         np.testing.assert_allclose(heights, made.height_map.z_mm, atol=0.5001 * step)
 
 
-def test_truth_in_all_layouts(exam: tuple[ExportOrder, Path]) -> None:
-    order, folder = exam
-    texts = {item.part: order.parts.truth_of(item) for item in order.parts.items()}
+def test_truth_in_all_layouts(exam: tuple[DesignedParts, Path]) -> None:
+    parts, folder = exam
+    texts = {item.part: parts.truth_of(item) for item in parts.items()}
     with (folder / "truth.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
     assert {row["part"]: row["text"] for row in table} == texts
@@ -73,7 +73,7 @@ def test_truth_in_all_layouts(exam: tuple[ExportOrder, Path]) -> None:
     assert all("".join(c["char"] for c in p["characters"]) == p["transcription"] for p in pictures)
 
 
-def test_places_are_where_touch_feels_marks(exam: tuple[ExportOrder, Path]) -> None:
+def test_places_are_where_touch_feels_marks(exam: tuple[DesignedParts, Path]) -> None:
     _, folder = exam
     clean = next(label for label in _labels(folder) if "0-0000" in str(label["part"]))
     view = clean["views"]["relief-16"]  # type: ignore[index]
@@ -89,39 +89,39 @@ def test_places_are_where_touch_feels_marks(exam: tuple[ExportOrder, Path]) -> N
     assert heights[known].min() > -EMPTY_MM
 
 
-def test_an_export_goes_on_where_it_was_broken_off(exam: tuple[ExportOrder, Path], tmp_path: Path) -> None:
-    order, whole = exam
-    first, _ = (item.part for item in order.parts.items())
-    beginning = replace(order, parts=replace(order.parts, first=1))
+def test_an_export_goes_on_where_it_was_broken_off(exam: tuple[DesignedParts, Path], tmp_path: Path) -> None:
+    parts, whole = exam
+    first, _ = (item.part for item in parts.items())
+    beginning = replace(parts, first=1)
     counted = Counted()
     assert export(beginning, tmp_path, progress=counted) == 1
-    assert not check(order, tmp_path)
+    assert not check(parts, tmp_path)
     (tmp_path / "photos" / f"{first}.png").write_bytes(b"torn")
-    export(order, tmp_path, progress=counted)
+    export(parts, tmp_path, progress=counted)
     assert (counted.parts, counted.starts) == (3, [(1, 0), (2, 0)])
-    export(order, tmp_path, progress=counted)
+    export(parts, tmp_path, progress=counted)
     assert (counted.parts, counted.starts[-1]) == (3, (2, 2))
     assert (tmp_path / "manifest.json").read_text() == (whole / "manifest.json").read_text()
     first_photo, stray = tmp_path / "photos" / f"{first}.png", tmp_path / "photos" / "stray.png"
     first_photo.rename(stray)
     (tmp_path / "truth.csv").write_text("part,text\n")
-    assert list(check(order, tmp_path).items()) == [
+    assert list(check(parts, tmp_path).items()) == [
         (f"photos/{first}.png", "missing"),
         ("photos/stray.png", "not in the manifest"),
         ("truth.csv", "changed"),
     ]
 
 
-def test_another_folder_is_refused(exam: tuple[ExportOrder, Path], tmp_path: Path) -> None:
-    order, folder = exam
-    other = ExportOrder(order.parts, felt=False)
-    with pytest.raises(FileError, match=r"holds another export \(felt was true, now false\)"):
+def test_another_folder_is_refused(exam: tuple[DesignedParts, Path], tmp_path: Path) -> None:
+    parts, folder = exam
+    other = replace(parts, design=parts.design.model_copy(update={"seed": 77}))
+    with pytest.raises(FileError, match=r"holds another export \(seed was \d+, now 77\)"):
         export(other, folder)
     with pytest.raises(FileError, match="no export of this design"):
         check(other, folder)
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(FileError, match="holds no export"):
-        export(order, tmp_path)
+        export(parts, tmp_path)
 
 
 def test_a_part_that_cannot_be_made_costs_no_other(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_part_that_cannot_be_made_costs_no_other(tmp_path: Path) -> None:
                                         "soil": (f"{__name__}:broken", "caked")},
     )  # fmt: skip
     with pytest.raises(ExportError, match=r"1 parts could not be made, the first is .*out of dirt"):
-        export(ExportOrder(DesignedParts(design), felt=False), tmp_path)
+        export(DesignedParts(design), tmp_path)
     assert [p.name for p in (tmp_path / "labels").iterdir()] == ["caked-0000.json"]
 
 
