@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.cli.choices import Flag, listed
 from pipeline.cli.exit_status import CommandError, UsageError
+from pipeline.cli.tables import write_picture
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from pipeline.formats.whisker_file import WhiskerFile
     from whisker_array.design.design import Design
     from whisker_array.design.limits import Request
@@ -104,7 +103,7 @@ def design(
         choices = design_arrays(wanted, sizes=_sizes(whiskers))
         print_arrays(wanted, choices)
         if picture is not None:
-            _save(array_figure(wanted, choices), picture)
+            write_picture(array_figure(wanted, choices), picture)
         return 0
     if alpha is None or mu is None or depth_mm is None:
         raise UsageError(
@@ -157,15 +156,8 @@ def design(
     if picture is not None:
         from pipeline.plots.design_picture import design_figure
 
-        _save(design_figure(made, trades=trades, tuned=tuned), picture)
+        write_picture(design_figure(made, trades=trades, tuned=tuned), picture)
     return 0
-
-
-def _save(figure: Figure, picture: Path) -> None:
-    from pipeline.plots.pictures import save_figure
-
-    save_figure(figure, picture)
-    print(f"wrote {picture}")
 
 
 def _report_built(path: Path, request: Request) -> int:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from pipeline.cli.choices import Jobs, Positive
 from pipeline.cli.exit_status import FAILED, UsageError, resumable
 from pipeline.cli.settings import READING, WORKERS, Config, JobPath, Reading, Workers
+from pipeline.common.texts import first_of
 from pipeline.workers.options import WorkerSettings
 
 if TYPE_CHECKING:
     from pipeline.runs.certification import Certification
 
-_MOST_NAMED = 5
 _GO_ON = "start the same command again to go on"
 
 
@@ -161,9 +161,8 @@ def study(
             plan, inputs, out, WorkerSettings(jobs=jobs), reviewers=reviewers, truth=truth
         )
     print_document(document, written)
-    errors = {m.part: m.error for m in found.measured if m.error}
-    for part, error in list(errors.items())[:_MOST_NAMED]:
-        print(f"{part}: {error}", file=sys.stderr)
+    errors = {m.part for m in found.measured if m.error}
     if errors:
-        print(f"{len(errors)} parts could not be read each time; they are in readings.csv", file=sys.stderr)
+        what = f"{len(errors)} parts could not be read each time; they are in readings.csv"
+        print(f"{what}: {first_of(sorted(errors))}", file=sys.stderr)
     return FAILED if errors else 0

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from pipeline.cli.choices import Flag, Positive, listed
 from pipeline.cli.exit_status import UsageError
+from pipeline.cli.tables import write_picture
 from pipeline.common.stamping import Stamping
 
 if TYPE_CHECKING:
@@ -51,13 +52,12 @@ def show(*font: str, out: Path | None = None, height_mm: float = 5.0) -> int:
     """
     from glyphs.fonts.outlines import BUILTIN_FONTS
     from pipeline.plots.font_sheet import sheet_figure
-    from pipeline.plots.pictures import check_picture, save_figure
+    from pipeline.plots.pictures import check_picture
 
     out = out or Path(f"{Path(font[0]).stem if len(font) == 1 else 'fonts'}.png")
     check_picture(out)
     fonts = [one for name in font or BUILTIN_FONTS for one in _fonts_of(name)]
-    save_figure(sheet_figure(fonts, height_mm=height_mm), out)
-    print(f"wrote {out}")
+    write_picture(sheet_figure(fonts, height_mm=height_mm), out)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Tables that commands print, 80 columns wide if the output is not a terminal."""
+"""Tables that commands print, 80 columns wide if the output is not a terminal, and pictures that they write."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.console import Console
 
 COLUMNS = 80
@@ -50,3 +51,15 @@ def _console() -> Console:
     from rich.console import Console
 
     return Console() if sys.stdout.isatty() else Console(width=COLUMNS)
+
+
+def write_picture(figure: Figure, path: Path) -> None:
+    """Write a picture and say so.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    from pipeline.plots.pictures import save_figure
+
+    save_figure(figure, path)
+    print(f"wrote {path}")

@@ -16,6 +16,7 @@ from pipeline.cli.choices import Flag
 from pipeline.cli.exit_status import FAILED, CommandError, UsageError
 from pipeline.cli.settings import READING, ReadingOfFile
 from pipeline.cli.store import STORE, AtStore
+from pipeline.cli.tables import write_picture
 
 if TYPE_CHECKING:
     from pipeline.formats.part_files import PartFiles
@@ -91,7 +92,6 @@ def enroll(
         print(report.describe())
         if report.exemplars:
             _draw(database, report, picture)
-            print(f"wrote {picture}")
         if check and report.exemplars:
             held_out = in_a_worker(check_held_out, parts, database, font=font, settings=reading)
             print(held_out.describe() if held_out else "held out: too few parts to check the font on others")
@@ -105,11 +105,10 @@ def enroll(
 def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
     from pipeline.formats.glyph_database import load_database
     from pipeline.plots.exemplars_picture import exemplars_figure
-    from pipeline.plots.pictures import save_figure
 
     held = load_database(database)
     own = [one for one in held.exemplars if one.font_name == report.font]
-    save_figure(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
+    write_picture(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
 
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:

@@ -13,6 +13,7 @@ from cyclopts.validators import Number
 from pipeline.cli.choices import FidelityName, Flag
 from pipeline.cli.exit_status import CommandError, UsageError
 from pipeline.cli.settings import MAPS, Maps
+from pipeline.cli.tables import write_picture
 
 if TYPE_CHECKING:
     from whisker_array.scan.session import StageSession
@@ -243,10 +244,8 @@ def identify(
         print(f"wrote {out}")
     if figure is not None:
         from pipeline.plots.identified import identified_figure
-        from pipeline.plots.pictures import save_figure
 
-        save_figure(identified_figure(found), figure)
-        print(f"wrote {figure}")
+        write_picture(identified_figure(found), figure)
     return 0
 
 

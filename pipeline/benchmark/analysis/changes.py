@@ -14,10 +14,9 @@ from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.comparisons import Comparison, compare
-from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, group_trials, levels_in
 from pipeline.benchmark.analysis.stability import unperturbed
-from pipeline.benchmark.exam.condition import Level, level_name
+from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.texts import first_of
 from pipeline.common.version import differences
@@ -73,11 +72,6 @@ class Row:
     factor: str
     level: Level
     compared: Comparison
-
-    @property
-    def name(self) -> str:
-        """The level and its factor."""
-        return f"{factor_name(self.factor)}: {level_name(self.level)}" if self.factor else "all"
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import group_trials
 from pipeline.benchmark.trials.journal import Trial
@@ -75,17 +74,10 @@ def floors_file(edition: str) -> Path:
 
 
 def load_floors(path: Path) -> Floors:
-    """Load the stored floors; none where there is no file yet.
-
-    Raises:
-        FileError: a file that does not hold floors.
-    """
+    """Load the stored floors; none where there is no file yet."""
     if not path.exists():
         return {}
-    try:
-        return {mode: Counts(**counts) for mode, counts in json.loads(path.read_text("utf-8")).items()}
-    except (ValueError, TypeError, AttributeError) as error:
-        raise FileError(path, f"does not hold floors ({error})", "restore it from the history") from error
+    return {mode: Counts(**counts) for mode, counts in json.loads(path.read_text("utf-8")).items()}
 
 
 def save_floors(floors: Floors, path: Path) -> None:

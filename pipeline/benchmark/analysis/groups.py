@@ -175,7 +175,5 @@ def _characters(trials: Iterable[Trial]) -> Iterator[tuple[float, bool]]:
 
 
 def _spread(seconds: Sequence[float]) -> tuple[float, float]:
-    if not seconds:
-        return (0.0, 0.0)
-    middle, high = np.percentile(seconds, [50.0, 95.0])
+    middle, high = np.percentile(seconds or (0.0,), [50.0, 95.0])
     return (float(middle), float(high))

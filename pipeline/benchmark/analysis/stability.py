@@ -66,11 +66,9 @@ def stability_of(trials: Sequence[Trial]) -> tuple[Stability, ...]:
     found: list[Stability] = []
     for key, members in group_trials(trials, (GIVEN_FACTOR,) if several else ()).items():
         before = {t.part: t for t in members if not t.perturbed}
-        names = dict.fromkeys(t.perturbed for t in members if t.perturbed)
         pairs = [(before[t.part], t) for t in members if t.perturbed]
-        if pairs:
-            found.append(_stability(key, "", pairs))
-        found += [_stability(key, name, [p for p in pairs if p[1].perturbed == name]) for name in names]
+        for name in dict.fromkeys(name for _, t in pairs for name in ("", t.perturbed)):
+            found.append(_stability(key, name, [p for p in pairs if name in ("", p[1].perturbed)]))
     return tuple(found)
 
 

@@ -33,8 +33,6 @@ from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
 
-DEFAULT_CROSSED = ("severity",)
-
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
@@ -65,7 +63,7 @@ class Statistics:
     stability: tuple[Stability, ...]
 
 
-def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
+def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = ("severity",)) -> Statistics:
     """Compute the statistics of one or more trials.
 
     Args:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.errors import FileError
 from pipeline.benchmark.analysis import gate
 from pipeline.benchmark.analysis.gate import (
     EDITIONS,
@@ -82,9 +81,6 @@ def test_floors_come_back_as_they_were_written(tmp_path: Path) -> None:
     assert load_floors(path) == {}
     save_floors({"tactile": FLOOR}, path)
     assert load_floors(path) == {"tactile": FLOOR}
-    path.write_text('{"tactile": {"characters": 1}}')
-    with pytest.raises(FileError, match=r"floors\.json.*does not hold floors"):
-        load_floors(path)
 
 
 def _git(*arguments: str) -> str:
