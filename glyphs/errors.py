@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -44,71 +43,12 @@ class FileError(MarksError):
         self.path = Path(path)
 
 
-class FaultError(FileError):
-    """A fault of the program, met while it was at work on a file: nothing is wrong with the file."""
-
-
-class OwnFileError(FileError):
-    """A file, disk or limit of this machine that keeps the input from being read; a later attempt may succeed."""
-
-
 class MissingExtraError(MarksError):
     """A library that an optional part of the program needs is not installed."""
 
     def __init__(self, what: str, library: str, extra: str) -> None:
         super().__init__(
             f"{what} needs {library}", hint=f"install it with: pip install 'tactile-marks[{extra}]'"
-        )
-
-
-def is_machine_error(error: BaseException) -> bool:
-    """Check whether disk, system or memory caused an error, whichever file it occurred at."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
-            return True
-        # of no file: tempfile finds no folder that can be written, or the working folder is gone
-        if isinstance(cause, FileNotFoundError) and cause.filename is None:
-            return True
-        cause = cause.__cause__
-    return False
-
-
-_OF_THE_MACHINE = frozenset(
-    getattr(errno, name)
-    for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
-    if hasattr(errno, name)
-)
-"""Errors of the disk and of the system's limits, not of one file."""
-
-
-def describe_fault(error: Exception, *, longest: int = 300) -> str:
-    """Describe an unexpected error on one line: its kind and message."""
-    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return f"fault of the program ({' '.join(said.split())[:longest]})"
-
-
-def require_file(path: Path, *, most_bytes: int) -> None:
-    """Check that there is a file which is not empty and not too long.
-
-    Raises:
-        FileError: there is not.
-    """
-    try:
-        status = path.stat()
-    except FileNotFoundError:
-        raise FileError(path, "is not there", "check the name") from None
-    except (OSError, ValueError) as error:
-        raise FileError(path, f"cannot be opened ({error})", "check the name and its permissions") from error
-    if not path.is_file():
-        raise FileError(path, "is not a file", "name a file")
-    if status.st_size == 0:
-        raise FileError(path, "is empty", "copy or record it again")
-    if status.st_size > most_bytes:
-        raise FileError(
-            path,
-            f"is {status.st_size / 1e6:,.1f} MB long, over the limit of {most_bytes / 1e6:,.1f} MB",
-            "crop it",
         )
 
 

@@ -5,11 +5,6 @@ from __future__ import annotations
 import re
 import unicodedata
 
-HIDDEN = (
-    r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ue000-\uf8ff\ufeff"
-    r"\ufff9-\ufffb"
-)
-"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane."""
 _HIDDEN_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 _PERHAPS = re.compile(r"[^\x20-\x7e]")
 

@@ -1,31 +1,24 @@
 """Marks of a second hand: lines of text sketched on a plate, far more varied than the stamped parts.
 
-    text --outlines--> ink --profile of the tool--> marks --plate, dirt, wear--> surface --kept-out soils--> Part
+    text --outlines--> ink --profile of the tool--> marks --plate, dirt, wear--> surface
 
 Sketches share no code with `glyphs.stamping` and are a hundred times as cheap. Networks learn from them with their own
-dirt (`recognition.learning.sketches`); an exam takes them clean, as parts for any soil.
+dirt (`recognition.learning.sketches`); an exam takes them clean, as parts for any soil
+(`pipeline.benchmark.exam.sketched_part`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.dots import dotted_font, middle_dots
 from glyphs.fonts.glyph import Font
-from glyphs.fonts.outlines import load_font
-from glyphs.fonts.serials import random_text
 from glyphs.opencv import cv2
-from glyphs.part import Part
-from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Box
-from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import OneLine
-from glyphs.surface.maps import HeightMap
 
 Field = NDArray[np.float32]
 
@@ -35,8 +28,6 @@ ROWS = 128
 """Rows of a sketch: a line with half a character's height and more of land above and below it."""
 MARGIN = 0.8
 """Land before and after a line, character heights."""
-_LAND = 0.5
-"""Land added above and below a sketch to be read as a whole part, character heights."""
 _H = ROWS_PER_HEIGHT
 
 
@@ -59,33 +50,6 @@ class Sketch(OneLine):
     ink: Field
     soil: Field
     severity: float
-
-
-def sketch_part(
-    format: str, *, font: str | Path, height_mm: float, soiling: Soiling, seed: Sequence[int]
-) -> Part:
-    """Sketch a serial as a part; dirt and photograph are those of stamped parts.
-
-    Args:
-        format: of the serial, which is drawn.
-        font: built-in name or font file.
-        height_mm: character height.
-        soiling: dirt on the part.
-        seed: the same seed gives the same part.
-
-    Raises:
-        FontError: no such font, or a character that it lacks.
-        FormatError: a format that no serial can obey.
-    """
-    key = tuple(int(number) for number in seed)
-    rng = np.random.default_rng(key)
-    letters, text = load_font(font), random_text(format, rng=rng)
-    made = sketch(letters, text, rng, clean=True)
-    land, mm = round(_LAND * _H), height_mm / _H
-    surface = np.pad(made.surface, ((land, land), (0, 0)), mode="edge") * np.float32(height_mm)
-    boxes = tuple((x0 * mm, (y0 + land) * mm, x1 * mm, (y1 + land) * mm) for x0, y0, x1, y1 in made.boxes)
-    stamped = StampedPart(HeightMap(surface, mm), text, height_mm, boxes, letters.name)
-    return Part(stamped, soiling, key)
 
 
 def sketch(font: Font, text: str, rng: np.random.Generator, *, clean: bool = False) -> Sketch:
@@ -181,9 +145,8 @@ def _mask(text: str, font: Font, rng: np.random.Generator) -> tuple[Field, Field
         points = np.concatenate([placed(c) / 16 for c in glyph.contours + glyph.strokes] or [cell])
         (first, top), (last, bottom) = points.min(axis=0), points.max(axis=0)
         boxes.append((float(first), float(top), float(last), float(bottom)))
-        depth_of[:, int(max(first - 4, 0)) : int(last + 4)] = np.clip(
-            1.0 + 8 * loose * rng.normal(), 0.25, 1.5
-        )
+        relative_depth = np.clip(1.0 + 8 * loose * rng.normal(), 0.25, 1.5)
+        depth_of[:, int(max(first - 4, 0)) : int(last + 4)] = relative_depth
     if rng.random() < 0.25:
         _add_clutter(mask, rng)
     return np.asarray(mask / 255.0, dtype=np.float32), blur(depth_of, 3.0), tuple(boxes)
@@ -213,9 +176,8 @@ def _profile(mask: Field, rng: np.random.Generator, *, dotted: bool) -> Field:
         return _peen(ink, rng)
     if kind < 0.3:
         line = max(2, round(float(rng.uniform(0.04, 0.1)) * _H))
-        ink = np.asarray(
-            cv2.morphologyEx(ink, cv2.MORPH_GRADIENT, np.ones((line, line), np.uint8)), dtype=np.uint8
-        )
+        edge = cv2.morphologyEx(ink, cv2.MORPH_GRADIENT, np.ones((line, line), np.uint8))
+        ink = np.asarray(edge, dtype=np.uint8)
     inside = cv2.distanceTransform(ink, cv2.DIST_L2, 3)
     wall = float(rng.uniform(0.015, 0.09)) * _H
     shape = np.clip(inside / wall, 0.0, 1.0)
@@ -254,9 +216,8 @@ def _plate(shape: tuple[int, int], depth: float, rng: np.random.Generator) -> Fi
     scratches = np.zeros(shape, dtype=np.float32)
     for _ in range(int(rng.poisson(0.8))):
         ends = np.round(rng.uniform(-0.2, 1.2, (2, 2)) * (columns, rows)).astype(int).tolist()
-        cv2.line(
-            scratches, ends[0], ends[1], float(rng.uniform(0.2, 0.9)), int(rng.integers(1, 4)), cv2.LINE_AA
-        )
+        strength, wide = float(rng.uniform(0.2, 0.9)), int(rng.integers(1, 4))
+        cv2.line(scratches, ends[0], ends[1], strength, wide, cv2.LINE_AA)
     return np.asarray(z - depth * blur(scratches, 0.7), dtype=np.float32)
 
 

@@ -1,4 +1,6 @@
-"""Errors of a file's content, raised without the file's name: the caller that opened the file names it.
+"""Errors of files, of this machine and of the program.
+
+Errors of a file's content are raised without the file's name: the caller that opened the file names it.
 
 A file is known by its path or URL. Where it is a copy, or an upload, `shown_as` sets the name shown.
 """
@@ -6,18 +8,25 @@ A file is known by its path or URL. Where it is a copy, or an upload, `shown_as`
 from __future__ import annotations
 
 import contextlib
+import errno
 import re
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from pathlib import Path
 from types import MappingProxyType
 
-from glyphs.errors import FileError, MarksError, MissingExtraError, report_damage, require_file
+from glyphs.errors import FileError, MarksError, MissingExtraError, report_damage
 
 WEB = ("http", "https")
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
 _PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
 _SHOWN: ContextVar[Mapping[str, str]] = ContextVar("_SHOWN", default=MappingProxyType({}))
+_OF_THE_MACHINE = frozenset(
+    getattr(errno, name)
+    for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
+    if hasattr(errno, name)
+)
+"""Errors of the disk and of the system's limits, not of one file."""
 
 
 class DataError(MarksError):
@@ -25,6 +34,33 @@ class DataError(MarksError):
 
     def __init__(self, what: str, hint: str) -> None:
         super().__init__(what, hint=hint)
+
+
+class FaultError(FileError):
+    """A fault of the program, met while it was at work on a file: nothing is wrong with the file."""
+
+
+class OwnFileError(FileError):
+    """A file, disk or limit of this machine that keeps the input from being read; a later attempt may succeed."""
+
+
+def is_machine_error(error: BaseException) -> bool:
+    """Check whether disk, system or memory caused an error, whichever file it occurred at."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
+            return True
+        # of no file: tempfile finds no folder that can be written, or the working folder is gone
+        if isinstance(cause, FileNotFoundError) and cause.filename is None:
+            return True
+        cause = cause.__cause__
+    return False
+
+
+def describe_fault(error: Exception, *, longest: int = 300) -> str:
+    """Describe an unexpected error on one line: its kind and message."""
+    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"fault of the program ({' '.join(said.split())[:longest]})"
 
 
 def is_url(text: str | Path) -> bool:
@@ -86,6 +122,30 @@ def naming(name: str | Path) -> Iterator[None]:
         if error.where and (error.where != str(name) or error.where not in _SHOWN.get()):
             raise
         raise problem_of(name, error.what, error.hint) from error
+
+
+def require_file(path: Path, *, most_bytes: int) -> None:
+    """Check that there is a file which is not empty and not too long.
+
+    Raises:
+        FileError: there is not.
+    """
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        raise FileError(path, "is not there", "check the name") from None
+    except (OSError, ValueError) as error:
+        raise FileError(path, f"cannot be opened ({error})", "check the name and its permissions") from error
+    if not path.is_file():
+        raise FileError(path, "is not a file", "name a file")
+    if status.st_size == 0:
+        raise FileError(path, "is empty", "copy or record it again")
+    if status.st_size > most_bytes:
+        raise FileError(
+            path,
+            f"is {status.st_size / 1e6:,.1f} MB long, over the limit of {most_bytes / 1e6:,.1f} MB",
+            "crop it",
+        )
 
 
 @contextlib.contextmanager

@@ -43,7 +43,7 @@ def demo(out: Path = Path("demo-out"), *, service: Flag = False, stay: Flag = Fa
     """
     if stay and not service:
         raise UsageError("demo: --stay goes with --service")
-    from glyphs.atomic import make_folder
+    from pipeline.common.output_paths import make_folder
 
     make_folder(out)
     return _serve(out, stay=stay) if service else _read(out)

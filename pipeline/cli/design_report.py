@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pipeline.cli.design_words import BOUND_WORDS
 from pipeline.cli.tables import print_table
 from pipeline.common.section_words import describe_section
 from whisker_array.design.array_design import ArrayChoice, ArrayRequest, ribbon_mm
@@ -75,7 +76,7 @@ def _contrast(design: Design) -> list[str]:
 
 def _print_limits(constraints: Iterable[Constraint]) -> None:
     rows = (
-        (c.bound.label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}",
+        (BOUND_WORDS[c.bound].label, f"{c.value:.4g}", "<=" if c.at_most else ">=", f"{c.limit:.4g}",
          "binds" if c.binding else f"{100.0 * c.slack:.0f} %" if c.slack < 10.0 else "ample")
         for c in constraints
         if c.binding or c.bound not in (*_SIZES, Bound.LOWERED)

@@ -59,8 +59,8 @@ def certify(
             raise UsageError(f"certify: {name} is {value:g}", "it lies between 0 and 1")
     if out.suffix.lower() != ".json":
         raise UsageError(f"certify: --out is {out}", "name a file that ends in .json")
-    from glyphs.atomic import check_writable
     from pipeline.benchmark.report.certificate_page import write_certificate_page
+    from pipeline.common.output_paths import check_writable
     from pipeline.reading.certificate import write_certificate
     from pipeline.runs import certification
 

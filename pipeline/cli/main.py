@@ -15,7 +15,6 @@ from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
 from glyphs.compiling import show_compiling
-from glyphs.errors import describe_fault, is_machine_error
 from pipeline.cli.exit_status import (
     BROKEN_PIPE,
     FAILED,
@@ -25,6 +24,7 @@ from pipeline.cli.exit_status import (
     CommandError,
     failures_reported,
 )
+from pipeline.errors import describe_fault, is_machine_error
 from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"

@@ -73,8 +73,8 @@ def build(out: Path, *font: str) -> int:
     """
     if not font:
         raise UsageError("glyphs build: name at least one font")
-    from glyphs.atomic import check_writable
     from glyphs.fonts.outlines import load_font
+    from pipeline.common.output_paths import check_writable
     from pipeline.formats.glyph_database import GlyphDatabase, save_database
 
     check_writable(out)

@@ -66,7 +66,7 @@ def enroll(
         raise UsageError("enroll: give --truth, a table of what stands on the parts")
     if not from_store and (at.store is not None or since is not None):
         raise UsageError("enroll: --store and --since go with --from-store")
-    from glyphs.atomic import check_writable
+    from pipeline.common.output_paths import check_writable
     from pipeline.plots.pictures import check_picture
     from pipeline.reading.enrolment import enrol
     from pipeline.reading.enrolment_check import check_held_out

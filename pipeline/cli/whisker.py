@@ -132,7 +132,7 @@ def check_recording(path: Path) -> None:
         UsageError: another suffix.
         FileError: it cannot be written.
     """
-    from glyphs.atomic import check_writable
+    from pipeline.common.output_paths import check_writable
     from pipeline.formats.kinds import file_kind
 
     if file_kind(path.suffix) != "scan":

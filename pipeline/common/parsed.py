@@ -15,9 +15,10 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from glyphs.atomic import check_writable, replacing
-from glyphs.errors import FileError, require_file
-from pipeline.errors import DataError, naming
+from glyphs.atomic import replacing
+from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
+from pipeline.errors import DataError, naming, require_file
 
 MOST_BYTES = 1_000_000
 """Size limit of a file that a person has written."""

@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, MarksError, require_file
+from glyphs.errors import FileError, MarksError
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.surface.display import OneLine
+from pipeline.errors import require_file
 from pipeline.formats.hdf5_checks import n_bytes, n_values, own_datasets
 
 FORMAT_NAME = "tactile-marks glyph database"

@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter
 
-from glyphs.atomic import check_writable
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece
+from pipeline.common.output_paths import check_writable
 from pipeline.common.parsed import Strict, read_toml, write_toml
 from pipeline.errors import DataError, naming
 from pipeline.formats.touch_file import read_height_map

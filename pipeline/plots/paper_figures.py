@@ -13,7 +13,8 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glyphs.atomic import make_folder, replacing
+from glyphs.atomic import replacing
+from pipeline.common.output_paths import make_folder
 from pipeline.plots.pictures import BLUE, VERMILION, note, save_figure, styled
 from pipeline.plots.steps import DEPTH_MM, L1_MM, PRELOAD_MM, TIP_RADIUS_MM, Step, feel_step, paper_whisker
 from whisker_array.simulation.traces import Fidelity

@@ -11,8 +11,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glyphs.atomic import check_writable, replacing
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
 from pipeline.common.texts import same_text
 from recognition.decision.picture import edge_panel, height_panel
 

@@ -15,8 +15,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glyphs.atomic import check_writable, replacing
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
 from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pipeline.reading.framed_session import FramedSession
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
 from recognition.belief.line_search import MOST_SCANS
 from recognition.decision.score import serial_is_sure
 from recognition.views.first_pass import felt_heights_mm
 from recognition.views.levelling import level
-from whisker_array.scan.framed_session import FramedSession
 from whisker_array.simulation.traces import Fidelity
 
 if TYPE_CHECKING:

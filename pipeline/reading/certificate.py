@@ -21,9 +21,10 @@ from typing import Any, ClassVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import differences, reader_versions
+from pipeline.errors import require_file
 from recognition.decision.accepted_risk import ThresholdTest, certified_threshold, share_bounds
 from recognition.decision.contracts import CertifiedAcceptance
 from recognition.decision.likeness import KindOfParts

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from glyphs.errors import FileError, MarksError, OwnFileError
+from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import SUFFIX, JobFile, files_of, job_of
+from pipeline.errors import OwnFileError
 
 
 def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:

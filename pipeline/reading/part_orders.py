@@ -24,12 +24,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, describe_fault, is_machine_error
+from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import files_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
-from pipeline.errors import shown_as
+from pipeline.errors import FaultError, OwnFileError, describe_fault, is_machine_error, shown_as
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.triage import state_after, why_touch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from glyphs.atomic import check_writable
+from pipeline.common.output_paths import check_writable
 from pipeline.common.settings import SettingsError
 from pipeline.runs.store_target import is_store
 

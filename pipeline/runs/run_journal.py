@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, describe_fault
+from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
+from pipeline.errors import describe_fault
 from pipeline.runs.journal import GrowingFile, Journal, cannot_be_written, set_aside
 from pipeline.runs.tables import WORKBOOK, check_output, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook

@@ -11,9 +11,9 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-from glyphs.errors import require_file
 from pipeline.common.job_file import FILES, files_of
 from pipeline.common.settings import ReadSettings
+from pipeline.errors import require_file
 
 _MOST_BYTES = 200_000_000
 

@@ -27,8 +27,9 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from glyphs.atomic import check_writable, replacing
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
+from pipeline.common.output_paths import check_writable
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, to_json
 from pipeline.common.row import row_of
 from pipeline.common.texts import harmless

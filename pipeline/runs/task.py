@@ -10,11 +10,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError, MarksError, MissingExtraError, describe_fault
+from glyphs.errors import FileError, MarksError, MissingExtraError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
+from pipeline.errors import describe_fault
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.triage import state_after
 from pipeline.runs.setting_files import settled

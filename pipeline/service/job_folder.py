@@ -26,9 +26,10 @@ from typing import Any
 import structlog
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError, MarksError, OwnFileError, describe_fault
+from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
+from pipeline.errors import OwnFileError, describe_fault
 from pipeline.reading.drift import EVERY, DriftWatch, watch_of
 from pipeline.reading.job_check import check_job
 from pipeline.service.recent_files import GlyphDatabases, RecentFiles

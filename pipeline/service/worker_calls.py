@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from glyphs.errors import FaultError, FileError, OwnFileError
+from glyphs.errors import FileError
 from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
+from pipeline.errors import FaultError, OwnFileError
 from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.web.problem import OwnProblem, Problem, busy

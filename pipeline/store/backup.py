@@ -23,11 +23,12 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from glyphs.atomic import sync_folder
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
 from pipeline.common.file_lock import exclusively
 from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_folder
 from pipeline.common.version import file_sha256, program_version
+from pipeline.errors import require_file
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder, FileState, file_errors

@@ -27,8 +27,9 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
-from glyphs.errors import MarksError, describe_fault
+from glyphs.errors import MarksError
 from pipeline.common.settings import SettingsError
+from pipeline.errors import describe_fault
 from pipeline.workers.executors import Executor, WorkerLostError
 from pipeline.workers.process import LOOK_S, Answer, Shared, Worker, called, worker_of
 

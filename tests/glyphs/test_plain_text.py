@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.errors import FileError
-from glyphs.plain_text import HIDDEN, is_hidden, visible
+from glyphs.plain_text import is_hidden, visible
 
 
 @pytest.mark.parametrize(
@@ -33,12 +31,6 @@ def test_nothing_hidden_is_left_and_the_rest_stays(text: str) -> None:
     assert not any(is_hidden(char) for char in visible(text))
     if not any(is_hidden(char) for char in text):
         assert visible(text) == text
-
-
-@given(st.characters(max_codepoint=0xFFFF))
-def test_the_pattern_holds_hidden_characters_alone(char: str) -> None:
-    if re.fullmatch(f"[{HIDDEN}]", char):
-        assert is_hidden(char)
 
 
 def test_the_message_of_an_error_writes_no_escapes_to_a_terminal() -> None:

@@ -68,10 +68,8 @@ class NoWhiskerError(DesignError):
         bounds: tuple[Bound, ...] = (),
     ) -> None:
         self.problem, self.nearest, self.bounds = problem, nearest, bounds
-        super().__init__(
-            f"no whisker meets all limits together: {', '.join(bound.label for bound in bounds)}",
-            hint=", or ".join(dict.fromkeys(bound.hint for bound in bounds)),
-        )
+        names = ", ".join(bound.value for bound in bounds)
+        super().__init__(f"no whisker meets all limits together: {names}")
 
 
 class Lip(Enum):
@@ -192,8 +190,8 @@ def design_whisker(
     if least > allowed and section == "round":
         raise DesignError(
             "round wire is as soft sideways as it is up and down: pressed on by no more than the groove's depth asks "
-            f"for, its tip slides {least:.2g} mm into grooves along the trace, where at most {allowed:.2g} mm is "
-            f"allowed. Mend: {Bound.SLIDE.hint}"
+            f"for, its tip slides {least:.2g} mm into grooves along the trace (at most {allowed:.2g} mm is allowed)",
+            hint="take a ribbon, larger characters or shallower marks",
         )
     if least > allowed:
         kinds = ("ribbon",)

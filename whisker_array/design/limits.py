@@ -34,40 +34,27 @@ class DesignError(MarksError):
 
 
 class Bound(enum.Enum):
-    """The constraints: what is measured, and what to change where it cannot be kept."""
+    """The constraints of a design; see the head of the module."""
 
-    JAMMING = (
-        "lift on the steepest wall / on the land",
-        "take walls less steep or a narrower range of friction",
-    )
-    STRESS = ("bending stress, steepest wall, MPa", "allow more stress, a slower scan or a longer whisker")
-    FORCE = ("normal force, steepest wall, N", "allow more force, a slower scan or a weaker signal")
-    GROOVE_FLOOR = ("preload, mm", "take shallower marks")
-    DEFLECTION = ("tip deflection / l1", "allow a longer whisker or a slower scan")
-    LINEAR_BEAM = ("linear-beam error on the land", "allow a longer whisker, a slower scan or a larger error")
-    SLIDE = ("sideways slide into a groove, mm", "take a ribbon, larger characters or shallower marks")
-    SPEED = ("finest detail / first frequency", "scan slower")
-    SIGNAL = ("strain at the base, land, 1e-6", "allow a weaker signal or more force")
-    ELBOW = ("elbow's underside over the tip, mm", "allow a larger k or shallower marks")
-    CLAMP = ("clamp's underside over the land, mm", "allow a larger setting angle or a larger k")
-    AXIS = ("sensor axis over the free tip, mm", "allow a larger setting angle or a larger k")
-    LOWERED = ("sensor axis over the free tip, mm", "let the sensor's axis stand above the clamp")
-    WIDTH = ("width, mm", "allow a wider ribbon (whiskers further apart)")
-    LENGTH = ("l1, mm", "allow other lengths of l1")
-    K = ("k = l2 / l1", "allow another k")
-    BETA = ("beta, deg", "allow other setting angles")
-    THICKNESS = ("thickness or diameter, mm", "allow other thicknesses")
-    ASPECT = ("width / thickness", "allow other ribbons")
-
-    @property
-    def label(self) -> str:
-        """For tables."""
-        return self.value[0]
-
-    @property
-    def hint(self) -> str:
-        """Change to make where the limit cannot be kept."""
-        return self.value[1]
+    JAMMING = "jamming"
+    STRESS = "stress"
+    FORCE = "force"
+    GROOVE_FLOOR = "groove floor"
+    DEFLECTION = "deflection"
+    LINEAR_BEAM = "linear beam"
+    SLIDE = "slide"
+    SPEED = "speed"
+    SIGNAL = "signal"
+    ELBOW = "elbow"
+    CLAMP = "clamp"
+    AXIS = "axis"
+    LOWERED = "lowered"
+    WIDTH = "width"
+    LENGTH = "length"
+    K = "k"
+    BETA = "beta"
+    THICKNESS = "thickness"
+    ASPECT = "aspect"
 
 
 @dataclass(frozen=True, repr=False)

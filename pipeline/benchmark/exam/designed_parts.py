@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
-from glyphs.sketch import sketch_part
 from glyphs.soiling.soiled import WORKSHOP, Soiling
 from pipeline.benchmark.exam.condition import Condition, Level, level_name
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
+from pipeline.benchmark.exam.sketched_part import sketch_part
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import MAX_PARTS, SynthSpec, make_part, text_of

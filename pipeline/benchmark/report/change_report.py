@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import make_folder
 from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes
 from pipeline.benchmark.analysis.confusion import characters_right
@@ -16,6 +15,7 @@ from pipeline.benchmark.report.page import render, write_page, write_table, writ
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst
 from pipeline.benchmark.trials.journal import TrialJournal
 from pipeline.benchmark.trials.remake import remake
+from pipeline.common.output_paths import make_folder
 from pipeline.workers.executors import Executor, ordered_map
 
 PAGE, DOCUMENT, TABLE = "compare.html", "compare.md", "compare.csv"

@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from glyphs.atomic import make_folder
 from pipeline.benchmark.analysis.confusion import characters_right, mistakes
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, TIMES, Group, level_of, levels_in
 from pipeline.benchmark.analysis.stability import unperturbed
@@ -29,6 +28,7 @@ from pipeline.benchmark.report.page import render, versions, write_page, write_t
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.output_paths import make_folder
 from pipeline.common.shares import CONFIDENCE_LEVEL
 from pipeline.reading.certificate import Certificate
 from pipeline.reading.drift import DriftWatch

@@ -18,10 +18,11 @@ from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, ClassVar
 
-from glyphs.errors import MarksError, describe_fault
+from glyphs.errors import MarksError
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import ReadSettings
+from pipeline.errors import describe_fault
 from pipeline.formats.part_files import PartFiles, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
 from pipeline.runs.journal import resumable

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from glyphs.atomic import make_folder
 from pipeline.benchmark.analysis.statistics import plain
 from pipeline.benchmark.report.charts import WIDTH_IN, data_uri
 from pipeline.benchmark.report.page import render, write_page, write_table, write_text
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.repeats import RECORDED, depth_of
 from pipeline.benchmark.study.study import Study
+from pipeline.common.output_paths import make_folder
 from pipeline.plots.pictures import styled
 
 PAGE, DOCUMENT, FIGURES, READINGS = "study.html", "study.md", "study.json", "readings.csv"

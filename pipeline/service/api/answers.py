@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 from fastapi import Depends, Form, Header, Path, Request
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from glyphs.plain_text import HIDDEN
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import MEDIA_TYPE, ProblemBody
@@ -28,9 +27,13 @@ _PROBLEMS = {
     503: "the queue is full, or the store does not answer; the header Retry-After tells when to ask again",
 }
 _PROBLEM = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}}}
-_HIDDEN = HIDDEN.replace(r"\ud800-\udfff", "")  # half surrogates never come out of UTF-8
-TEXT = f"^[^{_HIDDEN}]*$"
-NOTE = f"^(?:[\\t\\n\\r]|[^{_HIDDEN}])*$"
+HIDDEN = r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ue000-\uf8ff\ufeff\ufff9-\ufffb"
+"""Members of a character class of a regular expression: hidden characters of the Basic Multilingual Plane.
+
+Without half surrogates, which never come out of UTF-8.
+"""
+TEXT = f"^[^{HIDDEN}]*$"
+NOTE = f"^(?:[\\t\\n\\r]|[^{HIDDEN}])*$"
 PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
 PictureName = Literal["photo", "edges", "boxes"]
 

@@ -27,9 +27,10 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import structlog
 
-from glyphs.errors import FileError, describe_fault
+from glyphs.errors import FileError
 from glyphs.plain_text import visible
 from pipeline.common.records import EvidenceKind, PartRecord
+from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
 from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
 from pipeline.service.intake import Intake

@@ -158,8 +158,8 @@ class SimulatedStage:
         """
         from pipeline.formats.npz import read_soil
         from pipeline.formats.touch_file import read_height_map
+        from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.simulated_scan import open_session
-        from whisker_array.scan.framed_session import FramedSession
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:

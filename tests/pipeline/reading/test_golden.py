@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.errors import FileError, OwnFileError
+from glyphs.errors import FileError
 from glyphs.surface.pieces import Piece
 from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear
+from pipeline.errors import OwnFileError
 from pipeline.formats.whisker_file import read_piece
 from pipeline.reading import golden
 from pipeline.reading.golden import measure_golden, measure_sent

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.errors import FaultError, FileError, OwnFileError, report_damage
+from glyphs.errors import FileError, report_damage
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
+from pipeline.errors import FaultError, OwnFileError
 from pipeline.formats.npz import write_npz
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part

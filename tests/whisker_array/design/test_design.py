@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.cli.design_words import explain_failure
+from pipeline.cli.design_words import BOUND_WORDS, explain_failure
 from tests.support.stress import preload_stress_mpa
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
@@ -217,12 +217,15 @@ def test_round_wire_serves_where_slides_are_allowed() -> None:
 
 def test_walls_that_must_jam_are_named_with_their_mend() -> None:
     asked = replace(ASKED, alpha_rad=(math.radians(30.0), math.radians(75.0)))
-    with pytest.raises(NoWhiskerError, match="lift on the steepest wall") as failed:
+    with pytest.raises(NoWhiskerError, match=r"together: .*jamming") as failed:
         design_whisker(asked)
     explained = explain_failure(failed.value)
     assert "lift on the steepest wall / on the land comes to" in explained
-    works = float(explained.split("walls up to ")[1].split()[0])
-    assert 60.0 < works < 75.0
+    assert "take walls less steep" in explained.split("Mend: ")[1]
+
+
+def test_every_limit_has_words() -> None:
+    assert set(BOUND_WORDS) == set(Bound)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from glyphs.errors import MarksError
-from glyphs.sketch import ROWS, ROWS_PER_HEIGHT, sketch_part
+from glyphs.sketch import ROWS, ROWS_PER_HEIGHT
 from glyphs.soiling.soiled import Soiling
+from pipeline.benchmark.exam.sketched_part import sketch_part
 
 CLEAN = Soiling()
 
