@@ -128,3 +128,6 @@ def test_nothing_is_said_of_what_is_sure_or_of_another_font(
     beside = TextLine(line.centre_mm + np.array([0.0, 0.7 * line.height_mm]), line.height_mm)
     where = (view, beside, columns)
     assert with_depths(doubtful, doubtful, *where, templates("gothic"), raised=False) is doubtful
+    # most of the line lies beyond what was felt
+    far = TextLine(line.centre_mm + np.array([0.8 * line.length_mm, 0.0]), line.height_mm)
+    assert with_depths(doubtful, doubtful, view, far, columns, templates("gothic"), raised=False) is doubtful
