@@ -12,6 +12,13 @@ from .common.reading_records import (
 )
 from .common.settings import MapSettings, ReadSettings, SettingsError
 from .formats.find_parts import NothingFoundError, discover
+from .formats.glyph_database import (
+    DatabaseError,
+    Exemplar,
+    GlyphDatabase,
+    load_database,
+    save_database,
+)
 from .formats.part_files import PartFiles
 from .formats.photos import read_photo, write_photo
 from .formats.touch_file import read_height_map, read_scan
@@ -24,9 +31,12 @@ __all__ = [
     "Benchmark",
     "CandidateRecord",
     "CharacterRecord",
+    "DatabaseError",
     "Design",
     "DesignedParts",
     "ExamPart",
+    "Exemplar",
+    "GlyphDatabase",
     "MapSettings",
     "Mode",
     "NothingFoundError",
@@ -39,11 +49,13 @@ __all__ = [
     "SettingsError",
     "design_named",
     "discover",
+    "load_database",
     "read",
     "read_height_map",
     "read_photo",
     "read_scan",
     "reading_record",
     "run_benchmark",
+    "save_database",
     "write_photo",
 ]

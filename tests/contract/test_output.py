@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from glyphs import load_font
-from pipeline import ReadSettings
-from pipeline.formats.glyph_database import GlyphDatabase, save_database
+from pipeline import GlyphDatabase, ReadSettings, save_database
 from tests.contract.front_doors import ROOT, Command, environment
 
 READ = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1")
