@@ -8,6 +8,6 @@ _SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
 
 
 def is_font_file(name: str | Path) -> bool:
-    """Whether the name of a font is that of a file, not a built-in one."""
+    """Check whether a font is named by its file, not by a built-in name."""
     path = Path(name)
     return path.suffix.lower() in _SUFFIXES or path.name != str(name)

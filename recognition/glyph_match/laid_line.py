@@ -4,8 +4,8 @@
     doubtful place: each character that is likely, laid about its pose --likelihoods--> lattice
 
 The recogniser and its prototypes see a line through the same layers, and err alike. Depths compared sample by sample
-err otherwise: a scratch is no tail of a Q, since the font's own tail is elsewhere. They help only where the font, the
-height and the places are known well, so the line is settled first, by the characters that are sure.
+make other errors: a scratch is not the tail of a Q if the font has its tail elsewhere. They help only where the font,
+the height and the places are known well, so the line is settled first, by the characters that are sure.
 """
 
 from __future__ import annotations
@@ -41,12 +41,11 @@ from recognition.views.view import HEIGHTS, KNOWN, View
 BESIDE_HEIGHTS = 1.2
 """Land of a strip before and after its line, character heights."""
 FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, deep=0.6)
-"""Poses about the places of a line as it was found."""
+"""Expected spread of poses around the places of a line as it was found."""
 LEAST_SAMPLES = 100
-"""Samples of a place, from which a character is laid over it."""
-_ACROSS = (-0.1, -0.05, 0.0, 0.05, 0.1)
+"""Number of samples that a place needs before a character is laid over it."""
 SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
-"""Poses about the smooth ones along the line: blows move and turn characters so much."""
+"""Expected spread of poses around the smooth ones along the line: blows move and turn characters this much."""
 
 
 def glyph_depths(templates: TemplateSet, *, raised: bool = False) -> Mapping[str, Glyph]:
@@ -208,7 +207,10 @@ def with_depths(
     if suits < least_suits:
         return lattice
     log = lattice.log_belief.copy()
-    moves = [pose(right=right, down=down) for right, down in product(_ACROSS, (-0.05, 0.0, 0.05))]
+    moves = [
+        pose(right=right, down=down)
+        for right, down in product((-0.1, -0.05, 0.0, 0.05, 0.1), (-0.05, 0.0, 0.05))
+    ]
     for k in places:
         laid = [i for i, char in enumerate(together.chars) if belief[k, i] >= likely and char in glyphs]
         samples = strip.samples(int(k), shift_heights=about[k, RIGHT])

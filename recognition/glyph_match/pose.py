@@ -4,12 +4,12 @@
     .. 0 8 9 9 7 0 ..    -     ..  0 9 9 9 9 0 ..  x depth + a plane   =    noise, or dirt
 
 A sample is either felt as predicted, but for noise, or it tells nothing: dirt lies on it, or a scratch runs there. A
-missing stroke, or a groove that is none of the character's, therefore counts against it only so much. The logarithm
+missing stroke, or a groove that the character does not have, counts against it only up to a limit. The logarithm
 of this mixture's likelihood, summed over the samples of a place, compares characters with each other.
 
 A pose is a vector of nine numbers:
 
-    RIGHT, DOWN       of the place's middle, character heights
+    RIGHT, DOWN       distance from the middle of the place, character heights
     TURN              radians, from right to down
     WIDE, TALL, DEEP  logarithms of factors
     LEVEL and slopes  of the land, in usual depths, and per character height to the right and down
@@ -57,15 +57,15 @@ def spread_of_poses(
 
 @dataclass(frozen=True, eq=False)
 class PlaceSamples:
-    """What was felt about a place.
+    """The depths that were felt around a place.
 
     Attributes:
-        right, down: (n,) of the place's middle, character heights.
-        felt: (n,) depth below the land about, in units of noise.
+        right, down: (n,) distance from the middle of the place, character heights.
+        felt: (n,) depth below the surrounding land, in units of noise.
         usual: depth of the line's strokes in units of noise.
         missed: share of samples that tell nothing.
-        span: range of depths of these, in usual depths.
-        alike: neighbouring samples that tell the same: noise and dirt are wider than a pixel.
+        span: range of the depths of those samples, in usual depths.
+        alike: number of neighbouring samples that count as one: noise and dirt are wider than a pixel.
     """
 
     right: Floats
