@@ -40,7 +40,9 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise FileError(
-            path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
+            path,
+            f"cannot be written ({error.strerror or error})",
+            "name a folder that can be written and has room",
         ) from error
 
 

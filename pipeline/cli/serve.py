@@ -89,17 +89,13 @@ def worker(address: str, *, jobs: Positive = None, memory_gb: float | None = Non
 
 
 def _write_settings(file: Path) -> int:
+    from glyphs.atomic import replacing
     from pipeline.cli.settings_reference import settings_file
 
-    try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(settings_file())
-    except FileExistsError as error:
-        raise UsageError(
-            f"serve: {file} is there already", "name another file after --init-config"
-        ) from error
-    except OSError as error:
-        raise UsageError(f"serve: {file} cannot be written ({error.strerror})") from error
+    if os.path.lexists(file):
+        raise UsageError(f"serve: {file} is there already", "name another file after --init-config")
+    with replacing(file) as temporary:
+        temporary.write_text(settings_file(), encoding="utf-8")
     _say(f"written to {file}: every setting with its default, commented out")
     return 0
 

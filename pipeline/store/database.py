@@ -37,9 +37,10 @@ AnyRow = Row[*tuple[Any, ...]]
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
-# of a connection to PostgreSQL whose other end has gone without a word: seconds, and milliseconds
-_PATIENCE = {"connect_timeout": 10, "keepalives_idle": 30, "tcp_user_timeout": 30_000}
+# for the one that asks a silent server whether it is back
+_TURN_S = 1.0
 _MOST_URL = 5000  # longer than any path of the system
+_CHECK = "check that the database runs, that it or its folder may be written, and its address"
 _URL_HINT = "write sqlite:///file.db or postgresql://user@host/name"
 
 # Alembic keeps what it runs in variables of its modules
@@ -113,6 +114,7 @@ class Database:
       ended, and undone where the block raises.
     * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
     * Threads may share it; a connection belongs to one transaction at a time.
+    * While PostgreSQL does not answer, one transaction at a time waits for it, and the others are refused.
 
     Attributes:
         shown: its address without the password.
@@ -123,6 +125,7 @@ class Database:
         self._engine, self._now = engine, now
         # threads queue here, not in SQLite's own wait, which polls and may starve one of many
         self._writer = threading.Lock() if engine.dialect.name == "sqlite" else None
+        self._silent, self._asking = False, threading.Lock()
 
     @classmethod
     def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Self:
@@ -162,7 +165,7 @@ class Database:
         """
         # SQLite's transactions see one moment anyway
         options = {"isolation_level": "REPEATABLE READ"} if self._writer is None else {}
-        with _store_errors(self.shown), self._engine.connect() as connection:
+        with _store_errors(self.shown), self._connected() as connection:
             yield Transaction(connection.execution_options(**options), self._now().astimezone(UTC))
 
     @contextlib.contextmanager
@@ -177,10 +180,32 @@ class Database:
                 if not self._writer.acquire(timeout=_WAIT_S):
                     raise StoreError(f"the store {self.shown} is busy", hint="try again")
                 held.callback(self._writer.release)
-            connection = held.enter_context(self._engine.connect())
+            connection = held.enter_context(self._connected())
             connection = connection.execution_options(tactile_marks_writes=True)
             held.enter_context(connection.begin())
             yield Transaction(connection, self._now().astimezone(UTC))
+
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[Connection]:
+        """A connection to a database that answers."""
+        try:
+            with self._answering() as connection:
+                yield connection
+        except exc.OperationalError:
+            self._silent = True
+            raise
+
+    def _answering(self) -> Connection:
+        asks = self._silent
+        if asks and not self._asking.acquire(timeout=_TURN_S):
+            raise StoreError(f"the store {self.shown} does not answer", hint=_CHECK)
+        try:
+            connection = self._engine.connect()
+            self._silent = False
+        finally:
+            if asks:
+                self._asking.release()
+        return connection
 
     def close(self) -> None:
         """Close every connection."""
@@ -216,9 +241,11 @@ def _checked(url: str) -> URL:
 def _engine(url: URL) -> Engine:
     of_sqlite = url.get_backend_name() == "sqlite"
     options: dict[str, float] = {"timeout": _WAIT_S, "check_same_thread": False}
-    if not of_sqlite:
-        options = {name: value for name, value in _PATIENCE.items() if name not in url.query}
     try:
+        if not of_sqlite:
+            from pipeline.store.postgres import PATIENCE, connect
+
+            options = {name: value for name, value in PATIENCE.items() if name not in url.query}
         engine = sa.create_engine(
             url,
             json_serializer=json_text,
@@ -233,9 +260,11 @@ def _engine(url: URL) -> Engine:
             f"PostgreSQL needs {error.name}",
             hint="install it with: pip install 'tactile-marks[postgres]', or use sqlite:///file.db",
         ) from error
-    sa.event.listen(engine, "connect", _prepare_sqlite if of_sqlite else _prepare_postgresql)
     if of_sqlite:
+        sa.event.listen(engine, "connect", _prepare_sqlite)
         sa.event.listen(engine, "begin", _begin_in_sqlite)
+    else:
+        sa.event.listen(engine, "do_connect", lambda _dialect, _entry, args, more: connect(*args, **more))
     return engine
 
 
@@ -259,22 +288,6 @@ def _begin_in_sqlite(connection: Connection) -> None:
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
-def _prepare_postgresql(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    cursor = connection.cursor()
-    cursor.execute("SET TIME ZONE 'UTC'")
-    # an answer means that it is on the disk, whatever the server's default
-    cursor.execute(
-        "SELECT set_config('synchronous_commit', 'on', false)"
-        " WHERE current_setting('synchronous_commit') = 'off'"
-    )
-    # a lock that is never released must not block requests for ever
-    cursor.execute(
-        f"SELECT set_config('lock_timeout', '{_WAIT_S:g}s', false) WHERE current_setting('lock_timeout') = '0'"
-    )
-    cursor.close()
-    connection.commit()
-
-
 def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
     from alembic.operations import Operations
     from alembic.runtime.migration import MigrationContext
@@ -288,6 +301,9 @@ def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
         connection.begin(),
     ):
         if engine.dialect.name == "postgresql":
+            raw: Any = connection.connection.dbapi_connection
+            raw.silent_s = None  # another may take long to bring it up to date
+            connection.detach()
             connection.exec_driver_sql("SET LOCAL lock_timeout = 0")
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))
         options = {"version_table": VERSION_TABLE, "render_as_batch": True}
@@ -331,5 +347,5 @@ def _store_errors(shown: str) -> Iterator[None]:
         elif any(words in reason for words in ("malformed", "not a database")):
             hint = "check its address, or stop the service and restore the last good backup"
         else:
-            hint = "check that the database runs, that it or its folder may be written, and its address"
+            hint = _CHECK
         raise StoreError(f"the store {shown} does not answer ({reason})", hint=hint) from error

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 _START_S = 30.0
@@ -95,6 +96,20 @@ class PostgresServer:
         """As a crash does."""
         self._end(signal.SIGKILL)
 
+    @contextlib.contextmanager
+    def frozen(self) -> Iterator[None]:
+        """Stop all its processes, which keep their sockets open; they go on at the end."""
+        assert self._process is not None
+        main = self._process.pid
+        self._process.send_signal(signal.SIGSTOP)
+        children = Path(f"/proc/{main}/task/{main}/children").read_text(encoding="ascii").split()
+        family = [main, *map(int, children)]
+        try:
+            _signal(family, signal.SIGSTOP)
+            yield
+        finally:
+            _signal(family, signal.SIGCONT)
+
     def close(self) -> None:
         """End it and remove its data."""
         self._end(signal.SIGQUIT)
@@ -105,6 +120,12 @@ class PostgresServer:
             self._process.send_signal(how)
             self._process.wait(_START_S)
             self._process = None
+
+
+def _signal(family: Sequence[int], what: signal.Signals) -> None:
+    for process in family:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, what)
 
 
 def _unprivileged() -> int | None:

@@ -32,13 +32,13 @@ def add_problem_handlers(app: FastAPI) -> None:
     """Have the application answer what it and the store raise."""
 
     async def answer(request: Request, error: Exception) -> Response:
-        return problem_answer(problem_of(error, request), request.scope)
+        return problem_answer(problem_of(error, request.scope), request.scope)
 
     for kind in _EXPECTED:
         app.add_exception_handler(kind, answer)
 
 
-def problem_of(error: BaseException, request: Request) -> Problem:
+def problem_of(error: BaseException, scope: Scope) -> Problem:
     """The answer to an expected error."""
     if isinstance(error, Problem):
         return error
@@ -56,10 +56,10 @@ def problem_of(error: BaseException, request: Request) -> Problem:
     if not isinstance(error, HTTPException):
         return no_room(error)
     if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be put down
-        return problem_of(error.__cause__, request)
+        return problem_of(error.__cause__, scope)
     detail = str(error.detail)
     if error.status_code == 404:
-        detail = f"there is nothing at {request.url.path[:200]}; see /docs for the addresses"
+        detail = f"there is nothing at {scope['path'][:200]}; see /docs for the addresses"
     return Problem(error.status_code, detail, headers=dict(error.headers or {}))
 
 

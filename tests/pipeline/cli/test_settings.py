@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -302,6 +304,21 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
     assert main(["serve", "--init-config", "other.toml"]) == 2
     assert "other.toml is there already" in capsys.readouterr().err
     assert Path("other.toml").read_text(encoding="utf-8") == text
+
+
+def test_a_file_of_settings_on_a_full_disk_leaves_nothing_behind(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.fsync", full)
+        assert main(["serve", "--init-config", "one.toml"]) == 1
+    said = capsys.readouterr().err
+    assert "one.toml: cannot be written (No space left on device); name a folder that can be written" in said
+    assert list(Path().iterdir()) == []
+    assert main(["serve", "--init-config", "one.toml"]) == 0
 
 
 def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:

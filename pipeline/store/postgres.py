@@ -1,0 +1,79 @@
+"""Connections to PostgreSQL that wait for a limited time, also for a server that is frozen and keeps its sockets open.
+
+statement --sent--> answered                     as without a limit
+                    silent for SILENT_S          the connection is closed: OperationalError
+
+A server that goes on finds the connection closed and rolls its transaction back. Only a commit that had been sent may
+still be carried out: as with any lost connection the caller does not know, and asks again with its idempotency key.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import psycopg
+
+if TYPE_CHECKING:
+    from psycopg.abc import PQGen
+    from psycopg.waiting import Ready, Wait
+
+# longest wait for a sign of life, s: longer than for a lock, which the server itself limits
+SILENT_S = 30.0
+# a lock that is never released must not block requests for ever
+LOCK_S = 20.0
+# of a connection whose other end has gone without a word: seconds, and milliseconds
+PATIENCE = {"connect_timeout": 10, "keepalives_idle": 30, "tcp_user_timeout": 30_000}
+# an answer means that it is on the disk, whatever the server's default
+_SETTINGS = (
+    "SET TIME ZONE 'UTC'",
+    "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'",
+    f"SELECT set_config('lock_timeout', '{LOCK_S:g}s', false) WHERE current_setting('lock_timeout') = '0'",
+)
+T = TypeVar("T")
+
+
+class PatientConnection(psycopg.Connection[tuple[Any, ...]]):
+    """A connection that is closed when the server has been silent for too long.
+
+    Attributes:
+        silent_s: longest wait for a sign of life, s; None: as long as it takes.
+    """
+
+    silent_s: float | None = None
+
+    def wait(self, gen: PQGen[T], *arguments: Any, **options: Any) -> T:
+        """Carry out a conversation with the server.
+
+        Raises:
+            psycopg.OperationalError: the server is silent; the connection is closed.
+        """
+        bounded = gen if self.silent_s is None else self._bounded(gen, self.silent_s)
+        return super().wait(bounded, *arguments, **options)
+
+    def _bounded(self, gen: PQGen[T], silent_s: float) -> Generator[Wait, Ready | int, T]:
+        heard_s = time.monotonic()
+        try:
+            wanted = next(gen)
+            while True:
+                ready = yield wanted  # none of it, several times a second
+                if ready:
+                    heard_s = time.monotonic()
+                elif time.monotonic() - heard_s > silent_s:
+                    self.close()
+                    raise psycopg.OperationalError(f"the server has been silent for {silent_s:g} s")
+                wanted = gen.send(ready)
+        except StopIteration as done:
+            answer: T = done.value
+            return answer
+
+
+def connect(*arguments: Any, **options: Any) -> PatientConnection:
+    """Connect, with the settings of a store."""
+    connection = PatientConnection.connect(*arguments, **options)
+    connection.silent_s = SILENT_S
+    for setting in _SETTINGS:
+        connection.execute(setting)
+    connection.commit()
+    return connection
