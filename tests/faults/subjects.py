@@ -16,7 +16,7 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.part_id import new_part_id
@@ -25,12 +25,13 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, Pa
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.part_pictures import Picture
+from pipeline.runs.journal import Journal
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.task import ReadPart, RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
-from pipeline.service.inputs.watched_files import FileState, Handled, WatchJournal
+from pipeline.service.inputs.watched_files import WatchJournal
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.new_part import NewPart
 from pipeline.service.settings import WatchSettings
@@ -344,6 +345,7 @@ def _watch(root: Path, *, looks: int = 4) -> WatchJournal:
     async def look() -> None:
         for _ in range(looks):
             await watched.look()
+        await watched.stop(grace_s=0.0)
 
     asyncio.run(look())
     parts.store.close()
@@ -373,38 +375,41 @@ def _watch_check(root: Path, _said: list[str], _power: bool) -> None:
 _FILES = [f"/in/{k}.png" for k in range(6)]
 
 
-def _handled(path: str) -> Handled:
-    return Handled(FileState(7, 8), path)
+class _Lines(Journal[str]):
+    kind: ClassVar[str] = "work"
+    keeps: ClassVar[Any] = str
 
 
 def _journal_work(root: Path, say: Say) -> None:
     def start() -> None:
-        journal.append(WatchJournal(root / "watched.jsonl", {}))
+        journal.append(_Lines(root / "lines.db", {}))
 
-    journal: list[WatchJournal] = []
+    journal: list[_Lines] = []
     if not tried(start):
         return
-    for path in _FILES:
-        # the service goes on where a line cannot be written
-        with contextlib.suppress(FileError):
-            journal[0].keep(path, _handled(path))
-            say(path)
-        if path == _FILES[3]:
+    with journal[0]:
+        for path in _FILES:
+            # the service goes on where a line cannot be written
             with contextlib.suppress(FileError):
-                journal[0].keep_only(_FILES[2:4])
-                say("only")
+                journal[0].keep(path, path)
+                say(path)
+            if path == _FILES[3]:
+                with contextlib.suppress(FileError):
+                    journal[0].keep_only(_FILES[2:4])
+                    say("only")
 
 
 def _journal_check(root: Path, said: list[str], power: bool) -> None:
-    again = WatchJournal(root / "watched.jsonl", {})
     kept = [path for path in _FILES if path in said]
     if "only" in said:
         kept = [path for path in kept if path not in _FILES[:2]]
-    if not power:
-        assert set(kept) - set(_FILES[:2]) <= set(again.done), "a line that was written is lost"
-    for path in _FILES:
-        again.keep(path, _handled(path))
-    assert set(WatchJournal(root / "watched.jsonl", {}).done) == set(_FILES)
+    with _Lines(root / "lines.db", {}) as again:
+        if not power:
+            assert set(kept) - set(_FILES[:2]) <= set(again.done), "a line that was written is lost"
+        for path in _FILES:
+            again.keep(path, path)
+    with _Lines(root / "lines.db", {}) as again:
+        assert set(again.done) == set(_FILES)
 
 
 # ---------------------------------------------------------------------------------- small things of the service
