@@ -56,7 +56,6 @@ class Journal(Generic[Kept]):
         version: version of the stored form.
         keeps: type stored for a part; pydantic writes and reads it.
         file: name of the journal in the folder of its run; empty where the run's place is the journal.
-        shared: whether other connections may have it open at the same time.
         path: journal file.
         description: description of the run, in plain JSON values.
         names: names of the parts that are done.
@@ -68,7 +67,6 @@ class Journal(Generic[Kept]):
     version: ClassVar[int] = 1
     keeps: ClassVar[Any]
     file: ClassVar[str] = ""
-    shared: ClassVar[bool] = False
 
     def __init__(
         self, place: Path, description: Mapping[str, Any] | None, *, output: Path | None = None
@@ -220,13 +218,10 @@ class Journal(Generic[Kept]):
         while True:
             self.path.touch()
             before = self.path.stat()
-            # threads of a service take turns: SQLite locks each statement
-            db = sqlite3.connect(
-                self.path, timeout=5.0 * self.shared, isolation_level=None, check_same_thread=False
-            )
+            # the thread that looks at a watched folder is another one each time
+            db = sqlite3.connect(self.path, timeout=0.0, isolation_level=None, check_same_thread=False)
             try:
-                if not self.shared:
-                    db.execute("pragma locking_mode = exclusive")
+                db.execute("pragma locking_mode = exclusive")
                 db.execute("pragma journal_mode = wal")
                 db.execute("pragma synchronous = normal")
                 db.execute("pragma wal_autocheckpoint = 10000")  # each waits for the disk
@@ -308,7 +303,7 @@ def resumable(
     order: O,
     *,
     lost: Callable[[T, Exception], R],
-    kept: Callable[[T, R], Kept] = lambda _, result: result,  # type: ignore[assignment, return-value]
+    kept: Callable[[T, R], Kept | None] = lambda _, result: result,  # type: ignore[assignment, return-value]
     name: str = "name",
     again: bool = False,
 ) -> Iterator[tuple[T, Kept]]:
@@ -323,7 +318,7 @@ def resumable(
         work: makes a result of (order, part).
         order: order for all parts.
         lost: makes the result of a part whose work failed or whose worker was lost.
-        kept: makes the stored form of (part, result) (default: the result itself).
+        kept: makes the stored form of (part, result) (default: the result itself); None: the part is not done.
         name: attribute that names a part.
         again: whether the parts are done a second time.
     """
@@ -334,8 +329,9 @@ def resumable(
         task, result = outcome.task, outcome.result
         if outcome.error is not None:
             result = lost(task, outcome.error)
-        tasks[named(task)], results[named(task)] = task, kept(task, result)  # type: ignore[arg-type]
-        if not outcome.more or len(tasks) == _MOST_TOGETHER:
+        if (form := kept(task, result)) is not None:  # type: ignore[arg-type]
+            tasks[named(task)], results[named(task)] = task, form
+        if tasks and (not outcome.more or len(tasks) == _MOST_TOGETHER):
             stored = journal.keep_all(results, again=again)
             yield from [(task, stored[name]) for name, task in tasks.items()]
             tasks, results = {}, {}

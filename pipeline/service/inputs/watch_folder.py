@@ -1,6 +1,6 @@
 """A folder that is watched is a camera: every photograph that is put into it is read as a part, once.
 
-    look --> new or changed --> next look --> unchanged: complete --> submitted --> written down
+    look --> new or changed --> next look --> unchanged: complete --> submitted --> journal     (`resumable`)
                                          \\-> changed: looked at again
 
 * A file is known by its name, length and time: one that is written over is another photograph.
@@ -22,6 +22,7 @@ import os
 import shutil
 import stat
 import time
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -29,18 +30,20 @@ import structlog
 
 from glyphs.errors import FileError
 from glyphs.plain_text import visible
-from pipeline.common.records import EvidenceKind, PartRecord
+from pipeline.common.records import EvidenceKind
 from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
+from pipeline.runs.journal import resumable
 from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
 from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
-from pipeline.service.tasks import end_tasks
+from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.errors import StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
+from pipeline.workers.executors import ThreadExecutor
 
 if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings
@@ -86,15 +89,17 @@ class WatchedFolder:
             )
         self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
-        self._at_once = asyncio.Semaphore(at_once)
+        self._at_once = at_once
         self.journal = WatchJournal(journal, {})
         self._looks = FolderLooks(
             self.folder, self.journal, a_set=settings.photos, settle_s=settings.settle_s
         )
         self._stopping = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._began_s: dict[str, float] = {}
         # attempts that came to nothing: why, and when the next one is due by the monotonic clock
         self._failures: dict[str, tuple[str, float]] = {}
+        self._receiving: set[Future[Received]] = set()
 
     async def start(self) -> dict[str, object]:
         """Begin to look; returns where, and how often."""
@@ -104,17 +109,16 @@ class WatchedFolder:
     async def stop(self, *, grace_s: float) -> None:
         """Stop taking files; files in work get `grace_s`, then they are read after the next start."""
         self._stopping.set()
-        if self._task is not None:
-            await end_tasks([self._task], grace_s=grace_s)
+        if (task := self._task) is not None:
+            await asyncio.wait([task], timeout=grace_s)
+            for future in tuple(self._receiving):
+                future.cancel()
+            await task
         self.journal.close()
 
     async def look(self) -> None:
         """Look once, and submit what is complete."""
-        complete = await asyncio.to_thread(self._looks.complete)
-        self._failures = {p.key: kept for p in complete if (kept := self._failures.get(p.key)) is not None}
-        async with asyncio.TaskGroup() as group:
-            for part in complete:
-                group.create_task(self._take(part))
+        await asyncio.to_thread(self._look, asyncio.get_running_loop())
 
     async def _watch(self) -> None:
         while not self._stopping.is_set():
@@ -127,81 +131,71 @@ class WatchedFolder:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
 
-    async def _take(self, part: WatchedPart) -> None:
-        """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
-        async with self._at_once:
-            began_s, (_, due_s) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
-            if self._stopping.is_set() or began_s < due_s:
-                return  # the next look finds it again
-            # a job whose file has changed is checked by a worker, for which this waits
-            if not await asyncio.to_thread(self._intake.can_read, self._settings.job):
-                return
-            problems: dict[Path, str] = {}
-            read: PartRecord | None = None
-            try:
-                read = await self._submit(part, problems)
-            except (Problem, OSError, FileError, StoreError) as error:
-                is_final = error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError)
-                if not is_final:
-                    return self._failed(part, str(error), began_s)
-                log.warning("watched file left", file=visible(part.name), why=str(error))
-                problems = {path: problems.get(path, str(error)) for path in part.files}
-            except Exception as error:
-                log.exception("fault of the program over a watched file", file=visible(part.name))
-                return self._failed(part, describe_fault(error), began_s)
-            self._failures.pop(part.key, None)
-            for path, state in part.files.items():
-                part_id = "" if path in problems or read is None else read.id
-                await self._write_down(path, Handled(state, part_id, problems.get(path, "")))
+    def _look(self, loop: asyncio.AbstractEventLoop) -> None:
+        complete, self._began_s = self._looks.complete(), {}
+        self._failures = {p.key: kept for p in complete if (kept := self._failures.get(p.key)) is not None}
+        with ThreadExecutor(self._at_once) as threads:
+            for part, _ in resumable(
+                self.journal, complete, threads, self._take, loop, lost=self._failed, name="key"
+            ):
+                self._failures.pop(part.key, None)
 
-    def _failed(self, part: WatchedPart, why: str, began_s: float) -> None:
-        """Leave a part for a later attempt."""
+    def _failed(self, part: WatchedPart, error: Exception) -> Handled | None:
+        """Give a part up if its files are what is wrong; else leave it for a later attempt."""
+        if isinstance(error, CancelledError):  # the service stops
+            return None
+        if error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError):
+            log.warning("watched file left", file=visible(part.name), why=str(error))
+            return Handled(part.files, problem=str(error))
+        why = str(error)
+        if not isinstance(error, (Problem, OSError, FileError, StoreError)):
+            why = describe_fault(error)
+            log.error("fault of the program over a watched file", file=visible(part.name), exc_info=error)
         now_s, (before, _) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
-        self._failures[part.key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
+        rest_s = max(LEAST_REST_S, REST * (now_s - self._began_s[part.key]))
+        self._failures[part.key] = why, now_s + rest_s
         if before != why:
             log.warning("watched file waits", file=visible(part.name), why=why)
+        return None
 
-    async def _write_down(self, path: Path, handled: Handled) -> None:
-        try:
-            await asyncio.to_thread(self.journal.keep, str(path), handled)
-        except FileError as error:
-            log.error("watched file not written down", file=visible(path.name), why=str(error))
-            self.journal.done[str(path)] = handled
-
-    async def _submit(self, part: WatchedPart, problems: dict[Path, str]) -> PartRecord | None:
-        """Submit the files of a part; None if no file can be used.
-
-        Args:
-            part: the part's files.
-            problems: filled with what is wrong with unusable files, by path.
+    def _take(self, loop: asyncio.AbstractEventLoop, part: WatchedPart) -> Handled | None:
+        """Submit the files of a part; None if the part waits for a later look.
 
         Raises:
             Problem: the files cannot be used together, one was written to meanwhile, or the queue is full.
             OSError: a file cannot be read.
+            StoreError: the store does not take the part.
         """
+        self._began_s[part.key] = began_s = time.monotonic()
+        _, due_s = self._failures.get(part.key, ("", 0.0))
+        # a job whose file has changed is checked by a worker, for which `can_read` waits
+        if self._stopping.is_set() or began_s < due_s or not self._intake.can_read(self._settings.job):
+            return None
         check_count(len(part.files))
-        photos = []
+        photos, problems, part_id = [], [], ""
         with self._intake.work_folder() as folder:
             for number, (path, state) in enumerate(part.files.items(), start=1):
+                file = Path(path)
                 try:
-                    copy = await asyncio.to_thread(self._copy, path, state, folder, number)
+                    copy = self._copy(file, state, folder, number)
                 except Problem as problem:
                     if not problem.is_final:
                         raise
-                    log.warning("watched file left", file=visible(path.name), why=problem.detail)
-                    problems[path] = problem.detail
+                    log.warning("watched file left", file=visible(file.name), why=problem.detail)
+                    problems.append(problem.detail)
                 else:
-                    photos.append(Upload(copy, sent_name(path.name), EvidenceKind.PHOTO))
-            if not photos:
-                return None
-            digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
-            received = await self._intake.receive(
-                NewPart(name=sent_name(part.name), job=self._settings.job, touch=Touch.STAGE),
-                photos,
-                idempotency=IdempotencyKey(f"watch:{digest}", digest),
-            )
-        log.info("watched file read", file=visible(part.name), photos=len(photos), part=received.part.id)
-        return received.part
+                    photos.append(Upload(copy, sent_name(file.name), EvidenceKind.PHOTO))
+            if photos:
+                new = NewPart(name=sent_name(part.name), job=self._settings.job, touch=Touch.STAGE)
+                digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
+                key = IdempotencyKey(f"watch:{digest}", digest)
+                received = self._intake.receive(new, photos, idempotency=key)
+                future = asyncio.run_coroutine_threadsafe(received, loop)
+                self._receiving.add(future)
+                future.add_done_callback(self._receiving.discard)
+                part_id = future.result().part.id
+                log.info("watched file read", file=visible(part.name), photos=len(photos), part=part_id)
+        return Handled(part.files, part_id, "\n".join(problems))
 
     def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path:
         """A copy under a name that says what it holds.

@@ -27,7 +27,7 @@ from pipeline.formats.part_files import set_of
 from pipeline.runs.journal import Journal
 
 log = structlog.get_logger("tactile-marks")
-# Entries of files that have left the folder, beyond as many as lie there, at which the journal is written anew.
+# Files that have left the folder, beyond as many as lie there, at which the journal forgets them.
 _SPARE = 1000
 
 
@@ -46,26 +46,34 @@ class FileState:
 
 @dataclass(frozen=True)
 class Handled:
-    """Result of handling a file.
+    """What became of the files of a part.
 
     Attributes:
-        state: size and time of the file when it was handled.
-        part_id: id of its part; empty if it cannot be used.
-        problem: why the file cannot be used.
+        files: size and time of each file when it was handled, by path.
+        part_id: id of the part; empty if none of its files can be used.
+        problem: why files cannot be used, a line each.
     """
 
-    state: FileState
+    files: Mapping[str, FileState]
     part_id: str = ""
     problem: str = ""
 
 
 class WatchJournal(Journal[Handled]):
-    """Results of the files of a watched folder, by path."""
+    """The parts of a watched folder, by the keys of their files."""
 
     kind: ClassVar[str] = "watched folder"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     keeps: ClassVar[Any] = Handled
-    shared: ClassVar[bool] = True
+
+    def keep_all(self, kept: Mapping[str, Handled], *, again: bool = False) -> Mapping[str, Handled]:
+        """Keep what became of parts; what cannot be written is remembered until the service ends."""
+        try:
+            return super().keep_all(kept, again=again)
+        except FileError as error:
+            log.error("watched files not written down", why=str(error))
+            self.done.update(kept)
+            return kept
 
 
 @dataclass(frozen=True)
@@ -74,11 +82,11 @@ class WatchedPart:
 
     Attributes:
         name: of the part: the file's stem, or the set's.
-        files: each as it stood, by name.
+        files: size and time of each file, by path.
     """
 
     name: str
-    files: Mapping[Path, FileState]
+    files: Mapping[str, FileState]
 
     @property
     def key(self) -> str:
@@ -99,7 +107,7 @@ class FolderLooks:
 
         Args:
             folder: to look at; folders in it are not looked into.
-            journal: what became of its files so far.
+            journal: its parts so far.
             a_set: photographs of a set; 0 if unknown.
             settle_s: without a new or changed file, after which a set is complete, however many it has.
         """
@@ -116,6 +124,7 @@ class FolderLooks:
         self.took_s = time.monotonic() - began
         if now is None:
             return []
+        known = {path: state for one in self._journal.done.values() for path, state in one.files.items()}
         groups: dict[str, dict[str, FileState]] = {}
         for path, state in sorted(now.items()):
             groups.setdefault(set_of(path) or path, {})[path] = state
@@ -125,20 +134,17 @@ class FolderLooks:
             self._seen[name] = files, since_s if stood == files else began
             still = stood == files and all(state.n_bytes for state in files.values())
             whole = name in now or len(files) == self._a_set or began - since_s >= self._settle_s
-            if still and whole and self._is_new(files):
+            if still and whole and not files.items() <= known.items():
                 stem = Path(name).stem if name in now else name
-                found.append(WatchedPart(stem, {Path(path): state for path, state in files.items()}))
+                found.append(WatchedPart(stem, files))
         # an empty folder may be a drive that is away
-        if now and len(self._journal.done) > 2 * len(now) + _SPARE:
+        if now and len(known) > 2 * len(now) + _SPARE:
+            there = [key for key, one in self._journal.done.items() if not now.keys().isdisjoint(one.files)]
             try:
-                self._journal.keep_only(now)
+                self._journal.keep_only(there)
             except FileError as error:
                 log.error("journal of the watched folder not shortened", why=str(error))
         return sorted(found, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
-
-    def _is_new(self, files: Mapping[str, FileState]) -> bool:
-        known = self._journal.done
-        return any(path not in known or known[path].state != state for path, state in files.items())
 
     def _files(self) -> dict[str, FileState] | None:
         """The files that lie there; None if the folder is away.

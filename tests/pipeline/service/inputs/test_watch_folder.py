@@ -18,8 +18,8 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.runs.journal import Journal
 from pipeline.service.inputs.watch_folder import WatchedFolder, open_no_link
-from pipeline.service.inputs.watched_files import WatchJournal
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.settings import WatchSettings
 from pipeline.service.web.idempotency import Received
@@ -103,6 +103,11 @@ class Bench:
         if at_s is not None:
             os.utime(path, (at_s, at_s))
         return path
+
+    @property
+    def remembered(self) -> list[str]:
+        """Names of the files that the journal knows."""
+        return [Path(path).name for part in self.watched.journal.done.values() for path in part.files]
 
     def look(self, times: int = 2) -> list[str]:
         """Look so often; names of all parts so far."""
@@ -293,23 +298,52 @@ def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.Mon
     for k in range(7):
         (bench.folder / f"{k}.png").unlink()
     bench.look(1)
-    assert list(WatchJournal(bench.journal, {}).done) == [str(bench.folder / "7.png")]
+    assert bench.remembered == ["7.png"]
     bench.anew()
     assert len(bench.look(2)) == 8
     # an empty folder may be a drive that is away: nothing is forgotten
     (bench.folder / "7.png").unlink()
     monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 0)
     bench.look(2)
-    assert list(WatchJournal(bench.journal, {}).done) == [str(bench.folder / "7.png")]
+    assert bench.remembered == ["7.png"]
 
 
 def test_a_full_disk_under_the_journal_stops_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
+    def full(*_: object, again: bool = False) -> None:
         raise FileError(bench.journal, "cannot be written (No space left on device)", "make room")
 
-    monkeypatch.setattr(WatchJournal, "keep", full)
-    bench.put("a.png")
-    assert bench.look(4) == ["a"]
+    monkeypatch.setattr(Journal, "keep_all", full)
+    for name in ("a", "b"):
+        bench.put(f"{name}.png")
+    bench.put("no.png", b"no picture")
+    with structlog.testing.capture_logs() as logs:
+        assert bench.look(4) == ["a", "b"]
+    assert [one["event"] for one in logs].count("watched file left") == 1
+
+
+def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = asyncio.Event()
+
+    async def forever(*_: object, **__: object) -> Received:
+        begun.set()
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def watched() -> None:
+        await bench.watched.start()
+        await asyncio.wait_for(begun.wait(), LONG_S)
+        await asyncio.wait_for(bench.watched.stop(grace_s=0.05), LONG_S)
+
+    for name in ("a", "b"):
+        bench.put(f"{name}.png")
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.parts, "receive", forever)
+        asyncio.run(watched())
+    bench.anew()
+    assert bench.remembered == []
+    assert bench.look(3) == ["a", "b"]
 
 
 def test_a_service_watches(tmp_path: Path) -> None:
@@ -388,12 +422,14 @@ def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> Non
     broken = bench.put("a.light-2.png", b"no picture at all")
     assert bench.look(3) == ["a"]
     assert bench.parts.received[0][1] == "a.light-1.png"
-    told = WatchJournal(bench.journal, {}).done
-    assert "not a picture" in told[str(broken)].problem
+    (told,) = bench.watched.journal.done.values()
+    assert broken.name in told.problem
+    assert "not a picture" in told.problem
 
 
 def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     for number in range(13):
-        path = bench.put(f"a.shot-{number}.png")
+        bench.put(f"a.shot-{number}.png")
     assert bench.look(3) == []
-    assert "12 of a part" in WatchJournal(bench.journal, {}).done[str(path)].problem
+    (told,) = bench.watched.journal.done.values()
+    assert "12 of a part" in told.problem
