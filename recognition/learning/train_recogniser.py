@@ -44,8 +44,8 @@ _SIZES = (0.003, 0.1)
 """Least and greatest size of weights by which their rate is measured."""
 _FILES = 12
 """Read at a time: some 4,000 strips, a gigabyte."""
-_SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.7}
-"""Share of the strips of a kind that are used each time: of a part there are three photographs and one scan."""
+_SHARES = {"felt": 1.0, "heights": 0.6, "photo": 0.5}
+"""Share of the strips of a kind that are used each time: of a part there are six photographs and one scan."""
 
 
 def task(folders: Sequence[Path], held_out: Path, how: Training) -> Task:
@@ -174,7 +174,7 @@ def choose_strips(strips: Sequence[TrainingStrip], rng: np.random.Generator) -> 
     return [strip for strip in strips if rng.random() < _share(strip)]
 
 
-def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: float = 0.3) -> float:
+def _share(strip: TrainingStrip, *, unreadable: float = 0.45, unreadable_share: float = 0.6) -> float:
     # unreadable, unreadable_share: severity from which dirt hides most of a photograph, and the share of these that
     # is kept: they teach little.
     hidden = strip.source == "photo" and strip.severity >= unreadable

@@ -33,8 +33,8 @@ from whisker_array.whisker.touch import default_touch
 SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
 _CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
 _PRACTICES = ("press", "hand")
-_PHOTOS = 3
-"""Photographs of a part: they cost little beside its scan."""
+_PHOTOS = 6
+"""Photographs of a part: all of them cost a quarter of its scan."""
 _BUILTIN, _DOTTED = 0.2, 0.25
 """Shares of parts of built-in fonts, and of dotted ones: the hardest to read."""
 
