@@ -9,7 +9,7 @@ import numpy as np
 from glyphs.errors import FileError, MarksError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.formats.touch_file import read_scan
-from pipeline.reading.part_orders import PartOrder, sender_names
+from pipeline.reading.part_orders import sender_names
 
 
 def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
@@ -20,7 +20,7 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
         OwnFileError: of the relief, or of this machine.
         FaultError: a fault of this program.
     """
-    with sender_names(PartOrder(scan.parent), {scan: called}):
+    with sender_names(scan.parent, {str(scan): called}):
         return measure_golden(scan, relief.absolute())
 
 

@@ -53,34 +53,20 @@ class PartOrder:
 
     Attributes:
         folder: folder for output files; it exists and belongs to this order alone.
-        photos: photographs; the first is the one to which the others are registered.
-        scan: recording (HDF5).
-        height_map: surface; the suffix of its name gives its format.
-        earlier_photos: photographs of an earlier order, whose reading and picture exist: fused with touch.
-        part_name: the line's name of the part.
-        expected: expected text; empty if there is none.
+        part: its files on this machine; an expected text is verified.
+        earlier: its photographs are those of an earlier order, whose reading and picture exist.
         names: names of the files in messages, without folders (default: the names in their paths).
     """
 
     folder: Path
-    photos: tuple[Path, ...] = ()
-    scan: Path | None = None
-    height_map: Path | None = None
-    earlier_photos: tuple[Path, ...] = ()
-    part_name: str = ""
-    expected: str = ""
-    names: Mapping[Path, str] = field(default_factory=dict)
+    part: PartFiles
+    earlier: bool = False
+    names: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def shown(self) -> dict[Path, str]:
+    def shown(self) -> dict[str, str]:
         """All files, each with its name in messages: never a path of the server."""
-        files = (self.scan, self.height_map, *self.photos, *self.earlier_photos)
-        return {path: self.names.get(path) or path.name for path in files if path is not None}
-
-    @property
-    def name(self) -> str:
-        """Name of the part: the line's, or the stem of its first file's name."""
-        return self.part_name or Path(next(iter(self.shown.values()), RECORDING)).stem
+        return {file: self.names.get(file) or Path(file).name for file in self.part.files}
 
 
 @dataclass(frozen=True)
@@ -127,31 +113,29 @@ def read_order(
     from pipeline.reading.scan_plan import plan_of
     from recognition.decision.evidence import measures_of
 
-    tactile = order.scan is not None or order.height_map is not None
-    if not tactile and (not order.photos or order.earlier_photos):
+    part, tactile = order.part, order.part.felt
+    if not tactile and (order.earlier or not part.photo):
         raise ValueError(
             "an order has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
-    reader = _reader(order, settings)
-    started, expected = time.perf_counter(), order.expected.strip()
-    with sender_names(order, order.shown):
-        photo, *more = map(str, order.photos or order.earlier_photos or ("",))
-        touch = str(order.height_map or ""), str(order.scan or "")
-        part = PartFiles(order.name, *touch, photo, more_photos=tuple(more))
-        mode = "fused" if tactile and photo else None
+    reader = _reader(settings, order.folder, after_photo=order.earlier)
+    started, expected = time.perf_counter(), part.expected.strip()
+    with sender_names(order.folder, order.shown):
+        mode = "fused" if tactile and part.photo else None
         parts = PartReader(reader, mode=mode, maps=settings, limits=limits, budget_s=settings.touch_budget_s)
         found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
-        if order.photos and found.trace.vision is not None:
+        new_photo = bool(part.photo) and not order.earlier
+        if new_photo and found.trace.vision is not None:
             readings.insert(0, parts.verified(reader.apply_certificate(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
-            reading_record(r, settings, reader.grammar, part=order.name, seconds=s)
+            reading_record(r, settings, reader.grammar, part=part.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
         done = Done(
             records,
-            pictures_of(readings[-1], photo=bool(order.photos)),
+            pictures_of(readings[-1], photo=new_photo),
             measures=measures_of(readings[-1]) if settings.certificate is not None else {},
         )
         taken = found.trace.photo
@@ -174,7 +158,7 @@ def read_on_stage(
     at. The recording is `RECORDING` in the order's folder.
 
     Args:
-        order: the part's other files; `scan` is ignored.
+        order: the part's other files; a scan is ignored.
         settings: as of `read_order`; `budget_s` is the most stage time.
         limits: likewise.
         stage: opens a session.
@@ -188,7 +172,7 @@ def read_on_stage(
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.stage_error import StageError
 
-    reader = _reader(order, settings)
+    reader = _reader(settings, order.folder, after_photo=order.earlier)
     session = stage.open(scan_order)
     try:
         felt = read_kept(reader.touch, session, budget_s=settings.budget_s)
@@ -197,9 +181,10 @@ def read_on_stage(
     if felt.scan is None:
         raise StageError(felt.problem or "the stage has felt nothing")
     recording = order.folder / RECORDING
-    with sender_names(order, {recording: RECORDING}):
+    with sender_names(order.folder, {str(recording): RECORDING}):
         save_scan(felt.scan, recording)
-    return read_order(replace(order, scan=recording), settings, limits, felt=felt)
+    felt_part = replace(order.part, scan=str(recording))
+    return read_order(replace(order, part=felt_part), settings, limits, felt=felt)
 
 
 def check_settings(settings: ReadSettings) -> None:
@@ -208,11 +193,11 @@ def check_settings(settings: ReadSettings) -> None:
     Raises:
         OwnFileError: a file that they name cannot be used.
     """
-    _reader(PartOrder(Path()), settings)
+    _reader(settings, Path())
 
 
-def _reader(order: PartOrder, settings: ReadSettings) -> Reader:
-    """The reader that the settings ask for.
+def _reader(settings: ReadSettings, folder: Path, *, after_photo: bool = False) -> Reader:
+    """The reader that the settings ask for; of a part that was photographed before, it looks everywhere.
 
     Raises:
         OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
@@ -220,8 +205,8 @@ def _reader(order: PartOrder, settings: ReadSettings) -> Reader:
     from pipeline.reading.readers import reader_of
 
     try:
-        with sender_names(order, {path: path.name for path in files_of(settings)}):
-            return reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
+        with sender_names(folder, {str(path): path.name for path in files_of(settings)}):
+            return reader_of(settings, after_photo=settings.regions and after_photo)
     except FaultError:
         raise
     except FileError as error:
@@ -229,11 +214,11 @@ def _reader(order: PartOrder, settings: ReadSettings) -> Reader:
 
 
 @contextlib.contextmanager
-def sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
+def sender_names(folder: Path, names: Mapping[str, str]) -> Iterator[None]:
     """Turn every problem into the error of a file, under the sender's name of it.
 
     Args:
-        order: its folder is kept out of the messages.
+        folder: kept out of the messages.
         names: names of the files by path; the first is used if an error names no file.
 
     Raises:
@@ -244,14 +229,14 @@ def sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
     from recognition.decision.verify import VerifyError
 
     def without_folders(message: str) -> str:
-        for folder in (*(path.parent for path in names), order.folder):
-            if len(str(folder)) > 1:
-                message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
+        for one in (*(Path(path).parent for path in names), folder):
+            if len(str(one)) > 1:
+                message = message.replace(f"{one.resolve()}/", "").replace(f"{one}/", "")
         return message
 
     name = next(iter(names.values()), "part")
     try:
-        with shown_as({str(path): shown for path, shown in names.items()}):
+        with shown_as(names):
             yield
     except VerifyError as error:
         raise FileError("expected", error.what, error.hint) from error

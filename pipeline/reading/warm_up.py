@@ -32,6 +32,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from glyphs.part import stamp
     from glyphs.stamping.variation import StampingVariation
     from pipeline.formats.npz import write_npz
+    from pipeline.formats.part_files import PartFiles
     from pipeline.formats.photos import write_photo
     from pipeline.reading.part_orders import PartOrder, read_order
 
@@ -41,14 +42,11 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     photo = part.photograph(camera=Camera(pitch_mm=height_mm / PIXELS))
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
-        write_npz(folder / "part.npz", part.height_map)
-        write_photo(folder / "part.png", photo)
+        files = PartFiles("part", str(folder / "part.npz"), photo=str(folder / "part.png"))
+        write_npz(Path(files.height_map), part.height_map)
+        write_photo(Path(files.photo), photo)
         with contextlib.suppress(FileError):
-            read_order(
-                PartOrder(folder, photos=(folder / "part.png",), height_map=folder / "part.npz"),
-                settings,
-                limits,
-            )
+            read_order(PartOrder(folder, files), settings, limits)
 
 
 def _a_text(settings: ReadSettings) -> str:

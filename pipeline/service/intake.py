@@ -29,6 +29,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
 from pipeline.common.serial_rules import SerialRules
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import RECORDING, Done, PartOrder
@@ -235,16 +236,21 @@ class Intake:
         folder: Path | None = None,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
     ) -> Done:
-        by_kind = {upload.kind: upload.path for upload in sent}
+        files = {upload.kind: str(upload.path) for upload in sent}
+        photos = [str(upload.path) for upload in sent if upload.kind is EvidenceKind.PHOTO]
+        photo, *more = photos or list(map(str, earlier_photos)) or [""]
         order = PartOrder(
-            folder=folder or sent[0].path.parent,
-            photos=tuple(upload.path for upload in sent if upload.kind is EvidenceKind.PHOTO),
-            scan=by_kind.get(EvidenceKind.SCAN),
-            height_map=by_kind.get(EvidenceKind.HEIGHT_MAP),
-            earlier_photos=earlier_photos,
-            part_name=part.name,
-            expected="" if self._in_shadow(part) else part.expected,
-            names={upload.path: upload.name for upload in sent},
+            folder or sent[0].path.parent,
+            PartFiles(
+                part.name or Path(sent[-1].name if sent else RECORDING).stem,
+                files.get(EvidenceKind.HEIGHT_MAP, ""),
+                files.get(EvidenceKind.SCAN, ""),
+                photo,
+                expected="" if self._in_shadow(part) else part.expected,
+                more_photos=tuple(more),
+            ),
+            earlier=bool(earlier_photos),
+            names={str(upload.path): upload.name for upload in sent},
         )
         return await self.calls.read(order, job=part.job, database=part.database, felt_by=felt_by)
 

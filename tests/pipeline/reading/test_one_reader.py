@@ -65,7 +65,9 @@ def test_whoever_reads_a_part_reads_the_same(files: dict[str, Path], tmp_path: P
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
     )
-    order = PartOrder(tmp_path, photos=(files["photo"],), height_map=files["height_map"])
+    order = PartOrder(
+        tmp_path, PartFiles("part", height_map=str(files["height_map"]), photo=str(files["photo"]))
+    )
     by_service = read_order(order, settings, Limits()).readings[-1]
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.kinds import file_kind
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.workers.pool import WorkPool
@@ -29,7 +29,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
     path = folder / f"upload{Path(name).suffix.lower()}"
     path.write_bytes(data)
     kind = file_kind(Path(name).suffix) or "height_map"
-    sent: dict[str, Any] = {"photos": (path,)} if kind == "photo" else {kind: path}
+    sent = PartFiles("part", **{kind: str(path)})
     settings = ReadSettings(
         font=("gothic",),
         format=("A9",),
@@ -39,7 +39,7 @@ def read_file(place: str, named: tuple[str, bytes]) -> str:
         rows="top-first",
     )
     try:
-        done = read_order(PartOrder(folder, **sent, names={path: name}), settings, Limits())
+        done = read_order(PartOrder(folder, sent, names={str(path): name}), settings, Limits())
     except FileError as problem:
         return f"problem {problem}"
     return f"read {done.readings[-1].decision}"

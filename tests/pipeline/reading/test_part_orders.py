@@ -14,6 +14,7 @@ from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import FaultError, OwnFileError
 from pipeline.formats.npz import write_npz
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
 from pipeline.formats.touch_file import Limits
@@ -50,7 +51,9 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> Done:
     """What an order makes of a photograph that is not sure enough."""
     folder = tmp_path_factory.mktemp("unsure")
-    return read_order(PartOrder(folder, photos=(parts.photo,), expected=parts.text), UNSURE, LIMITS)
+    return read_order(
+        PartOrder(folder, PartFiles("part", photo=str(parts.photo), expected=parts.text)), UNSURE, LIMITS
+    )
 
 
 @pytest.fixture
@@ -93,7 +96,13 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
     assert done.plan is not None
     scan = feel_plan(SimulatedStage(parts.folder), ScanOrder("part", done.plan), folder)
     later = read_order(
-        PartOrder(folder, scan=scan, earlier_photos=(parts.photo,), expected=parts.text), SETTINGS, LIMITS
+        PartOrder(
+            folder,
+            PartFiles("part", scan=str(scan), photo=str(parts.photo), expected=parts.text),
+            earlier=True,
+        ),
+        SETTINGS,
+        LIMITS,
     )
     (reading,) = later.readings
     assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
@@ -106,7 +115,9 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
 
 def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts, folder: Path) -> None:
     later = read_order(
-        PartOrder(folder, height_map=parts.map, earlier_photos=(parts.photo,)), SETTINGS, LIMITS
+        PartOrder(folder, PartFiles("part", height_map=str(parts.map), photo=str(parts.photo)), earlier=True),
+        SETTINGS,
+        LIMITS,
     )
     assert len(later.readings) == 1
     assert later.readings[0].source == "fused"
@@ -114,7 +125,11 @@ def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts,
 
 
 def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts, folder: Path) -> None:
-    done = read_order(PartOrder(folder, photos=(parts.photo,), height_map=parts.map), SETTINGS, LIMITS)
+    done = read_order(
+        PartOrder(folder, PartFiles("part", height_map=str(parts.map), photo=str(parts.photo))),
+        SETTINGS,
+        LIMITS,
+    )
     seen, both = done.readings
     assert (seen.source, both.source) == ("vision", "fused")
     assert seen.text == both.text == parts.text
@@ -128,7 +143,11 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
 ) -> None:
     broken = tmp_path / "photo-2.png"
     broken.write_bytes(b"no picture")
-    order = PartOrder(folder, photos=(parts.photo, broken), names={broken: "left lamp.png"})
+    order = PartOrder(
+        folder,
+        PartFiles("part", photo=str(parts.photo), more_photos=(str(broken),)),
+        names={str(broken): "left lamp.png"},
+    )
     (reading,) = read_order(order, SETTINGS, LIMITS).readings
     assert (reading.text, reading.photos) == (parts.text, 1)
     (note,) = [message for message in reading.messages if "read without one of its photographs" in message]
@@ -141,7 +160,11 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
     path = tmp_path / "upload-7"
     path.write_bytes(b"no picture")
     with pytest.raises(FileError) as caught:
-        read_order(PartOrder(tmp_path, photos=(path,), names={path: given}), SETTINGS, LIMITS)
+        read_order(
+            PartOrder(tmp_path, PartFiles("part", photo=str(path)), names={str(path): given}),
+            SETTINGS,
+            LIMITS,
+        )
     assert str(caught.value).startswith(f"{shown}: is not a picture")
     assert str(tmp_path) not in str(caught.value)
 
@@ -150,24 +173,28 @@ def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path:
     rows, cols = read_photo(parts.photo).shape
     narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
     with pytest.raises(FileError, match="over the limit"):
-        read_order(PartOrder(folder, photos=(parts.photo,)), SETTINGS, narrow)
+        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), SETTINGS, narrow)
     with pytest.raises(FileError, match="over the limit"):
-        read_order(PartOrder(folder, height_map=parts.map), SETTINGS, narrow)
+        read_order(PartOrder(folder, PartFiles("part", height_map=str(parts.map))), SETTINGS, narrow)
     with pytest.raises(FileError, match="is not there"):
-        read_order(PartOrder(folder, photos=(tmp_path / "none.png",)), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, PartFiles("part", photo=str(tmp_path / "none.png"))), SETTINGS, LIMITS)
 
 
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
     with pytest.raises(FileError, match=r"^expected: is '12'"):
-        read_order(PartOrder(folder, photos=(parts.photo,), expected="12"), settings, LIMITS)
+        read_order(
+            PartOrder(folder, PartFiles("part", photo=str(parts.photo), expected="12")), settings, LIMITS
+        )
 
 
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="an order has"):
-        read_order(PartOrder(tmp_path), SETTINGS, LIMITS)
+        read_order(PartOrder(tmp_path, PartFiles("part")), SETTINGS, LIMITS)
     with pytest.raises(ValueError, match="an earlier photo goes with"):
-        read_order(PartOrder(tmp_path, earlier_photos=(tmp_path / "b",)), SETTINGS, LIMITS)
+        read_order(
+            PartOrder(tmp_path, PartFiles("part", photo=str(tmp_path / "b")), earlier=True), SETTINGS, LIMITS
+        )
 
 
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
@@ -175,7 +202,7 @@ def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: 
     path.write_bytes(b"no database")
     settings = SETTINGS.model_copy(update={"database": path})
     with pytest.raises(OwnFileError) as caught:
-        read_order(PartOrder(folder, photos=(parts.photo,)), settings, LIMITS)
+        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), settings, LIMITS)
     assert str(caught.value).startswith("dies.npz: ")
     assert str(tmp_path) not in str(caught.value)
 
@@ -198,7 +225,7 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
 
     monkeypatch.setattr("pipeline.reading.part_reader.PartReader.unverified", failing)
     with pytest.raises(FileError) as caught:
-        read_order(PartOrder(folder, photos=(parts.photo,)), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), SETTINGS, LIMITS)
     assert isinstance(caught.value, OwnFileError) == own
 
 
@@ -236,7 +263,7 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "soiled.npz"
     write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
     with pytest.raises(FileError, match="friction runs"):
-        read_order(PartOrder(folder, height_map=path), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, PartFiles("part", height_map=str(path))), SETTINGS, LIMITS)
 
 
 def test_a_fault_of_the_program_is_not_put_down_to_the_file(
@@ -248,4 +275,6 @@ def test_a_fault_of_the_program_is_not_put_down_to_the_file(
     monkeypatch.setattr("pipeline.reading.readers.reader_of", broken)
     says = r"fault of the program \(ZeroDivisionError: no marks\); please report it"
     with pytest.raises(FaultError, match=says):
-        read_order(PartOrder(folder=folder, photos=(folder / "photo.png",)), ReadSettings(), Limits())
+        read_order(
+            PartOrder(folder, PartFiles("part", photo=str(folder / "photo.png"))), ReadSettings(), Limits()
+        )

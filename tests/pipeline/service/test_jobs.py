@@ -15,6 +15,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.drift import EVERY
@@ -330,7 +331,7 @@ def test_a_name_for_the_job_of_a_part() -> None:
 
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     write_part(SynthSpec(format="AA999999", seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
-    photographed = PartOrder(tmp_path, photos=(tmp_path / "part.png",))
+    photographed = PartOrder(tmp_path, PartFiles("part", photo=str(tmp_path / "part.png")))
     reading = read_order(photographed, ReadSettings(region=(0.0, 0.5, 1.0, 1.0)), Limits()).readings[-1]
     assert reading.text == "CRPUIB"  # SY859990 is above it
 
@@ -340,7 +341,11 @@ def test_a_scan_of_what_the_camera_saw_has_no_regions(tmp_path: Path) -> None:
     # the line is in the middle of all that was scanned, wherever the photograph has it: looked for at the rim of the
     # scan, a line of eight was a review at 0.33
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
-    scanned = PartOrder(tmp_path, height_map=tmp_path / "part.npz", earlier_photos=(tmp_path / "part.png",))
+    scanned = PartOrder(
+        tmp_path,
+        PartFiles("part", height_map=str(tmp_path / "part.npz"), photo=str(tmp_path / "part.png")),
+        earlier=True,
+    )
     reading = read_order(scanned, settings, Limits()).readings[-1]
     assert (reading.text, reading.decision) == (text, "accept")
     seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()

@@ -28,9 +28,9 @@ class Bench:
 
     def read(self, order: PartOrder, *_: object) -> Done:
         self.orders.append(order)
-        text = order.part_name.removesuffix("?").removeprefix("nothing")
-        decision = "accept" if text == order.part_name else "review" if text else "reject"
-        return Done((ReadingRecord("vision" if order.scan is None else "fused", text, decision, 0.9),))
+        text = order.part.name.removesuffix("?").removeprefix("nothing")
+        decision = "accept" if text == order.part.name else "review" if text else "reject"
+        return Done((ReadingRecord("fused" if order.part.scan else "vision", text, decision, 0.9),))
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def test_nothing_is_decided(
     assert (part["state"], part["shadow"], part["expected"]) == ("shadow", shadow, expected)
     assert part["plan"] is None
     # the reader knows nothing of what the line's own has said
-    assert [order.expected for order in bench.orders] == [""]
+    assert [order.part.expected for order in bench.orders] == [""]
     assert service.store.undelivered() == 0
     assert service.store.queue() == ()
     assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
@@ -100,7 +100,7 @@ def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], ben
     part = post(client, "KX40?", "KX40")
     read = client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}).json()
     assert (read["state"], read["shadow"]) == ("shadow", {"agreement": "same", "would_be": "review"})
-    assert [order.expected for order in bench.orders] == ["", ""]
+    assert [order.part.expected for order in bench.orders] == ["", ""]
 
 
 def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service, TestClient]) -> None:
@@ -129,7 +129,7 @@ def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Pa
     with serve() as (service, client):
         service.pool.instead = bench.read
         live = post(client, "KX40", "KX40")
-        assert (live["state"], live["shadow"], bench.orders[-1].expected) == ("accepted", None, "KX40")
+        assert (live["state"], live["shadow"], bench.orders[-1].part.expected) == ("accepted", None, "KX40")
         assert service.store.undelivered() == 1
         # a part of before stays undecided, whatever is added to it
         scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}

@@ -351,8 +351,8 @@ def test_a_service_watches(tmp_path: Path) -> None:
     folder.mkdir()
 
     def read(order: PartOrder, *_: object) -> Done:
-        assert order.photos
-        text = "AA999999" if order.part_name == "a" else ""
+        assert order.part.photo
+        text = "AA999999" if order.part.name == "a" else ""
         return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
     def served(done: Callable[[Any], None]) -> None:
