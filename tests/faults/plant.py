@@ -1,4 +1,6 @@
-"""Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way, and the database.
+"""Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way.
+
+The database is killed too, or frozen for a while.
 
 A service is the whole one but for its workers: a part is answered as soon as it is received.
 Each is forked from a process that has everything imported, so that it is back within a moment.
@@ -16,6 +18,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 from multiprocessing.process import BaseProcess
@@ -34,6 +37,7 @@ from pipeline.service.logs import set_up_logs
 from pipeline.service.outputs.dispatch import Dispatcher, Pace
 from pipeline.service.settings import ServiceSettings, WebhookSettings
 from pipeline.service.web_app import create_app
+from pipeline.store import postgres
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
@@ -43,6 +47,8 @@ from tests.support.store_samples import reading
 from tests.support.waiting import PATIENCE_S, free_port, wait_until
 from tests.support.web_hook import web_hook
 
+FROZEN, SILENT_S, FROZEN_S = "frozen", 1.0, 3.0
+"""A database that is stopped for a while, and seconds after which a service gives it up."""
 PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 4.0, "lease_s": 5.0}
 
 
@@ -52,6 +58,7 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
 
     paces = {f.name for f in fields(Pace)}
     pace = Pace(**{name: seconds for name, seconds in PACE.items() if name in paces})
+    postgres.SILENT_S = SILENT_S
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     ports_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
     settings = ServiceSettings(
@@ -203,11 +210,12 @@ class Outcome:
 
 
 def played(
-    server: PostgresServer, name: str, *, parts: int, kills: int, kill_database: bool, seed: int
+    server: PostgresServer, name: str, *, parts: int, kills: int, database: Sequence[str] = (), seed: int
 ) -> Outcome:
-    """Play a history in a new database, and judge it."""
+    """Play a history in a new database that is killed (DATABASE) or frozen (FROZEN) at times, and judge it."""
     rng = np.random.default_rng(seed)
-    folder, url = Path(tempfile.mkdtemp(prefix="tactile-marks-plant-")), server.create(name)
+    folder = Path(tempfile.mkdtemp(prefix="tactile-marks-plant-"))
+    url = f"{server.create(name)}&connect_timeout=2"
     Store.open(url).close()
     receiver = Receiver()
     with web_hook(receiver.take) as hook, contextlib.ExitStack() as stack:
@@ -217,15 +225,19 @@ def played(
         clients = Clients(plant, seed)
         with ThreadPoolExecutor(4) as threads:
             sending = [threads.submit(clients.send, number) for number in range(parts)]
-            when = [*("service" for _ in range(kills)), *([DATABASE] if kill_database else [])]
+            when = [*("service" for _ in range(kills)), *database]
             rng.shuffle(when)
             for turn, who in enumerate(when, start=1):
                 clients.await_answers(turn * parts // (len(when) + 1))
                 time.sleep(float(rng.uniform(0.0, 0.05)))
-                if who == DATABASE:
+                if who in (DATABASE, FROZEN):
                     began_s = time.monotonic()
-                    server.kill()
-                    server.start()
+                    if who == FROZEN:
+                        with server.frozen():
+                            time.sleep(FROZEN_S)
+                    else:
+                        server.kill()
+                        server.start()
                     plant.kills.append(Kill(began_s, DATABASE, time.monotonic()))
                 else:
                     plant.kill(int(rng.integers(2)))

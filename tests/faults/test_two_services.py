@@ -1,21 +1,27 @@
-"""Services that share a PostgreSQL, killed on the way: the history of a short run, and what its judge finds."""
+"""Services that share a PostgreSQL, killed on the way: the history of a short run, and what its judge finds.
+
+The database is killed too, or frozen.
+"""
 
 from __future__ import annotations
 
 import contextlib
 
+import pytest
+
 from tests.faults.history import DATABASE, Arrival, Kill, judged
-from tests.faults.plant import played
+from tests.faults.plant import FROZEN, played
 from tests.support.postgres_server import PostgresServer
 from tests.support.programs import program
 
 PARTS, KILLS = 8, 1
 
 
-def test_two_services_lose_double_and_reorder_nothing() -> None:
+@pytest.mark.parametrize("database", [DATABASE, FROZEN])
+def test_two_services_lose_double_and_reorder_nothing(database: str) -> None:
     server = PostgresServer(initdb=program("initdb"), postgres=program("postgres"))
     with contextlib.closing(server):
-        one = played(server, "plant", parts=PARTS, kills=KILLS, kill_database=True, seed=5)
+        one = played(server, "plant", parts=PARTS, kills=KILLS, database=[database], seed=5)
     assert not one.verdict.wrong, one.verdict
     assert one.parts == PARTS
     assert one.kills == KILLS + 1
