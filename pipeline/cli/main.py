@@ -234,6 +234,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _open_streams()
     # products of small matrices take longer to share among threads than to do; numpy is not loaded yet
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # to look for plugins of pydantic, which nothing here uses, takes each process 30 ms
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
         # a worker runs the file named here before its first part; it calls functions of modules, and needs none of it
         vars(sys.modules["__main__"]).pop("__file__", None)

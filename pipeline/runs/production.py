@@ -25,6 +25,7 @@ from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.read_table import print_table
 from pipeline.runs.run import Run, opened
+from pipeline.runs.run_journal import unfinished
 from pipeline.runs.second_pass import learns
 from pipeline.runs.setting_files import files_to_send
 from pipeline.runs.task import RunOrder, check_order
@@ -105,10 +106,9 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
         measures=watch is not None,
         sent=files_to_send(settings) if executor.remote else None,
     )
-    # checked in a worker, which then keeps the reader for its first part
-    (checked,) = executor.calls(check_order, order, [None])
-    if checked.error is not None and not isinstance(checked.error, WorkerLostError):
-        raise checked.error
+    resumes = options.out is not None and unfinished(Path(options.out)).exists()
+    if not resumes:  # else only if parts are left
+        _check(order, executor)
     learning = learns(options, settings, parts)
     # further inputs that the rows depend on
     more = {
@@ -134,6 +134,8 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
 
     with opened(options, description, learns=learning) as run, run.progress as progress:
         done = len(run.journal.names)
+        if resumes and done < len(parts):
+            _check(order, executor)
         if run.journal.resumed:
             print(f"continuing an interrupted run: {done:,} parts are read already")
         if run.journal.kept is not None:
@@ -175,6 +177,13 @@ def run_batch(inputs: Sequence[str], settings: ReadSettings, options: RunOptions
             )
     wanted = len(parts) if expected is not None else sum(bool(part.expected) for part in parts)
     return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0
+
+
+def _check(order: RunOrder, executor: Executor) -> None:
+    """Check the settings in a worker, which then keeps the reader for its first part."""
+    (checked,) = executor.calls(check_order, order, [None])
+    if checked.error is not None and not isinstance(checked.error, WorkerLostError):
+        raise checked.error
 
 
 def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> None:

@@ -27,6 +27,11 @@ from pipeline.runs.workbook import write_workbook
 from recognition.learning.lot import is_better
 
 
+def unfinished(table: Path) -> Path:
+    """The journal of a run that writes this table."""
+    return table.with_name(f"{table.name}.unfinished")
+
+
 class RunJournal(Journal[ReadingRecord]):
     """The records of one run, and the table that grows with them; for one thread of one process at a time.
 
@@ -49,7 +54,7 @@ class RunJournal(Journal[ReadingRecord]):
         self.table, self._form = table, form_of(table)
         self.kept: Path | None = None
         self._growing: GrowingFile | None = None
-        super().__init__(table.with_name(f"{table.name}.unfinished"), description, output=table)
+        super().__init__(unfinished(table), description, output=table)
         if grows(table):
             try:
                 write_table(self.records(), table)

@@ -94,12 +94,12 @@ class SecondPass:
             executor: executor that cuts out characters.
             say: called with a message: what was learned, or why nothing was.
         """
-        from pipeline.reading.enrolment import enrol  # slow to import
-
         unsure = {first.part for first, again in journal.entries() if again is None and needs_another(first)}
         waiting = [p for p in parts if p.name in unsure and _learns_or_teaches(p)]
         if not (waiting or self.always):
             return (), order
+        from pipeline.reading.enrolment import enrol  # slow to import
+
         name = _font_name(parts)
         able = {p.name: p for p in parts if _learns_or_teaches(p) and not is_url(p.scan or p.height_map)}
         texts = teachers(first for first, _ in journal.entries() if first.part in able)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -26,13 +27,16 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
+from pipeline.runs.production import run_batch
 from pipeline.runs.quarantine import Quarantine
 from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setting_files import files_to_send, settled
 from pipeline.runs.task import ReadPart, RunOrder, read_listed
 from pipeline.store.store import Store
+from pipeline.workers.executors import Executor
 from tests.support.fake_executor import FakeExecutor
+from tests.support.run_tables import read_rows
 
 ORDER = RunOrder(ReadSettings(font=("gothic",), height_mm=3.0, experts=("network",)))
 PARTS = [PartFiles(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -91,6 +95,20 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     assert rows[5]["error"] == "p5.npz: its worker is lost; try it alone"
     # the list of bad parts is a manifest
     assert [p.name for p in read_manifest(str(tmp_path / "bad.csv"))] == ["p1", "p5"]
+
+
+def test_a_run_that_has_read_all_its_parts_ends_without_a_worker(
+    flat: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = RunOptions(out=str(flat.with_name("rows.csv")))
+    with monkeypatch.context() as patch:
+        patch.setattr(RunJournal, "finish", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            run_batch([str(flat)], ORDER.settings, options, Executor())
+    idle = reading()
+    run_batch([str(flat)], ORDER.settings, options, idle)
+    assert idle.read == []
+    assert len(read_rows(flat.with_name("rows.csv"))) == 1
 
 
 def test_a_format_that_cannot_be_is_the_parts_own_error(flat: Path) -> None:
