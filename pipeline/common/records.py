@@ -281,6 +281,23 @@ class History:
 
 
 @dataclass(frozen=True)
+class PartStory(History):
+    """A part and all that happened to it, as it was at one moment.
+
+    Attributes:
+        part: as it stands.
+        opinions: on it since its last review, the latest of each person, oldest first.
+        audit: its last audit, with the accepted text and the person's; None before any.
+        awaits_audit: it was drawn for an audit that is still open.
+    """
+
+    part: PartRecord
+    opinions: tuple[ReviewRecord, ...]
+    audit: ReviewRecord | None
+    awaits_audit: bool
+
+
+@dataclass(frozen=True)
 class TrendStep:
     """Parts of one hour or day.
 

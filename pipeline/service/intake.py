@@ -36,7 +36,6 @@ from pipeline.reading.part_orders import RECORDING, Done, PartOrder
 from pipeline.reading.triage import compared
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.part_log import count_reading
-from pipeline.service.review_policy import ReviewPolicy
 from pipeline.service.stage.devices import ScanOrder
 from pipeline.service.stage.driver_thread import StageDownError
 from pipeline.service.stage.drivers import camera_of, stage_of
@@ -93,7 +92,7 @@ class Intake:
         )
         self.bench = BenchWatch()
         self.targets = () if settings.shadow else tuple(targets)
-        self.policy = ReviewPolicy.of(settings.review)
+        self.policy = settings.review
         order = None if serials.order is None else read_order(serials.order)
         self._rules = SerialRules(serials.duplicates, serials.jump, order)
         self._requests = IdempotentRequests(store)
@@ -288,7 +287,7 @@ class Intake:
         return await asyncio.to_thread(photos)
 
     def _note_failure(self, part: PartRecord, why: str) -> None:
-        *_, last = self.store.history(part.id)
+        last = self.store.story(part.id).events[-1]
         # noted once, however often touch is tried
         if (last.kind, last.data) != ("touch_failed", {"why": why}):
             self.store.note_event(part.id, "touch_failed", {"why": why})

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from random import SystemRandom
-from typing import TYPE_CHECKING, Self
+
+from pydantic import Field
 
 from pipeline.common.people_records import Person
-from pipeline.common.records import PartRecord, PartState, ReviewRecord
-
-if TYPE_CHECKING:
-    from pipeline.service.settings import ReviewSettings
+from pipeline.common.records import PartState, PartStory, ReviewRecord
+from pipeline.common.settings import Settings
 
 
 class ReviewMode(StrEnum):
@@ -25,46 +22,32 @@ class ReviewMode(StrEnum):
     """An accepted part, drawn at random."""
 
 
-@dataclass(frozen=True)
-class ReviewPolicy:
-    """The rules of review.
+class ReviewSettings(Settings):
+    """Review by people."""
 
-    Attributes:
-        readers: number of people that must read the same before a part is reviewed, 1 or 2.
-        audited: share of the accepted parts that a person reads too.
-    """
+    second_reader: bool = False
+    """A part is reviewed when two people have read the same; the second does not see what was read before."""
+    audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
+    """Number of accepted parts, of a thousand, that a person reads too, drawn at random, without seeing what was
+    accepted. The dashboard shows how many parts are accepted wrong."""
 
-    readers: int = 1
-    audited: float = 0.0
-
-    @classmethod
-    def of(cls, settings: ReviewSettings) -> Self:
-        """The policy that the settings ask for."""
-        return cls(2 if settings.second_reader else 1, settings.audit_per_thousand / 1000.0)
+    @property
+    def readers(self) -> int:
+        """Number of people that must read the same before a part is reviewed."""
+        return 2 if self.second_reader else 1
 
     def draw_audit(self) -> bool:
         """Draw at random whether a part is audited if it is accepted; the draw cannot be predicted."""
-        return SystemRandom().random() < self.audited
+        return 1000.0 * SystemRandom().random() < self.audit_per_thousand
 
-    def mode(
-        self, part: PartRecord, person: Person, *, opinions: Sequence[ReviewRecord], audit: bool
-    ) -> ReviewMode:
-        """Mode in which a person reviews a part.
-
-        Args:
-            part: current record of the part.
-            person: the reader.
-            opinions: opinions on the part since its last review.
-            audit: whether its audit is drawn and still open.
-        """
-        if audit:
+    def mode(self, story: PartStory, person: Person) -> ReviewMode:
+        """Mode in which a person reviews a part."""
+        if story.awaits_audit:
             return ReviewMode.AUDIT
-        others = self.readers > 1 and part.state is PartState.REVIEW and bool(opinions)
-        return ReviewMode.SECOND if others and not any(map(person.said, opinions)) else ReviewMode.OPEN
+        others = self.second_reader and story.part.state is PartState.REVIEW and bool(story.opinions)
+        return ReviewMode.SECOND if others and not any(map(person.said, story.opinions)) else ReviewMode.OPEN
 
-    def hidden(
-        self, part: PartRecord, person: Person, opinions: Sequence[ReviewRecord]
-    ) -> tuple[ReviewRecord, ...]:
-        """Opinions that a person does not see before reading the part."""
-        mode = self.mode(part, person, opinions=opinions, audit=False)
-        return tuple(opinions) if mode is ReviewMode.SECOND else ()
+    def shown(self, story: PartStory, person: Person) -> tuple[ReviewRecord, ...]:
+        """Reviews of a part that a person may see: a second reader sees no opinion before reading the part."""
+        hidden = story.opinions if self.mode(story, person) is ReviewMode.SECOND else ()
+        return tuple(review for review in story.reviews if review not in hidden)

@@ -23,6 +23,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from pipeline.common.parsed import json_of
 from pipeline.common.settings import Names, Settings
+from pipeline.service.review_policy import ReviewSettings
 from pipeline.workers.executors import cores
 
 STORE_FILE = "store.db"
@@ -95,16 +96,6 @@ class LimitSettings(Settings):
     def upload_bytes(self) -> int:
         """Largest request, in bytes."""
         return self.upload_mb * 1_000_000
-
-
-class ReviewSettings(Settings):
-    """Review by people."""
-
-    second_reader: bool = False
-    """A part is reviewed when two people have read the same; the second does not see what was read before."""
-    audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
-    """Number of accepted parts, of a thousand, that a person reads too, drawn at random, without seeing what was
-    accepted. The dashboard shows how many parts are accepted wrong."""
 
 
 class SerialSettings(Settings):

@@ -17,22 +17,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 
 from pipeline.common.people_records import AuditFigures, ClaimRecord, Person
-from pipeline.common.reading_records import from_json, to_json
-from pipeline.common.records import PartRecord, PartState, ReviewAction, ReviewRecord
+from pipeline.common.reading_records import ReadingRecord, from_json, to_json
+from pipeline.common.records import EventRecord, PartRecord, PartState, PartStory, ReviewAction, ReviewRecord
 from pipeline.common.shares import share
-from pipeline.store.database import Transaction
+from pipeline.store.database import AnyRow, Transaction
 from pipeline.store.errors import MAX_NOTE, MAX_ROWS, MAX_TEXT, ClaimedError, ConflictError, UnfitError, fit
 from pipeline.store.parts import AUDIT_WAITS
 from pipeline.store.rows import (
     AUDITED,
     HALF_REVIEWED,
+    READ,
     REVIEWED,
     events_of,
+    evidence_of,
     part_by_id,
     signature,
     write_part,
@@ -41,6 +43,14 @@ from pipeline.store.tables import events, parts
 
 CLAIM_S = 300.0
 _NOT_CLAIMED = {"claim_holder": None, "claim_who": None, "claim_until": None}
+# an event of these kinds keeps a whole record, of which the history tells this much
+_TOLD = {
+    READ: ("source", "text", "decision", "confidence"),
+    REVIEWED: ("action", "before", "after", "who"),
+    HALF_REVIEWED: ("who",),  # not what was said: the next person is not to know
+    AUDITED: ("who", "before", "after", "note"),
+}
+T = TypeVar("T")
 _RIGHT, _WRONG, _DISPUTED, _NOT_JUDGED = "right", "wrong", "disputed", "not judged"
 
 
@@ -139,7 +149,7 @@ def review(
         ClaimedError: another person has claimed the part.
     """
     person, part = Person(who, token, seat), part_by_id(tx, part_id, lock=True)
-    if audit and not awaits_audit(tx, part_id):
+    if audit and not _awaits_audit(tx, part_id):
         raise ConflictError(f"part {part_id} does not wait for an audit", hint="take the next one")
     _refuse_if_held(tx, part_id, person)
     if before is not None and before != part.text:
@@ -158,7 +168,9 @@ def review(
         part = replace(part, state=PartState.REVIEW if found == _DISPUTED else part.state)
         return write_part(tx, part, [(AUDITED, to_json(said))], figures={"audit": found, **_NOT_CLAIMED})
     agrees = readers == 1 or (part.state is PartState.REVIEWED and after == part.text)
-    if not agrees and after not in {one.after for one in opinions(tx, part_id) if not person.said(one)}:
+    if not agrees and after not in {
+        one.after for one in _opinions(events_of(tx, part_id)) if not person.said(one)
+    }:
         part = replace(part, state=PartState.REVIEW, touch=None)
         return write_part(tx, part, [(HALF_REVIEWED, to_json(said))], figures=_NOT_CLAIMED)
     figures = _how_right(part, action, after)
@@ -196,13 +208,40 @@ def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Seque
     return write_part(tx, part, [undone], targets=targets, figures=figures)
 
 
-def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
-    """Opinions on a part since its last review, the latest of each person, oldest first."""
+def story(tx: Transaction, part_id: str) -> PartStory:
+    """A part and all that has happened to it.
+
+    Raises:
+        NotFoundError: there is no such part.
+    """
+    rows = events_of(tx, part_id)
+    audits = _records(ReviewRecord, rows, AUDITED)
+    return PartStory(
+        events=tuple(
+            EventRecord(row.at, row.kind, {name: row.data[name] for name in _TOLD.get(row.kind, row.data)})
+            for row in rows
+        ),
+        readings=_records(ReadingRecord, rows, READ),
+        reviews=_records(ReviewRecord, rows, REVIEWED, HALF_REVIEWED),
+        evidence=evidence_of(tx, part_id),
+        part=part_by_id(tx, part_id),
+        opinions=_opinions(rows),
+        audit=audits[-1] if audits else None,
+        awaits_audit=_awaits_audit(tx, part_id),
+    )
+
+
+def _records(of: type[T], rows: Sequence[AnyRow], *kinds: str) -> tuple[T, ...]:
+    """The records that events of these kinds keep."""
+    return tuple(from_json(of, row.data) for row in rows if row.kind in kinds)
+
+
+def _opinions(rows: Sequence[AnyRow]) -> tuple[ReviewRecord, ...]:
     last: dict[str, ReviewRecord] = {}
-    for row in events_of(tx, part_id, REVIEWED, HALF_REVIEWED):
+    for row in rows:
         if row.kind == REVIEWED:
             last.clear()
-        else:
+        elif row.kind == HALF_REVIEWED:
             last.pop(row.actor, None)
             last[row.actor] = from_json(ReviewRecord, row.data)
     return tuple(last.values())
@@ -231,18 +270,11 @@ def is_open_opinion() -> sa.ColumnElement[bool]:
     return sa.and_(events.c.kind == HALF_REVIEWED, ~reviewed.correlate(events))
 
 
-def awaits_audit(tx: Transaction, part_id: str) -> bool:
-    """Whether an accepted part was drawn for an audit that is still open."""
+def _awaits_audit(tx: Transaction, part_id: str) -> bool:
     return tx.count(parts, parts.c.id == part_id, IS_AUDITED) > 0
 
 
 IS_AUDITED = sa.and_(parts.c.audit == AUDIT_WAITS, parts.c.state == PartState.ACCEPTED)
-
-
-def audit_of(tx: Transaction, part_id: str) -> ReviewRecord | None:
-    """Result of the last audit of a part, with the accepted text and the person's; None before any audit."""
-    rows = events_of(tx, part_id, AUDITED)
-    return from_json(ReviewRecord, rows[-1].data) if rows else None
 
 
 def audit_figures(tx: Transaction, since: datetime) -> AuditFigures:

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.reading_records import ReadingRecord, from_json, to_json
-from pipeline.common.records import EventRecord, EvidenceRecord, PartRecord, ReviewRecord
+from pipeline.common.reading_records import from_json, to_json
+from pipeline.common.records import EvidenceRecord, PartRecord
 from pipeline.store.database import AnyRow, Transaction, json_text
 from pipeline.store.errors import ConflictError, NotFoundError
 from pipeline.store.outbox import put_in_outbox
@@ -21,13 +21,6 @@ from pipeline.store.tables import events, evidence, parts
 T = TypeVar("T")
 Event = tuple[str, Mapping[str, Any]]
 READ, REVIEWED, HALF_REVIEWED, AUDITED = "read", "reviewed", "read_by_person", "audited"
-# an event of these kinds keeps a whole record, of which the history tells this much
-_TOLD = {
-    READ: ("source", "text", "decision", "confidence"),
-    REVIEWED: ("action", "before", "after", "who"),
-    HALF_REVIEWED: ("who",),  # not what was said: the next person is not to know
-    AUDITED: ("who", "before", "after", "note"),
-}
 
 
 def part_by_id(tx: Transaction, part_id: str, *, lock: bool = False) -> PartRecord:
@@ -137,8 +130,8 @@ def signature(*, who: str, token: str, **_: Any) -> str:
     return f"token {token}" if token else f"name {who}"
 
 
-def events_of(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
-    """A part's events, in order; of these kinds, if any are given.
+def events_of(tx: Transaction, part_id: str) -> Sequence[AnyRow]:
+    """A part's events, in order.
 
     Raises:
         NotFoundError: there is no such part.
@@ -147,25 +140,7 @@ def events_of(tx: Transaction, part_id: str, *kinds: str) -> list[AnyRow]:
     rows = tx.execute(asked).all() if is_part_id(part_id) else ()
     if not rows:  # every part was received
         raise _no_part(part_id)
-    return [row for row in rows if not kinds or row.kind in kinds]
-
-
-def history(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
-    """Events of a part, in order."""
-    rows = events_of(tx, part_id)
-    told = ({name: row.data[name] for name in _TOLD.get(row.kind, row.data)} for row in rows)
-    return tuple(EventRecord(row.at, row.kind, data) for row, data in zip(rows, told, strict=True))
-
-
-def readings(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
-    """A part's readings, the first one first."""
-    return tuple(from_json(ReadingRecord, row.data) for row in events_of(tx, part_id, READ))
-
-
-def reviews(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
-    """All reviews of a part, oldest first."""
-    rows = events_of(tx, part_id, REVIEWED, HALF_REVIEWED)
-    return tuple(from_json(ReviewRecord, row.data) for row in rows)
+    return rows
 
 
 def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:

@@ -67,9 +67,7 @@ class Store(Database):
     add_readings = _writes(_parts.add_readings)
     note_event = _writes(_parts.note_event)
     part = _reads(rows.part_by_id)
-    readings = _reads(rows.readings)
-    reviews = _reads(rows.reviews)
-    history = _reads(rows.history)
+    story = _reads(_review.story)
 
     # parts that wait for touch
     waiting_for_stage = _reads(_parts.waiting_for_stage)
@@ -87,10 +85,7 @@ class Store(Database):
     claims = _reads(_review.claims)
     review = _writes(_review.review)
     undo_review = _writes(_review.undo_review)
-    opinions = _reads(_review.opinions)
     half_reviewed = _reads(_review.half_reviewed)
-    awaits_audit = _reads(_review.awaits_audit)
-    audit = _reads(_review.audit_of)
     audit_figures = _reads(_review.audit_figures)
 
     # lists of parts, and numbers about them

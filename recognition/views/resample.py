@@ -26,7 +26,7 @@ def resample(view: View, pitch_mm: float, *, blur: float = 0.4) -> NDArray[np.fl
     weight = np.maximum(cv2.GaussianBlur(known, (0, 0), sigma), 1e-3) if sigma else known
     made = np.zeros((len(view.layers), rows, columns), dtype=np.float32)
     back = np.array([[ratio, 0.0, 0.0], [0.0, ratio, 0.0]])
-    for layer in np.flatnonzero(view.layers.any(axis=(1, 2))):
+    for layer in view.filled:
         values = view.layers[layer]
         if sigma and layer != KNOWN:
             values = cv2.GaussianBlur(values * known, (0, 0), sigma) / weight
@@ -56,7 +56,7 @@ def turn_view(view: View, turned_deg: float) -> View:
     middles = [np.array([(n - 1) / 2 for n in shape]) for shape in (size, (columns, rows))]
     back[:, 2] = middles[1] - back[:, :2] @ middles[0]
     made = np.zeros((len(view.layers), size[1], size[0]), dtype=np.float32)
-    for layer in np.flatnonzero(view.layers.any(axis=(1, 2))):
+    for layer in view.filled:
         made[layer] = cv2.warpAffine(
             view.layers[layer], back, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )

@@ -119,6 +119,11 @@ class View:
         return replace(self, layers=layers, origin_mm=(x + left * self.pitch_mm, y + top * self.pitch_mm))
 
     @cached_property
+    def filled(self) -> NDArray[np.intp]:
+        """Numbers of the layers that hold anything; of most views few do."""
+        return np.flatnonzero(self.layers.any(axis=(1, 2)))
+
+    @cached_property
     def halved(self) -> View:
         """The view with half as many rows and columns: means of four pixels, of those that are known."""
         from glyphs.opencv import cv2
@@ -133,7 +138,7 @@ class View:
         share = mean(known)
         layers = np.zeros((LAYERS, rows, columns), dtype=np.float32)
         layers[KNOWN] = share >= 0.5
-        for layer in np.flatnonzero(self.layers[:KNOWN].any(axis=(1, 2))):
+        for layer in self.filled[self.filled < KNOWN]:
             layers[layer] = layers[KNOWN] * mean(self.layers[layer] * known) / np.maximum(share, 0.25)
         x_mm, y_mm = (first + 0.5 * self.pitch_mm for first in self.origin_mm)
         return replace(self, layers=layers, pitch_mm=2.0 * self.pitch_mm, origin_mm=(x_mm, y_mm))
@@ -161,7 +166,7 @@ class View:
         places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)
         x, y = (((places[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
         strip = np.zeros((LAYERS, rows, columns), dtype=np.float32)
-        for layer in np.flatnonzero(self.layers.any(axis=(1, 2))):
+        for layer in self.filled:
             strip[layer] = cv2.remap(
                 self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
             )

@@ -20,7 +20,7 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.pages.routes import add_pages
-from pipeline.service.review_policy import ReviewPolicy
+from pipeline.service.review_policy import ReviewSettings
 from pipeline.service.settings import ServiceSettings
 from pipeline.service.web.access import Access
 from pipeline.service.web.problem_responses import add_problem_handlers
@@ -56,7 +56,7 @@ class Shop:
     def __init__(self, folder: Path, *, required: bool = False, second_reader: bool = False) -> None:
         self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
         self.evidence = EvidenceFolder(folder / "evidence")
-        policy = ReviewPolicy(2 if second_reader else 1)
+        policy = ReviewSettings(second_reader=second_reader)
         self.jobs = JobFolder(folder / "jobs", own=ReadSettings())
         service: Any = SimpleNamespace(
             settings=ServiceSettings(),

@@ -74,10 +74,9 @@ def lookup_router(service: Service) -> APIRouter:
 
         Where two people must agree, what the first has read is left out until the second has read it.
         """
-        part, person = store.part(part_id), Person(caller.token, token=caller.token)
-        hidden = service.intake.policy.hidden(part, person, store.opinions(part_id))
-        reviews = tuple(review for review in store.reviews(part_id) if review not in hidden)
-        return History(store.history(part_id), store.readings(part_id), reviews, store.evidence(part_id))
+        story = store.story(part_id)
+        reviews = service.intake.policy.shown(story, Person(caller.token, token=caller.token))
+        return History(story.events, story.readings, reviews, story.evidence)
 
     @router.get(
         "/parts/{part_id}/pictures/{picture}",

@@ -15,7 +15,7 @@ from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import Box, LineRecord, ReadingRecord
-from pipeline.common.records import PartRecord
+from pipeline.common.records import PartRecord, PartStory
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
 from pipeline.service.job_edit import save_edited, text_to_edit
@@ -119,10 +119,10 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/jobs/new")
     def new(part: str, by: str = "", name: str = "", view: View = reviews) -> Response:
-        found, (picture, *_) = frame.store.part(part), _pictures(frame, part, by)
-        sources = ("vision",) if picture.which == "photo" else TOUCH
-        reading = last_reading(frame.store.readings(part), sources)
-        lesson = _proposed(found, reading, picture.frame, job=name)
+        story = frame.store.story(part)
+        picture, *_ = _pictures(frame, story, by)
+        reading = last_reading(story.readings, ("vision",) if picture.which == "photo" else TOUCH)
+        lesson = _proposed(story.part, reading, picture.frame, job=name)
         return _teach_page(view, jobs, lesson.model_copy(update={"part": part, "by": by}))
 
     @router.post("/jobs/new")
@@ -135,11 +135,12 @@ def add_job_pages(router: APIRouter, frame: Frame) -> None:
 
 
 def _teach_page(view: View, jobs: JobFolder, lesson: Lesson, problem: Problem | None = None) -> Response:
-    picture, *others = _pictures(view.frame, lesson.part, lesson.by)
+    story = view.frame.store.story(lesson.part)
+    picture, *others = _pictures(view.frame, story, lesson.by)
     return view.page(
         "teach.html.j2",
         problem=problem,
-        part=view.frame.store.part(lesson.part),
+        part=story.part,
         picture=picture,
         others=others,
         shown=lesson,
@@ -164,15 +165,13 @@ def _edit_page(
     return view.page("job.html.j2", problem=problem, job=job, text=edit.text, before=edit.before)
 
 
-def _pictures(frame: Frame, part_id: str, by: str) -> list[PictureView]:
+def _pictures(frame: Frame, story: PartStory, by: str) -> list[PictureView]:
     """The pictures of a part that a box can be drawn on, the one asked for first.
 
     Raises:
         Problem: there is none.
     """
-    store = frame.store
-    part, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
-    pair = picture_pair(part, readings, evidence, frame.service.evidence)
+    pair = picture_pair(story, frame.service.evidence)
     found = [one for one in pair if one.href and one.frame is not None]
     if not found:
         raise Problem(

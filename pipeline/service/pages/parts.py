@@ -59,19 +59,19 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/parts/{part_id}")
     def part(part_id: str, view: View = looks) -> Response:
-        found, readings, evidence = store.part(part_id), store.readings(part_id), store.evidence(part_id)
-        pictures = picture_pair(found, readings, evidence, frame.service.evidence)
-        places = [places_of(reading) for reading in readings]
-        hidden = frame.service.intake.policy.hidden(found, view.person, store.opinions(part_id))
+        story = store.story(part_id)
+        pictures = picture_pair(story, frame.service.evidence)
+        places = [places_of(reading) for reading in story.readings]
+        reviews = frame.service.intake.policy.shown(story, view.person)
         return view.page(
             "part.html.j2",
-            part=found,
-            readings=[(r, p, cells_of(r.text, p)) for r, p in zip(readings, places, strict=True)],
+            part=story.part,
+            readings=[(r, p, cells_of(r.text, p)) for r, p in zip(story.readings, places, strict=True)],
             pictures=pictures,
-            felt=passes_view(readings, pictures[::-1]),
-            expected=expected_cells(found),
-            reviews=[review for review in store.reviews(part_id) if review not in hidden],
-            hidden=len(hidden),
-            events=store.history(part_id),
-            evidence=evidence,
+            felt=passes_view(story.readings, pictures[::-1]),
+            expected=expected_cells(story.part),
+            reviews=reviews,
+            hidden=len(story.reviews) - len(reviews),
+            events=story.events,
+            evidence=story.evidence,
         )

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 from pipeline.common.reading_records import Box, ReadingRecord
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
+from pipeline.common.records import EvidenceKind, PartRecord, PartStory
 from pipeline.service.pages.places import align_places, places_of
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
@@ -140,24 +140,19 @@ class PictureView:
         return bool(self.href) and self.line[2] > _WIDE_ASPECT * self.line[3]
 
 
-def picture_pair(
-    part: PartRecord,
-    readings: Sequence[ReadingRecord],
-    evidence: Sequence[EvidenceRecord],
-    folder: EvidenceFolder,
-) -> tuple[PictureView, PictureView]:
+def picture_pair(story: PartStory, folder: EvidenceFolder) -> tuple[PictureView, PictureView]:
     """The photograph and the tactile edge map.
 
     Where the part's reading is by touch and the camera has found another line, the photograph is shown whole and
     without the camera's boxes.
     """
-    by_camera, by_touch = (last_reading(readings, sources) for sources in (("vision",), TOUCH))
-    same = by_camera is None or _same_line(by_camera, part.reading)
-    photo = _view(part, by_camera if same else None, evidence, folder, kind=EvidenceKind.PHOTO_PICTURE)
+    by_camera, by_touch = (last_reading(story.readings, sources) for sources in (("vision",), TOUCH))
+    same = by_camera is None or _same_line(by_camera, story.part.reading)
+    photo = _view(story, by_camera if same else None, folder, kind=EvidenceKind.PHOTO_PICTURE)
     if not same and photo.frame is not None:
         note = "The camera read something else here than touch, so its boxes are not drawn."
         photo = replace(photo, note=note)
-    return photo, _view(part, by_touch, evidence, folder, kind=EvidenceKind.EDGES_PICTURE)
+    return photo, _view(story, by_touch, folder, kind=EvidenceKind.EDGES_PICTURE)
 
 
 def without_reading(view: PictureView) -> PictureView:
@@ -184,16 +179,11 @@ def _same_line(by_camera: ReadingRecord, stands: ReadingRecord | None) -> bool:
 
 
 def _view(
-    part: PartRecord,
-    reading: ReadingRecord | None,
-    evidence: Sequence[EvidenceRecord],
-    folder: EvidenceFolder,
-    *,
-    kind: EvidenceKind,
+    story: PartStory, reading: ReadingRecord | None, folder: EvidenceFolder, *, kind: EvidenceKind
 ) -> PictureView:
-    photo = kind is EvidenceKind.PHOTO_PICTURE
+    part, photo = story.part, kind is EvidenceKind.PHOTO_PICTURE
     which, title = ("photo", "Photograph") if photo else ("edges", "Tactile edge map")
-    kept = [e for e in evidence if e.kind is kind]
+    kept = [e for e in story.evidence if e.kind is kind]
     record = next((e for e in reversed(kept) if not e.gone), None)
     if record is None:
         unscanned = "This part has not been scanned yet." if reading is None else "No edge map was kept."

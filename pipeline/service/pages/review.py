@@ -96,7 +96,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     @router.get("/review/{part_id}")
     def review(part_id: str, done: str = "", undone: str = "", view: View = looks) -> Response:
         remark = "Your review is undone: the part waits for review again." if undone else ""
-        return _page(view, store.part(part_id), done=done, remark=remark)
+        return _page(view, part_id, done=done, remark=remark)
 
     @router.post("/review/{part_id}")
     def say(part_id: str, said: Annotated[ReviewForm, Form()], view: View = reviews) -> Response:
@@ -109,15 +109,15 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
                 fault = f"{said.text}: {against}. Nothing is saved yet: {todo}."
                 said = said.model_copy(update={"outside": said.text})
         if fault:
-            return _page(view, part, said=said, problem=Problem(422, fault))
+            return _page(view, part_id, said=said, problem=Problem(422, fault))
         try:
             following = _keep(view, part, said)
         except ClaimedError as error:
             fault = f"{error.what}. Your input is not saved; take the next part, or wait."
-            return _page(view, part, said=said, problem=Problem(409, fault))
+            return _page(view, part_id, said=said, problem=Problem(409, fault))
         except ConflictError:
-            now = store.part(part_id)
-            return _page(view, now, said=said, problem=Problem(409, _describe_change(now)))
+            fault = _describe_change(store.part(part_id))
+            return _page(view, part_id, said=said, problem=Problem(409, fault))
         return view.redirect(
             f"/review/{following.id}?done={part_id}" if following else f"/review?done={part_id}", who=said.who
         )
@@ -197,27 +197,27 @@ def _describe_change(part: PartRecord) -> str:
 def _outcome(frame: Frame, part_id: str) -> dict[str, Any]:
     """The part just reviewed, and its audit if that was made; neither where the address names no part."""
     with contextlib.suppress(StoreError):
-        part, audit = frame.store.part(part_id), frame.store.audit(part_id)
-        reviewed = part.review is not None or bool(frame.store.opinions(part_id))
-        return {"done": part if reviewed or audit else None, "audited": None if reviewed else audit}
+        story = frame.store.story(part_id)
+        reviewed = story.part.review is not None or bool(story.opinions)
+        done = story.part if reviewed or story.audit else None
+        return {"done": done, "audited": None if reviewed else story.audit}
     return {"done": None, "audited": None}
 
 
 def _page(
     view: View,
-    part: PartRecord,
+    part_id: str,
     *,
     said: ReviewForm | None = None,
     done: str = "",
     remark: str = "",
     problem: Problem | None = None,
 ) -> Response:
-    frame, store, person = view.frame, view.frame.store, view.person
-    opinions, awaits_audit = store.opinions(part.id), store.awaits_audit(part.id)
-    mode = frame.service.intake.policy.mode(part, person, opinions=opinions, audit=awaits_audit)
+    frame, person, story = view.frame, view.person, view.frame.store.story(part_id)
+    part, readings = story.part, story.readings
+    mode = frame.service.intake.policy.mode(story, person)
     waits = view.may_review and (part.state is PartState.REVIEW or mode is ReviewMode.AUDIT)
-    readings = store.readings(part.id)
-    pictures = picture_pair(part, readings, store.evidence(part.id), frame.service.evidence)
+    pictures = picture_pair(story, frame.service.evidence)
     # marks without small letters are typed in capitals
     upper = not any(c.char.islower() for r in readings for place in r.characters for c in place.candidates)
     if mode is not ReviewMode.OPEN:  # nothing that was read reaches the template
@@ -231,7 +231,7 @@ def _page(
         problem=problem,
         part=part,
         mode=mode.value,
-        audit=store.audit(part.id),
+        audit=story.audit,
         waits=waits,
         said=said,
         places=places,

@@ -286,6 +286,6 @@ def test_the_command_takes_reviewed_parts_of_the_store(folder, tmp_path, monkeyp
     assert "1 reviewed parts left out" in said
     assert [e.part for e in load_database(path).exemplars] == [ids[0]] * 4
     store = Store.open(f"sqlite:///{service / 'store.db'}")
-    enrolled = [e for e in store.history(ids[0]) if e.kind == "enrolled"]
+    enrolled = [e for e in store.story(ids[0]).events if e.kind == "enrolled"]
     store.close()
     assert [dict(e.data) for e in enrolled] == [{"font": "press-7", "characters": stamped(0).text}]

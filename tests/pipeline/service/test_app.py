@@ -82,7 +82,7 @@ def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(served: Serv
     asked = client.post(f"/v1/parts/{part_id}/review", json=said)
     assert asked.status_code == 422
     assert f"it does not fit {FORMAT}" in asked.json()["detail"]
-    assert service.store.reviews(part_id) == ()
+    assert service.store.story(part_id).reviews == ()
     meant = client.post(f"/v1/parts/{part_id}/review", json={**said, "outside_format": True})
     assert (meant.status_code, meant.json()["text"]) == (200, "KX4O7251")
     # on the page: asked once, and saved when it is sent again
@@ -239,7 +239,7 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
         assert part["state"] == state
         assert part["plan"]["region_mm"]
         assert service.store.undelivered() == 1
-        kinds = [e.kind for e in service.store.history(part["id"])]
+        kinds = [e.kind for e in service.store.story(part["id"]).events]
         assert kinds == ["received", "read", "touch_needed", *(["not_felt"] if state == "review" else [])]
         assert [p.id for p in service.store.queue()] == ([part["id"]] if state == "review" else [])
         if touch == "plan":  # whoever has a stage may still send what it felt

@@ -31,9 +31,9 @@ def test_a_trigger_has_the_stage_feel_what_the_certificate_does_not_cover(
     around = {"stage": {"folder": tmp_path}, "camera": {"folder": tmp_path}, "webhook": {"url": NOBODY}}
     with inline_service(tmp_path / "data", reading=certified, **around) as served:
         part, store = triggered(served, "clean"), served[0].store
-        first, last = store.readings(part.id)
+        first, last = store.story(part.id).readings
         assert "the certificate says nothing of what is read so (vision)" in first.messages
-        assert "touch_needed" in [event.kind for event in store.history(part.id)]
+        assert "touch_needed" in [event.kind for event in store.story(part.id).events]
         assert (first.source, last.source) == ("vision", "fused")
         assert last.passes
         assert store.undelivered() == 2  # that touch is needed, and what it has read

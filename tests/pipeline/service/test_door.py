@@ -191,7 +191,7 @@ def test_a_form_of_another_site_changes_nothing(open_one: Served, said: dict[str
     form = {"action": "unreadable", "who": "Eve", "before": part.text}
     answer = client.post(f"/review/{part.id}", data=form, headers=said, follow_redirects=False)
     assert answer.status_code == status
-    assert len(service.store.reviews(part.id)) == (status == 303)
+    assert len(service.store.story(part.id).reviews) == (status == 303)
 
 
 def test_made_up_methods_are_counted_as_one(open_one: Served) -> None:

@@ -24,7 +24,7 @@ def test_a_review_over_http_bears_the_tokens_name_and_claims_hold_there_too(tmp_
         assert refused.status_code == 409
         assert "Grace is at part" in refused.json()["detail"]
         assert client.post(address, json=said, headers=told["Grace"]).status_code == 200
-        kept = service.store.reviews(part.id)[-1]
+        kept = service.store.story(part.id).reviews[-1]
         assert (kept.who, kept.token) == ("Grace", "Grace")
 
 

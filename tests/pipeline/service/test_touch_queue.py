@@ -132,7 +132,7 @@ def test_a_part_that_nobody_feels_goes_to_a_person_with_its_plan(store: Store, b
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.REVIEW))
     given_up = store.part(part.id)
     assert (given_up.text, given_up.plan, given_up.touch) == ("KX4O", PLAN, None)
-    last = store.history(part.id)[-1]
+    last = store.story(part.id).events[-1]
     assert (last.kind, last.data) == ("not_felt", {"why": NOBODY})
     assert [d.payload["state"] for d in due(store)] == ["review"]
     assert [p.id for p in store.queue()] == [part.id]

@@ -209,7 +209,7 @@ def test_old_evidence_goes_unless_a_younger_part_needs_it(
     assert not any(e.gone for e in store.evidence(young.id))
     assert folder.expire(store, before=clock.at) == 0
     assert store.needed_hashes((photo, scan, again)) == {photo}
-    told = [event for event in store.history(old.id) if event.kind == "evidence_expired"]
+    told = [event for event in store.story(old.id).events if event.kind == "evidence_expired"]
     assert len(told) == 4
     assert store.evidence_gone(old.id, scan), "asked again, it is still gone"
-    assert [event for event in store.history(old.id) if event.kind == "evidence_expired"] == told
+    assert [event for event in store.story(old.id).events if event.kind == "evidence_expired"] == told

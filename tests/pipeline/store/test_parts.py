@@ -19,7 +19,7 @@ from tests.support.store_samples import PHOTO, PLAN, SCAN, START, Clock, at_any_
 
 
 def _kinds(store: Store, part_id: str) -> list[str]:
-    return [event.kind for event in store.history(part_id)]
+    return [event.kind for event in store.story(part_id).events]
 
 
 def test_the_camera_is_sure(store: Store) -> None:
@@ -36,9 +36,9 @@ def test_the_camera_is_sure(store: Store) -> None:
         START,
     )
     assert part.reading == replace(reading(), at=START)
-    assert store.readings(part.id) == (part.reading,)
+    assert store.story(part.id).readings == (part.reading,)
     assert store.evidence(part.id) == (replace(PHOTO, at=START),)
-    assert store.reviews(part.id) == ()
+    assert store.story(part.id).reviews == ()
     assert _kinds(store, part.id) == ["received", "read"]
     sent = due(store)
     assert [d.target for d in sent] == ["mqtt", "webhook"]
@@ -57,7 +57,7 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
     felt = replace(felt, at=felt_at)
     assert (part.plan, part.state, part.text) == (None, PartState.REVIEW, "KX40725")
     assert (part.created_at, part.changed_at, part.reading) == (START, felt_at, felt)
-    assert [at_any_time(r) for r in store.readings(part.id)] == [unsure, at_any_time(felt)]
+    assert [at_any_time(r) for r in store.story(part.id).readings] == [unsure, at_any_time(felt)]
     assert [e.kind for e in store.evidence(part.id)] == [EvidenceKind.PHOTO, EvidenceKind.SCAN]
 
     said_at = clock.go_on(minutes=3)
@@ -66,12 +66,12 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
     assert (part.state, part.text, part.reading) == (PartState.REVIEWED, "KX407251", felt)
     review = part.review
     assert review is not None
-    assert store.reviews(part.id) == (review,)
+    assert store.story(part.id).reviews == (review,)
     assert (review.before, review.after, review.who, review.at) == ("KX40725", "KX407251", "Ada", said_at)
     assert (review.token, review.note) == ("line-3", "worn 1")
     assert _kinds(store, part.id) == ["received", "read", "touch_needed", "read", "reviewed"]
-    assert store.history(part.id)[2].data == {"reason": "the camera is unsure", "seconds": 7.5}
-    assert set(store.history(part.id)[1].data) == {"source", "text", "decision", "confidence"}
+    assert store.story(part.id).events[2].data == {"reason": "the camera is unsure", "seconds": 7.5}
+    assert set(store.story(part.id).events[1].data) == {"source", "text", "decision", "confidence"}
     assert store.part(part.id) == part
 
 
@@ -98,10 +98,10 @@ def test_reviews_are_added_never_replaced(store: Store, clock: Clock) -> None:
     for action, text, before, _ in said:
         clock.go_on(seconds=1)
         part = store.review(part.id, action=action, text=text, who="Ada", before=before)
-    assert [(r.before, r.after) for r in store.reviews(part.id)] == [
+    assert [(r.before, r.after) for r in store.story(part.id).reviews] == [
         (before, after) for *_, before, after in said
     ]
-    assert part.review == store.reviews(part.id)[-1]
+    assert part.review == store.story(part.id).reviews[-1]
     accepted = received(store)
     part = store.review(accepted.id, action=ReviewAction.CORRECT, text="KX407257", who="Ada")
     assert (part.state, part.text) == (PartState.REVIEWED, "KX407257")
@@ -116,7 +116,7 @@ def test_the_second_of_two_people_is_told(store: Store) -> None:
         store.review(part.id, action=ReviewAction.CONFIRM, text="KX4", who="Bob")
     with pytest.raises(ConflictError, match="reviewed by Ada meanwhile"):
         store.add_readings(part.id, readings=(reading(),), state=PartState.ACCEPTED)
-    assert (len(store.reviews(part.id)), len(store.readings(part.id))) == (1, 1)
+    assert (len(store.story(part.id).reviews), len(store.story(part.id).readings)) == (1, 1)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_request_is_done_once(store: Store) -> None:
     store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
     with pytest.raises(AlreadyDoneError):
         store.add_readings(part.id, readings=(reading(),), state=PartState.REVIEW, idempotency=request)
-    assert (len(store.parts()), len(store.readings(part.id)), store.undelivered()) == (1, 1, 0)
+    assert (len(store.parts()), len(store.story(part.id).readings), store.undelivered()) == (1, 1, 0)
 
 
 def test_keys_are_forgotten_in_time(store: Store, clock: Clock) -> None:
@@ -179,7 +179,7 @@ def test_an_id_is_given_once(store: Store) -> None:
     "part_id", ["01KB0000000000000000000017", "", "../../etc/passwd", "x\x00", "\ud800", "'; DROP"]
 )
 def test_parts_that_are_not_there(store: Store, part_id: str) -> None:
-    for ask in (store.part, store.readings, store.evidence, store.reviews, store.history, store.opinions):
+    for ask in (store.part, store.evidence, store.story):
         with pytest.raises(NotFoundError, match="check the id"):
             ask(part_id)
     for change in (
@@ -239,7 +239,7 @@ def test_any_text_and_number_comes_back(
     store.note_event(part.id, "enrolled", data)
     found = store.part(part.id)
     assert (found.name, found.text, at_any_time(found.reading)) == (name, text, given_reading)
-    assert store.history(part.id)[-1].data == data
+    assert store.story(part.id).events[-1].data == data
 
 
 def test_times_keep_their_instant_in_utc(store: Store, clock: Clock) -> None:
@@ -249,7 +249,7 @@ def test_times_keep_their_instant_in_utc(store: Store, clock: Clock) -> None:
     at = clock.go_on(seconds=5)
     store.note_event(part.id, "enrolled", {"database": "line 3.glyphs"})
     assert store.part(part.id) == replace(part, changed_at=at)
-    assert store.history(part.id)[-1].data == {"database": "line 3.glyphs"}
+    assert store.story(part.id).events[-1].data == {"database": "line 3.glyphs"}
 
 
 def test_a_store_that_has_gone_away(store_url: str) -> None:

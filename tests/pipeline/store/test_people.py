@@ -38,7 +38,7 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     assert (store.next_in_queue(person=GRACE), store.next_in_queue(person=ADA)) == (second, first)
     with pytest.raises(ClaimedError, match="Ada is at part"):
         said(store, first.id, GRACE, "KX1", readers=1)
-    assert store.reviews(first.id) == ()
+    assert store.story(first.id).reviews == ()
     clock.go_on(seconds=CLAIM_S - 1.0)
     renewed = store.claim_part(first.id, ADA)
     clock.go_on(seconds=2.0)
@@ -99,11 +99,15 @@ def test_a_part_is_reviewed_when_two_people_say_the_same(store: Store) -> None:
     assert store.next_in_queue(person=GRACE) == store.part(part.id)
     assert store.half_reviewed() == {part.id: 1}
     assert said(store, part.id, GRACE, "KX7") is PartState.REVIEW
-    assert [o.after for o in store.opinions(part.id)] == ["KX1", "KX7"]
+    assert [o.after for o in store.story(part.id).opinions] == ["KX1", "KX7"]
     assert said(store, part.id, MARY, "KX1") is PartState.REVIEWED
     assert store.part(part.id).text == "KX1"
-    assert (len(store.reviews(part.id)), store.opinions(part.id), store.half_reviewed()) == (4, (), {})
-    told = [dict(e.data) for e in store.history(part.id) if e.kind == "read_by_person"]
+    assert (len(store.story(part.id).reviews), store.story(part.id).opinions, store.half_reviewed()) == (
+        4,
+        (),
+        {},
+    )
+    told = [dict(e.data) for e in store.story(part.id).events if e.kind == "read_by_person"]
     assert told == [{"who": "Ada"}, {"who": "Ada"}, {"who": "Grace"}], "not what was said"
 
 
@@ -141,7 +145,11 @@ def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store
     received(store, PartState.REVIEW, audit=True)  # not accepted: nothing to audit
     part_id = audited(store)
     assert [p.id for p in store.queue(audits=True)] == [part_id]
-    assert (store.awaits_audit(part_id), store.awaits_audit(not_drawn), store.audit(part_id)) == (
+    assert (
+        store.story(part_id).awaits_audit,
+        store.story(not_drawn).awaits_audit,
+        store.story(part_id).audit,
+    ) == (
         True,
         False,
         None,
@@ -151,7 +159,7 @@ def test_a_drawn_part_is_read_once_and_stays_accepted_where_it_is_the_same(store
     with pytest.raises(ClaimedError):
         said(store, part_id, ADA, "KX4", audit=True)
     assert said(store, part_id, GRACE, "KX4", audit=True) is PartState.ACCEPTED
-    found = store.audit(part_id)
+    found = store.story(part_id).audit
     assert found is not None
     assert (found.before, found.after, found.who) == ("KX4", "KX4", "Grace")
     assert (store.queue(audits=True), store.undelivered(), store.claims()) == ((), 0, {})

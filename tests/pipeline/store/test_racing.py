@@ -46,7 +46,7 @@ def test_one_of_many_people_is_first(store: Store) -> None:
         (won,) = [s for s in said if not isinstance(s, Exception)]
         assert all(type(s) is ConflictError for s in said if s is not won)
         assert store.part(part) == won
-        assert len(store.reviews(part)) == 1
+        assert len(store.story(part).reviews) == 1
 
 
 def test_a_scan_and_a_person_race(store: Store) -> None:
@@ -60,8 +60,8 @@ def test_a_scan_and_a_person_race(store: Store) -> None:
 
         n_felt = sum(not isinstance(came, Exception) for came in race(_refused(one))[1:])
         # whoever came after the person was refused, and the person has the last word
-        readings, now = store.readings(part), store.part(part)
+        readings, now = store.story(part).readings, store.part(part)
         assert len(readings) == 1 + n_felt
         assert (now.state, now.text, now.reading) == (PartState.REVIEWED, "KX5", readings[-1])
         # while touch is needed the part has no text
-        assert store.reviews(part)[0].before == (readings[-1].text if n_felt else "")
+        assert store.story(part).reviews[0].before == (readings[-1].text if n_felt else "")

@@ -86,8 +86,8 @@ def test_a_store_of_the_first_version_is_read_and_used_on(tmp_path: Path) -> Non
         assert waits.touch == TouchWait(by_stage=False, until=None)
         assert reviewed.review is not None
         assert (reviewed.review.who, reviewed.review.note) == ("Ada", "rust")
-        assert [r.text for r in store.readings(reviewed.id)] == ["KXO", "KX0"]
-        assert [e.kind for e in store.history(reviewed.id)][-1] == "reviewed"
+        assert [r.text for r in store.story(reviewed.id).readings] == ["KXO", "KX0"]
+        assert [e.kind for e in store.story(reviewed.id).events][-1] == "reviewed"
         assert store.find_request("line-3:1") == ("f", accepted.id)
         assert [token.name for token in store.tokens()] == ["line-3"]
         store.review(reviewed.id, action=ReviewAction.CORRECT, text="KX1", who="Bea", targets=("mqtt",))
@@ -141,7 +141,7 @@ def test_what_has_happened_is_never_changed(store: Store, store_url: str) -> Non
         with pytest.raises(sa.exc.DBAPIError, match="are never changed"), engine.begin() as connection:
             connection.execute(sa.text(attempt))
     assert store.part(part.id) == part
-    assert len(store.history(part.id)) == 2
+    assert len(store.story(part.id).events) == 2
 
 
 def test_parts_cannot_be_removed_from_under_their_readings(store: Store, store_url: str) -> None:
@@ -177,8 +177,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.next_in_queue(new_part_id(), person=Person("Ada", seat="here"))
     store.claims()
     store.half_reviewed()
-    store.opinions(part)
-    store.audit(part)
+    store.story(part)
     store.queue(audits=True)
     store.next_in_queue(new_part_id(), person=Person("Ada", token="Ada"), audits=True)
     store.audit_figures(START)

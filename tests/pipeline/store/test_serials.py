@@ -11,7 +11,7 @@ RULES = SerialRules(duplicates=True)
 
 
 def kinds(store: Store, part_id: str) -> list[str]:
-    return [event.kind for event in store.history(part_id)]
+    return [event.kind for event in store.story(part_id).events]
 
 
 def test_a_serial_that_another_part_bears_goes_to_a_person(store: Store) -> None:

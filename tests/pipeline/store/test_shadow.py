@@ -40,7 +40,7 @@ def test_what_would_have_been_decided_is_kept(store: Store) -> None:
     part = received(store, PartState.SHADOW, expected="KX407257", shadow=kept, targets=("mqtt",))
     assert (store.part(part.id).shadow, part.state) == (kept, PartState.SHADOW)
     assert received(store).shadow is None
-    last = store.history(part.id)[-1]
+    last = store.story(part.id).events[-1]
     assert (last.kind, dict(last.data)) == ("compared", {"agreement": "other", "would_be": "accepted"})
     assert store.queue() == ()
     # a person's review keeps it, and a later reading changes it

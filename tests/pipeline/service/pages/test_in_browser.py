@@ -200,7 +200,7 @@ def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Sit) -> N
     page.keyboard.press("Alt+u")
     page.wait_for_url(f"**/review?done={ids[2]}")
     assert "Nothing waits for you" in page.inner_text("main")
-    reviews = [service.store.reviews(i)[-1] for i in ids]
+    reviews = [service.store.story(i).reviews[-1] for i in ids]
     assert [(r.action, r.before, r.after, r.who) for r in reviews] == [
         (ReviewAction.CONFIRM, "KX407251", "KX407251", "Ada"),
         (ReviewAction.CORRECT, "KX407252", "KX407852", "Ada"),
@@ -238,7 +238,7 @@ def test_places_are_chosen_and_candidates_taken_by_key(service: Service, sit_dow
     assert page.get_attribute(".place.chosen", "data-place") == "5"
     page.keyboard.press("Escape")
     assert shown(page) == "KX407251"
-    assert service.store.reviews(part_id) == ()
+    assert service.store.story(part_id).reviews == ()
 
 
 def test_what_is_pasted_is_the_whole_serial(service: Service, sit_down: Sit) -> None:
@@ -320,7 +320,7 @@ def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: S
     assert service.store.part(ids[1]).state is PartState.REVIEW
     page.keyboard.press("Enter")
     page.wait_for_url("**/review?done=*")
-    assert [len(service.store.reviews(i)) for i in ids] == [1, 1]
+    assert [len(service.store.story(i).reviews) for i in ids] == [1, 1]
 
 
 def test_a_name_is_asked_for_once_and_skipped_parts_stay(service: Service, sit_down: Sit) -> None:
@@ -329,7 +329,7 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(service: Service, sit_d
     settled(page)
     assert page.evaluate("document.activeElement.id") == "who"
     page.keyboard.press("Enter")
-    assert service.store.reviews(ids[0]) == ()
+    assert service.store.story(ids[0]).reviews == ()
     page.keyboard.type("Grace")
     page.keyboard.press("Enter")  # on to the serial
     assert page.evaluate("document.activeElement.id") == "text"

@@ -121,8 +121,7 @@ def test_characters_that_the_part_does_not_bear_are_marked_in_the_text_expected(
 
 def pair(shop: Shop, *readings: ReadingRecord, evidence: tuple[EvidenceRecord, ...]):  # type: ignore[no-untyped-def]
     part_id = shop.add(readings=readings, evidence=evidence)
-    part, store = shop.store.part(part_id), shop.store
-    return picture_pair(part, store.readings(part_id), store.evidence(part_id), shop.evidence)
+    return picture_pair(shop.store.story(part_id), shop.evidence)
 
 
 def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
@@ -267,9 +266,9 @@ def test_another_person_being_quicker_is_told_and_nothing_is_lost(shop: Shop) ->
     assert "KX407259" in page
     assert 'value="KX407257"' in page  # what was typed
     assert 'name="before" value="KX407259"' in page
-    assert len(shop.store.reviews(part_id)) == 1
+    assert len(shop.store.story(part_id).reviews) == 1
     assert shop.say(part_id, "KX407257") == 303
-    assert [r.after for r in shop.store.reviews(part_id)] == ["KX407259", "KX407257"]
+    assert [r.after for r in shop.store.story(part_id).reviews] == ["KX407259", "KX407257"]
 
 
 def test_what_cannot_be_taken_is_told_on_the_same_page(shop: Shop) -> None:
@@ -283,7 +282,7 @@ def test_what_cannot_be_taken_is_told_on_the_same_page(shop: Shop) -> None:
     ):
         assert shop.say(part_id, text, **more) == 422
         assert told in shop.answer.text
-    assert shop.store.reviews(part_id) == ()
+    assert shop.store.story(part_id).reviews == ()
 
 
 def test_the_name_is_remembered(shop: Shop) -> None:
@@ -519,7 +518,7 @@ def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path)
     shop.client.post("/login", data={**data, "secret": reviewer})
     assert "Signed as <b>reviewer</b>" in shop.client.get(f"/review/{part_id}").text
     assert shop.say(part_id, "KX407251") == 303
-    assert shop.store.reviews(part_id)[-1].token == "reviewer"
+    assert shop.store.story(part_id).reviews[-1].token == "reviewer"
     shop.store.close()
 
 

@@ -98,7 +98,7 @@ def test_the_second_reader_sees_nothing_of_what_was_read(strict: Shop) -> None:
     assert strict.say(part_id, "KX407257", who="Mary", client=third) == 303
     part = strict.store.part(part_id)
     assert (part.state, part.text) == (PartState.REVIEWED, "KX407257")
-    assert [r.who for r in strict.store.reviews(part_id)] == ["Ada", "Grace", "Mary"]
+    assert [r.who for r in strict.store.story(part_id).reviews] == ["Ada", "Grace", "Mary"]
 
 
 def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(shop: Shop) -> None:
