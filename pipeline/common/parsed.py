@@ -37,13 +37,13 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def toml_of(path: Path, *, most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+def toml_of(path: Path) -> dict[str, Any]:
     """The table in a TOML file.
 
     Raises:
         FileError: no regular file, too long a one, or no TOML.
     """
-    require_file(path, most_bytes=most_bytes)
+    require_file(path, most_bytes=MOST_BYTES)
     try:
         text = path.read_bytes().decode("utf-8-sig")
         if _TOO_DEEP.search(text):

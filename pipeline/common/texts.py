@@ -36,9 +36,9 @@ def same_text(one: str, other: str) -> bool:
     return without_blanks(one) == without_blanks(other)
 
 
-def first_of(names: Sequence[str], *, most: int = 5) -> str:
-    """Write the first of some names, and that there are more."""
-    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+def first_of(names: Sequence[str]) -> str:
+    """Write the first five of some names, and that there are more."""
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def harmless(text: str) -> str:

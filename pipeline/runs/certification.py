@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, ClassVar
 
-from glyphs.compiling import end_part, show_compiling
+from glyphs.compiling import show_compiling
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
@@ -193,7 +193,6 @@ def _read_all(
         for _, part in resumable(
             journal, tasks, executor, read_listed, order, lost=lost_part, kept=_certified
         ):
-            end_part()
             progress.advance(failed=bool(part.record.error))
 
 

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glyphs.compiling import end_part
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
@@ -93,7 +92,7 @@ class Run:
         ):
             self._quarantine(part, record.error)
             self.read_now += 1
-            self._advance(record)
+            self.progress.advance(failed=bool(record.error))
         if self.second is not None:
             waiting, order = self.second.learned_order(
                 self.journal, parts, order, executor, self.progress.line
@@ -104,7 +103,7 @@ class Run:
                 lost=lost_part, kept=lambda _, read: self._checked(read.record), again=True,
             ):  # fmt: skip
                 self.second.again += 1
-                self._advance(record)
+                self.progress.advance(failed=bool(record.error))
         if self.store is None:
             self.journal.finish((part.name for part in parts), self._count)
         else:
@@ -132,10 +131,6 @@ class Run:
     def _quarantine(self, part: PartFiles, error: str) -> None:
         if error and self.quarantine is not None:
             self.quarantine.add(part, error)
-
-    def _advance(self, record: ReadingRecord) -> None:
-        end_part()
-        self.progress.advance(failed=bool(record.error))
 
     def _count(self, record: ReadingRecord) -> None:
         self.summary.add(record)

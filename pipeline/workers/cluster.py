@@ -21,6 +21,7 @@ from pipeline.common import version
 from pipeline.workers.executors import Executor, Outcome, WorkerLostError
 
 _CONNECT_S = 10.0
+"""Seconds that the scheduler may take to answer."""
 _START_S = 120.0
 """Seconds that the connection's thread may take to start: the library allows ten a try, a frozen machine needs more."""
 _LOOK_S = 2.0
@@ -43,15 +44,14 @@ class ClusterExecutor(Executor):
 
     remote = True
 
-    def __init__(self, address: str, *, patience_s: float = 120.0, connect_s: float = _CONNECT_S) -> None:
+    def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
         """Take the address; the connection is made with the block.
 
         Args:
             address: of the scheduler, such as tcp://scheduler:8786.
             patience_s: how long there may be no worker at all.
-            connect_s: how long the scheduler may take to answer.
         """
-        self.address, self.patience_s, self._connect_s = address, patience_s, connect_s
+        self.address, self.patience_s = address, patience_s
         self.workers = 0
 
     def __enter__(self) -> ClusterExecutor:
@@ -153,7 +153,7 @@ class ClusterExecutor(Executor):
         while True:
             try:
                 connect: Any = distributed.Client
-                return connect(self.address, timeout=self._connect_s, set_as_default=False)
+                return connect(self.address, timeout=_CONNECT_S, set_as_default=False)
             except AssertionError as error:
                 if time.monotonic() >= until:
                     what = "the connection to the scheduler does not start: this machine is too busy"

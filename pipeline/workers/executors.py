@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Generic, Self, TypeVar
 
+from glyphs.compiling import end_part
 from glyphs.errors import MarksError
 from pipeline.workers.interrupts import raise_interrupt
 
@@ -125,6 +126,7 @@ class Executor:
             future.set_result(function(*args))
         except Exception as error:
             future.set_exception(error)
+        end_part()
         return future
 
     def _ahead(self) -> int:
