@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from random import SystemRandom
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from pipeline.common.people_records import Person
-from pipeline.common.records import PartState, PartStory, ReviewRecord
 from pipeline.common.settings import Settings
+
+if TYPE_CHECKING:  # the command line loads this module for every command
+    from pipeline.common.people_records import Person
+    from pipeline.common.records import PartStory, ReviewRecord
 
 
 class ReviewMode(StrEnum):
@@ -42,6 +45,8 @@ class ReviewSettings(Settings):
 
     def mode(self, story: PartStory, person: Person) -> ReviewMode:
         """Mode in which a person reviews a part."""
+        from pipeline.common.records import PartState
+
         if story.awaits_audit:
             return ReviewMode.AUDIT
         others = self.second_reader and story.part.state is PartState.REVIEW and bool(story.opinions)
