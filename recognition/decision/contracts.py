@@ -76,7 +76,7 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
 
 
 def doubted_guesses(
-    reading: Reading, laid: LaidText, places: Sequence[str] | None, *, near_score: float = 0.05
+    reading: Reading, laid: LaidText, places: Sequence[str] | None, *, near_fit: float = 0.05
 ) -> Reading:
     """The reading, sent to review where a character of it may be one that its font was never taught.
 
@@ -87,19 +87,20 @@ def doubted_guesses(
         reading: of the line.
         laid: its text in the templates of a font.
         places: characters allowed at each place of a known format, or None.
-        near_score: correlation by which a guess may fall short and still be meant: where a character that was felt
+        near_fit: correlation by which a guess may fall short and still be meant: where a character that was felt
             answered instead of the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O).
     """
-    known = laid.glyphs.chars
-    guessed = {c for c in known if laid.font.glyphs[c].guessed}
+    guessed = {c for c, glyph in laid.font.glyphs.items() if glyph.guessed}
     if not guessed:
         return reading
     doubts = []
-    for k, (character, scores) in enumerate(zip(reading.characters, laid.correlations(), strict=True)):
-        best = dict(zip(known, scores.tolist(), strict=True))
-        allowed = set(places[k]) if places is not None and len(places) == len(laid.fits) else set(best)
-        least = best.get(character.char, -1.0) - near_score
-        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > least]
+    for k, character in enumerate(reading.characters):
+        allowed = (
+            guessed & set(places[k]) if places is not None and len(places) == len(laid.text) else guessed
+        )
+        own = laid.laid[k]
+        least = -1.0 if own is None else own.fit - near_fit
+        near = [c for c in sorted(allowed) if laid.felt.lay(k, c, laid.font, laid.face).fit > least]
         never = [character.char] if character.char in guessed else near
         if never:
             what = f"place {k + 1}: {', '.join(never)} was never enrolled in {reading.font}"

@@ -19,7 +19,8 @@ from recognition.decision.reading import Reading
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from recognition.marks.strokes import FeltLine, PlaceStrokes
+    from recognition.marks.laid_text import LaidText
+    from recognition.marks.strokes import PlaceStrokes
     from whisker_array.estimation.relief import Relief
 
 _NORMAL = 1.4826
@@ -68,7 +69,7 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
     if openly is not None and openly.n_places:
         found[Measure.BELIEF] = float(np.exp(openly.log_belief.max(axis=1)).mean())
     if touch is not None and touch.trace.relief is not None:
-        found |= _of_land(touch.trace.relief, touch.trace.felt_line)
+        found |= _of_land(touch.trace.relief, touch.trace.laid)
     if vision is not None and vision.trace.photo is not None:
         grey = _evenly_lit(vision.trace.photo)
         found |= {Measure.GRAIN: roughness(grey, 1), Measure.PATCHES: roughness(grey, 4)}
@@ -99,18 +100,18 @@ def _of_strokes(
 
 
 def _of_land(
-    relief: Relief, line: FeltLine | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
+    relief: Relief, laid: LaidText | None, *, fine_mm: float = 0.1, coarse_mm: float = 0.4
 ) -> Mapping[Measure, float]:
     """Roughness of the land, by itself and in parts of the marks' depth.
 
     Args:
         relief: as felt.
-        line: the serial's, if known.
+        laid: the serial, if known.
         fine_mm: between places of the land whose heights are compared for fine roughness: grains.
         coarse_mm: the same for coarse roughness: lumps.
     """
     heights_um = 1e3 * relief.height_mm.astype(np.float64)
-    depth_um = math.nan if line is None else max(1e3 * line.depth_mm(), 1.0)
+    depth_um = math.nan if laid is None else max(1e3 * laid.felt.depth_mm, 1.0)
     fine, coarse = (
         roughness(heights_um, max(1, round(far / relief.pitch_mm))) for far in (fine_mm, coarse_mm)
     )

@@ -27,6 +27,7 @@ from recognition.decision.which_way_up import also_readable, plain_text, ways_po
 from recognition.language.constrained_decoding import choose
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import other_text
+from recognition.marks.strokes import strokes_of
 
 CHOICE_FLAGS = (
     ReadingFlag.LOW_CONFIDENCE
@@ -94,8 +95,13 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         for new, old in zip(characters_of(choice, lattice), tactile.characters, strict=True)
     )
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
-    line, slope = tactile.trace.felt_line, score_of("fused").slope
-    strokes = () if line is None else line.strokes(choice.text, lattice, slope=slope)
+    laid, slope = tactile.trace.laid, score_of("fused").slope
+    laid = (
+        replace(laid, text=tuple(choice.text))
+        if laid is not None and len(laid.text) == len(choice.text)
+        else None
+    )
+    strokes = () if laid is None else strokes_of(laid, lattice, slope=slope)
     # against the format is what both senses have found against it
     overruled = ReadingFlag.FORMAT_OVERRULED & vision.flags
     # what touch has found about characters, format and lines is found anew of both
@@ -115,7 +121,7 @@ def _fuse_lines(tactile: Reading, vision: Reading, settings: LineSettings) -> Re
         *_orientation_doubts(tactile, vision, choice.text, settings),
     )
     made = contracts_of_choice(made, choice, settings.grammar)
-    return add_stroke_findings(made.with_trace(choice=choice, strokes=strokes))
+    return add_stroke_findings(made.with_trace(choice=choice, laid=laid, strokes=strokes))
 
 
 def fused_lattice(

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from recognition.language.lattice import Lattice
     from recognition.marks.depth import MarkDepth
     from recognition.marks.grade import Action, MarkGrade
-    from recognition.marks.strokes import FeltLine, PlaceStrokes
+    from recognition.marks.laid_text import LaidText
+    from recognition.marks.strokes import PlaceStrokes
     from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief
@@ -123,7 +124,7 @@ class ReadingTrace:
         photo: the photograph.
         line: where the line lies.
         by_expert: the lattice of each by itself.
-        felt_line: of touch: what can be asked for the strokes of characters; None without heights.
+        laid: of touch: the text as it lies on the line, in a font; None without heights, or without such a font.
         strokes: what was felt, place by place, of the characters read and their rivals; empty where it is not known.
         touch: the reading of touch that was fused.
         vision: the reading of vision that was fused.
@@ -143,7 +144,7 @@ class ReadingTrace:
     photo: Photo | None = None
     line: TextLine | None = None
     by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
-    felt_line: FeltLine | None = None
+    laid: LaidText | None = None
     strokes: tuple[PlaceStrokes, ...] = ()
     touch: Reading | None = None
     vision: Reading | None = None

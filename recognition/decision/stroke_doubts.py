@@ -95,7 +95,6 @@ def _missing(
     suited: float = 0.35,
     all_there: float = 0.6,
     least_foreign: int = 2,
-    other_font: float = 0.06,
 ) -> Iterator[Finding]:
     """Find characters most of whose strokes are missing, or are those of another font than the named one.
 
@@ -108,8 +107,6 @@ def _missing(
         all_there: share of strokes felt, by depth or by edges, from which none is missing, whatever the other share is.
         least_foreign: least number of characters that must differ from the named font: one alone is a blow, or
             misplaced dots.
-        other_font: mean score of a line by which another font must explain it better. Of 24 lines of the exam whose
-            right font was named, 19 fit it best, 3 fit another one better by less than this, and 2 by 0.08.
     """
     lacking: dict[int, Action] = {}
     foreign: list[int] = []
@@ -128,14 +125,11 @@ def _missing(
         remedy = _REMEDIES[mode(lacking.values())]
         what = f"most strokes are missing: {places_text(reading, [*lacking])} ({remedy})"
         yield Finding(ReadingFlag.STROKES_MISSING, what, tuple(lacking))
-    line = reading.trace.felt_line
-    if len(foreign) >= least_foreign and line is not None:
-        # mean scores of the whole text
-        scores = line.by_font([c.char for c in reading.characters])
-        if max(scores.values(), default=0.0) >= scores.get(reading.font, math.inf) + other_font:
-            what = f"another font than {reading.font} explains the marks better"
-            what = f"{what}: {places_text(reading, foreign)} (name the right font)"
-            yield Finding(ReadingFlag.FOREIGN_SHAPES, what, tuple(foreign))
+    laid = reading.trace.laid
+    if len(foreign) >= least_foreign and laid is not None and laid.font.name != reading.font:
+        what = f"another font than {reading.font} explains the marks better"
+        what = f"{what}: {places_text(reading, foreign)} (name the right font)"
+        yield Finding(ReadingFlag.FOREIGN_SHAPES, what, tuple(foreign))
 
 
 def _undecided_strokes(reading: Reading) -> Iterator[Finding]:

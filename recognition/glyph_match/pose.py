@@ -41,6 +41,18 @@ def pose(*, right: float = 0.0, down: float = 0.0, size: float = 0.0) -> Floats:
     return made
 
 
+def points_at(at: Floats, points: Floats) -> Floats:
+    """(n, 2) distances to the right and down from the middle of a place, of points of a character in a pose.
+
+    Args:
+        at: the pose.
+        points: (n, 2) from the character's reference point to the right and down, character heights.
+    """
+    cos, sin = math.cos(at[TURN]), math.sin(at[TURN])
+    turned = points * np.exp(at[[WIDE, TALL]]) @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turned + at[[RIGHT, DOWN]])
+
+
 def spread_of_poses(
     *,
     right: float,
@@ -74,7 +86,7 @@ class PlaceSamples:
     usual: float
     missed: float = 0.15
     span: float = 6.0
-    alike: float = 18.0
+    alike: float = 9.0
 
     def predict(self, glyph: Glyph, at: Floats) -> Floats:
         """(n, channels) of a character in a pose, where the samples lie."""
@@ -164,6 +176,14 @@ class PlaceSamples:
 
         first = min(starts, key=lambda at: float(loss(residuals(at) ** 2)[0].sum()))
         found = least_squares(
-            residuals, first, slopes, loss=loss, max_nfev=most_steps, xtol=1e-3, ftol=1e-3, gtol=1e-3
+            residuals,
+            first,
+            slopes,
+            loss=loss,
+            x_scale=spread,
+            max_nfev=most_steps,
+            xtol=1e-3,
+            ftol=3e-3,
+            gtol=1e-3,
         )
         return -float(found.cost), np.asarray(found.x)

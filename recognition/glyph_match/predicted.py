@@ -217,9 +217,8 @@ def ideal_plate(
     z = np.zeros((2 * rows, 2 * cols * len(chars)), dtype=np.float32)
     u = (np.arange(2 * cols, dtype=np.float64) - 2 * n_cols) * fine
     v = (2 * n_rows - np.arange(2 * rows, dtype=np.float64)) * fine
-    for i, (shape, box) in enumerate(zip(shapes, boxes, strict=True)):
-        middle = (0.5 * (box[0] + box[2]) * height, 0.5 * height)
-        z[:, 2 * cols * i : 2 * cols * (i + 1)] = _relief(shape, die, u[None, :], v[:, None], middle)
+    for i, shape in enumerate(shapes):
+        z[:, 2 * cols * i : 2 * cols * (i + 1)] = sunk_relief_mm(shape, die, u[None, :], v[:, None])
     middles = np.column_stack(
         [(np.arange(len(chars)) * cols + n_cols) * pitch, np.full(len(chars), n_rows * pitch)]
     )
@@ -295,21 +294,19 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
     )
 
 
-def _relief(
-    shape: Glyph,
-    die: Die,
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-    middle: tuple[float, float],
+def sunk_relief_mm(
+    shape: Glyph, die: Die, u: NDArray[np.floating], v: NDArray[np.floating]
 ) -> NDArray[np.float32]:
-    """Sunk relief of one glyph at offsets (u right, v up) from its middle."""
+    """Sunk relief of one glyph of CANONICAL_HEIGHT_MM at offsets (u right, v up) from its reference point, mm."""
     if shape.relief is not None:
         return _felt_relief(shape.relief, u, v)
-    return shape_relief_mm(shape, die, u + middle[0], v + middle[1], height_mm=CANONICAL_HEIGHT_MM)
+    x0, _, x1, _ = (edge * CANONICAL_HEIGHT_MM for edge in shape.ink_box)
+    at = u + 0.5 * (x0 + x1), v + 0.5 * CANONICAL_HEIGHT_MM
+    return shape_relief_mm(shape, die, *at, height_mm=CANONICAL_HEIGHT_MM)
 
 
 def _felt_relief(
-    felt: NDArray[np.float32], u: NDArray[np.float64], v: NDArray[np.float64]
+    felt: NDArray[np.float32], u: NDArray[np.floating], v: NDArray[np.floating]
 ) -> NDArray[np.float32]:
     """Relief of a learned glyph at offsets (u right, v up) from its middle, mm, as it was felt."""
     from scipy import ndimage

@@ -4,7 +4,7 @@ r"""Depth of each character, by touch: along its strokes' centre lines, from the
     ______/\                   /\______
              \     depth      /            burr (high metal): not land (27 CFR 478.92 measures from the flat surface)
               \______|_______/
-                     ^ centre line, looked for sideways by a little more than characters are misplaced
+                     ^ centre line of the character as it is laid, looked for sideways by a little
 
 Depth is what the ball of the tip reaches, averaged over a sample (a fortieth of the height). Less the truth of
 stamped parts, gothic, 32 characters each, default whisker and ball; micrometres, mean +- standard deviation:
@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from recognition.glyph_match.pose import Floats
 from recognition.marks.centre_lines import centre_line
-from recognition.marks.depth_field import DepthField, Floats, mean_depths, turn_matrix
 from recognition.marks.laid_text import LaidText
 from whisker_array.estimation.relief import Relief
 
@@ -78,18 +78,15 @@ def mark_depths(relief: Relief, laid: LaidText) -> tuple[MarkDepth | None, ...]:
 
     Args:
         relief: the surface as felt.
-        laid: the line's text in the templates of a font that has all its characters.
+        laid: the line's text.
     """
-    field, height_mm = DepthField(relief, raised=laid.raised), laid.line.height_mm
-    height = height_mm / field.pitch_mm
-    marks = []
-    for char, place, turn_deg in zip(laid.text, laid.places_mm(), laid.turns_deg(), strict=True):
-        shape, turn = centre_line(laid.font, char, face=laid.face), turn_matrix(turn_deg)
-        points = field.samples(place + shape.points * height_mm @ turn)
-        mark = _Mark(points, (shape.normals @ turn)[:, ::-1], shape.half_width * height)
-        marks.append(_settle(mark, field.depth_mm, height) if len(points) else mark)
-    land = _land(marks, field.depth_mm, height)
-    return tuple(_depth(mark, field.depth_mm, land, height) for mark in marks)
+    felt = relief.height_mm if laid.felt.raised else -relief.height_mm
+    # a margin of unknown samples
+    depth = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
+    height = laid.height_mm / relief.pitch_mm
+    marks = [None if one is None else _mark(relief, laid, k) for k, one in enumerate(laid.laid)]
+    land = _land([mark for mark in marks if mark is not None], depth, height)
+    return tuple(None if mark is None else _depth(mark, depth, land, height) for mark in marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,49 +98,22 @@ class _Mark:
     half_width: float
 
 
-def _settle(
-    mark: _Mark,
-    depth: Floats,
-    height: float,
-    *,
-    shift_heights: float = 0.05,
-    turns_deg: Sequence[float] = (-3.0, -1.5, 0.0, 1.5, 3.0),
-    sizes: Sequence[float] = (0.96, 0.98, 1.0, 1.02, 1.04),
-) -> _Mark:
-    """Move, turn and size a character a little, to where its centre line lies deepest as a whole.
+def _mark(relief: Relief, laid: LaidText, place: int, *, ahead_heights: float = 0.05) -> _Mark:
+    """The centre line of a character as it is laid on a relief.
 
     Args:
-        mark: where it was read.
-        depth: of the field.
-        height: of the characters, samples.
-        shift_heights: greatest shift down and to the right, either way, character heights.
-        turns_deg: angles about the one read: cells are turned by 3 degrees or not at all.
-        sizes: factors of the size: heights are right to 5 percent.
+        relief: the surface as felt; a margin of one sample is reckoned with.
+        laid: the text.
+        place: of the character.
+        ahead_heights: distance along a normal by which its direction is told, character heights.
     """
-    middle = mark.points.mean(axis=0)
-    # every third point tells the pose
-    thinned, step = mark.points[::3] - middle, 0.5 * shift_heights * height
-    moves = np.arange(-2, 3) * step
-    turns = np.stack([turn_matrix(angle) for angle in turns_deg])
-    turn = turns[int(np.argmax(mean_depths(depth, thinned @ turns, middle, moves).max(axis=(1, 2))))]
-    poses = np.multiply.outer(sizes, turn)
-    table = mean_depths(depth, thinned @ poses, middle, moves)
-    best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
-    shift = (
-        moves[i] + step * _vertex(table[best, :, j], int(i)),
-        moves[j] + step * _vertex(table[best, i], int(j)),
+    line = centre_line(laid.font, laid.text[place], face=laid.face)
+    on, ahead = (
+        (laid.points_mm(place, points) - relief.origin_mm)[:, ::-1] / relief.pitch_mm + 1.0
+        for points in (line.points, line.points + ahead_heights * line.normals)
     )
-    points = (mark.points - middle) @ poses[best] + middle + shift
-    return _Mark(points, mark.normals @ turn, mark.half_width)
-
-
-def _vertex(values: Floats, at: int) -> float:
-    """Offset of the vertex of the parabola through a maximum and its neighbours, in steps."""
-    if not 0 < at < values.size - 1:
-        return 0.0
-    before, here, after = values[at - 1 : at + 2]
-    bend = 2.0 * here - before - after
-    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
+    normals = (ahead - on) / np.linalg.norm(ahead - on, axis=1, keepdims=True)
+    return _Mark(on, normals, line.half_width * laid.height_mm / relief.pitch_mm)
 
 
 def _land(marks: Sequence[_Mark], depth: Floats, height: float) -> NDArray[np.bool_]:

@@ -13,17 +13,21 @@ they are not those of the standard, which grades two-dimensional codes by sight.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from glyphs.surface.display import WordedEnum
-from recognition.glyph_match.correlation import Image
-from recognition.glyph_match.predicted import PIXELS
+from recognition.glyph_match.correlation import SMOOTH, Image, correlate, glyph_images
+from recognition.glyph_match.predicted import PIXELS, TemplateSet
 from recognition.marks.laid_text import LaidText
+from recognition.views.view import EDGES, KNOWN
 
 LIMITS = {
     "contrast": (0.7, 0.55, 0.4, 0.25),
@@ -33,7 +37,11 @@ LIMITS = {
 """Limits of the grades 4, 3, 2 and 1: least values, of contamination greatest ones."""
 PASSING = 2
 """Least grade that asks for nothing: C, as is usual."""
+OWN_FIT = 0.75
+"""Mean correlation of edges from which an unnamed font is taken for the part's."""
 LETTERS = "FDCBA"
+Edges: TypeAlias = tuple[Image, Image]
+"""Felt and predicted, (rows, columns, layers) each."""
 
 
 class Action(WordedEnum):
@@ -98,28 +106,56 @@ class MarkGrade:
         return next((p.value for p in self.parameters if p.name == name), None)
 
 
-def grades_of(laid: LaidText, *, tall_heights: float = 0.58) -> tuple[MarkGrade | None, ...]:
-    """The grade of every character of a text; None where its font has no template, or it stands beyond the map.
+def edges_of(laid: LaidText, templates: TemplateSet, *, tall_heights: float = 0.58) -> list[Edges | None]:
+    """The edges felt at each place of a text, and those predicted; None where nothing is, of either.
 
     Args:
-        laid: the text in the templates of a font.
-        tall_heights: rows about a character's middle that are graded with it, character heights either way.
+        laid: the text.
+        templates: of its font, felt as the part was.
+        tall_heights: rows about a character's middle that are compared with it, character heights either way.
     """
-    felt = np.abs(laid.image).max(axis=(0, 1)) > 0.0
-    image = np.pad(_steps(laid.image, felt), ((0, 0), (PIXELS, PIXELS), (PIXELS, PIXELS)))
-    templates = dict(zip(laid.glyphs.chars, laid.glyphs.images, strict=True))
-    grades: list[MarkGrade | None] = []
-    for char, row, column in zip(laid.text, laid.rows, laid.columns, strict=True):
-        if char not in templates:
-            grades.append(None)
-            continue
-        middle, side = (n // 2 for n in templates[char].shape[:2])
-        tall = min(middle, round(tall_heights * PIXELS))
-        want = _steps(templates[char][middle - tall : middle + tall + 1], felt)
-        r, c = int(row) + PIXELS - tall, int(column) + PIXELS - side
-        cell = image[:, r : r + want.shape[1], c : c + want.shape[2]]
-        grades.append(grade_character(cell, want) if cell.shape == want.shape else None)
-    return tuple(grades)
+    glyphs, tall = glyph_images(templates, pixels=PIXELS), round(tall_heights * PIXELS)
+    images = dict(zip(glyphs.chars, glyphs.images, strict=True))
+    found: list[Edges | None] = []
+    for k, char in enumerate(laid.text):
+        one = images.get(char)
+        template = None if one is None else one[max(len(one) // 2 - tall, 0) : len(one) // 2 + tall + 1]
+        felt = None if template is None else _felt_edges(laid, k, template.shape)
+        found.append((felt, template) if felt is not None and template is not None and felt.any() else None)
+    return found
+
+
+def edge_fit(edges: Sequence[Edges | None]) -> float:
+    """Mean correlation of felt with predicted edges; 0 where either is lacking."""
+    return float(np.mean([correlate(one[0], [one[1]])[0, 0, 0] if one is not None else 0.0 for one in edges]))
+
+
+def grades_of(edges: Sequence[Edges | None], *, least_felt: float = 0.2) -> tuple[MarkGrade | None, ...]:
+    """The grade of every character of a text; None where its edges are not known.
+
+    Args:
+        edges: of the text.
+        least_felt: share of the strongest edge that one of a direction reaches if it was felt at all.
+    """
+    known = [np.abs(one[0]).max(axis=(0, 1)) for one in edges if one is not None]
+    peaks = np.max(known, axis=0) if known else np.zeros(0)
+    felt = peaks >= least_felt * peaks.max(initial=0.0)
+    return tuple(
+        None if one is None else grade_character(_steps(one[0], felt), _steps(one[1], felt)) for one in edges
+    )
+
+
+def _felt_edges(laid: LaidText, place: int, shape: Sequence[int]) -> Image:
+    """(rows, columns, layers) of the edges felt where a template of that shape lies at a place."""
+    from glyphs.opencv import cv2
+
+    rows, columns = shape[:2]
+    v, u = (np.indices((rows, columns)).reshape(2, -1) - [[rows // 2], [columns // 2]]) / PIXELS
+    places = laid.points_mm(place, np.column_stack([u, v])).reshape(rows, columns, 2)
+    across, down = places[rows // 2, -1] - places[rows // 2, 0]
+    seen = laid.felt.view.sample(places, math.degrees(math.atan2(down, across)))
+    edges = np.ascontiguousarray(seen[EDGES:KNOWN].transpose(1, 2, 0))
+    return np.asarray(cv2.GaussianBlur(edges, (0, 0), SMOOTH), dtype=np.float32)
 
 
 def is_of_the_part(grade: MarkGrade | None) -> bool:

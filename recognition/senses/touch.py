@@ -15,6 +15,7 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
+from glyphs.stamping.faces import Face
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.correlation_search import CorrelationSearch
 from recognition.belief.line_reader import LineReader
@@ -29,16 +30,17 @@ from recognition.decision.score import score_of, serial_is_sure, with_score
 from recognition.decision.stroke_doubts import add_stroke_findings, only_whole
 from recognition.decision.which_way_up import LEAST_LEAD_NATS, lead_nats, ways_possible, weigh_orientation
 from recognition.experts.steps import EXPERTS
+from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.glyph_match.laid_line import with_depths
-from recognition.glyph_match.predicted import template_key
+from recognition.glyph_match.predicted import TemplateSet, template_key
 from recognition.glyph_match.prototypes import belief_of, felt_prototypes
 from recognition.glyph_match.template_cache import MOST_SETS, TemplateCache
 from recognition.language.lattice import Lattice
 from recognition.language.orientation import Way
-from recognition.marks.depth import MarkDepth, mark_depths
-from recognition.marks.grade import grades_of, is_of_the_part
-from recognition.marks.laid_text import MOST_SAG_HEIGHTS, OWN_FIT, laid_text, suited_fonts
-from recognition.marks.strokes import FeltLine, felt_others
+from recognition.marks.depth import mark_depths
+from recognition.marks.grade import OWN_FIT, edge_fit, edges_of, grades_of, is_of_the_part
+from recognition.marks.laid_text import laid_text
+from recognition.marks.strokes import felt_others, strokes_of
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.first_pass import Feel, felt_heights_mm, virtual_feel
@@ -166,15 +168,16 @@ class TactileReader:
             main = part.main
             if main is not None:
                 if relief is not None:
-                    felt = _felt_line(main, relief, self.strokes_of)
-                    part = felt_others(part, felt)
+                    text = main.belief.lattice.text
+                    felt = felt_line(view, main.line, main.belief.columns, text, self.strokes_of)
+                    part = felt_others(part, felt, self.strokes_of)
                 part = replace(part, main=main.with_experts(self._templates(view, main, felt)))
         reading = reading_of_line(part, self.settings, flags=flags, source="tactile")
-        if part.main is not None and reading.characters:
+        if part.main is not None and reading.characters and felt is not None and relief is not None:
             with timer.step("strokes"):
-                reading = _with_strokes(reading, part.main, felt)
+                reading = self._with_strokes(reading, part.main, felt)
             with timer.step("measure"):
-                reading = only_whole(self._with_depths(reading, part.main, view, felt))
+                reading = only_whole(self._with_depths(reading, part.main, relief))
         reading = add_stroke_findings(reading)
         reading = judged_by(reading, self.settings.depth_rules).with_trace(edge_map=edges, relief=relief)
         reading = with_score(reading)
@@ -213,44 +216,52 @@ class TactileReader:
             return {}
         line, columns = (main.line, main.belief.columns) if felt is None else (felt.line, felt.columns)
         raised = felt is not None and felt.raised
-        sets = []
-        for font in self.fonts:
-            chars = "".join(c for c in self.chars if c in font.glyphs)
-            if chars:
-                key = template_key(font, _touch_of(view), height_mm=line.height_mm, raised=raised)
-                sets.append(self.cache.get(font, chars, key))
-        prototypes = [[felt_prototypes(one)] for one in sets]
-        found = belief_of([view], line, columns, prototypes, main.belief.lattice)
+        fonts = [font for font in self.fonts if set(self.chars) & set(font.glyphs)]
+        sets = [self._template_set(font, view, line.height_mm, raised=raised) for font in fonts]
+        found = belief_of(
+            [view], line, columns, [[felt_prototypes(one)] for one in sets], main.belief.lattice
+        )
         if found is None:
             return {}
         lattice, best = found
         if felt is not None:
             together = main.with_experts({"templates": lattice}).belief.lattice
-            lattice = with_depths(lattice, together, view, line, columns, sets[best], raised=raised)
+            lattice = with_depths(lattice, together, felt, fonts[best])
         return {"templates": lattice}
 
-    def _with_depths(self, reading: Reading, main: ReadLine, view: View, felt: FeltLine | None) -> Reading:
-        """The reading with what is measured along the strokes of the font that suits it."""
-        line, columns = main.line, main.belief.columns
-        if felt is not None:
-            line, columns = felt.line, felt.columns
+    def _template_set(
+        self, font: Font, view: View, height_mm: float, *, raised: bool, face: Face = Face.FLAT
+    ) -> TemplateSet:
+        """The templates of a font's characters, felt as a view was."""
+        chars = "".join(c for c in self.chars if c in font.glyphs)
+        key = template_key(font, _touch_of(view), height_mm=height_mm, raised=raised, face=face)
+        return self.cache.get(font, chars, key)
+
+    def _with_strokes(self, reading: Reading, main: ReadLine, felt: FeltLine) -> Reading:
+        """The reading with its text laid on the line, and what was felt of its strokes and of their rivals'."""
         text = [c.char for c in reading.characters]
-        if columns.size != len(text) or line.sag_mm > MOST_SAG_HEIGHTS * line.height_mm:
-            return reading
-        fonts = self.fonts if self.named else suited_fonts(self.fonts, reading.trace.strokes)
-        laid = laid_text(
-            view, _touch_of(view), line, columns, text, fonts,
-            cache=self.cache, chars=self.chars, raised=None if felt is None else felt.raised,
-        )  # fmt: skip
+        laid = laid_text(felt, text, self.fonts, stand_ins=self.strokes_of[len(self.fonts) :])
+        strokes = (
+            () if laid is None else strokes_of(laid, main.belief.lattice, slope=score_of("tactile").slope)
+        )
+        resized = felt.line is not main.line and reading.height_mm == main.line.height_mm
+        height_mm = felt.line.height_mm if resized else reading.height_mm
+        sized = replace(reading, height_mm=height_mm, raised=felt.raised)
+        return sized.with_trace(laid=laid, strokes=strokes)
+
+    def _with_depths(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
+        """The reading with what is measured along the strokes of the font that suits it."""
+        laid = reading.trace.laid
+        if laid is not None and laid.font not in self.fonts:
+            laid = laid_text(laid.felt, laid.text, self.fonts)
         if laid is None:
             return reading
-        known = self.named or laid.fit >= OWN_FIT
-        grades = grades_of(laid)
-        depths: tuple[MarkDepth | None, ...] = (None,) * len(text)
-        if felt is None:
-            reading = replace(reading, raised=laid.raised)
-        elif all(c in laid.glyphs.chars for c in text):
-            depths = mark_depths(felt.relief, laid)
+        templates = self._template_set(
+            laid.font, laid.felt.view, laid.height_mm, raised=laid.felt.raised, face=laid.face
+        )
+        edges = edges_of(laid, templates)
+        known = self.named or edge_fit(edges) >= OWN_FIT
+        grades, depths = grades_of(edges), mark_depths(relief, laid)
         # a font that stands in for an unnamed one grades nothing: strokes that it alone has are not missing
         characters = tuple(
             replace(c, grade=g if known else None, depth=d if known or is_of_the_part(g) else None)
@@ -260,31 +271,11 @@ class TactileReader:
         if not known:
             return reading
         settled = replace(
-            reading, font=laid.font.name, height_mm=laid.line.height_mm, rotation_deg=laid.rotation_deg
+            reading, font=laid.font.name, height_mm=laid.height_mm, rotation_deg=laid.rotation_deg
         )
         # the recogniser knows characters by themselves; templates alone know those that were felt
         alone = "network" not in main.belief.by_expert
         return doubted_guesses(settled, laid, self.places) if alone else settled
-
-
-def _with_strokes(reading: Reading, main: ReadLine, line: FeltLine | None) -> Reading:
-    """The reading with what was felt of its characters' strokes and of their rivals'."""
-    if line is None:
-        return reading
-    slope = score_of("tactile").slope
-    strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice, slope=slope)
-    resized = line.line is not main.line and reading.height_mm == main.line.height_mm
-    sized = replace(
-        reading, height_mm=line.line.height_mm if resized else reading.height_mm, raised=line.raised
-    )
-    return sized.with_trace(felt_line=line, strokes=strokes)
-
-
-def _felt_line(main: ReadLine, relief: Relief, fonts: Sequence[Font]) -> FeltLine:
-    """A line with its strokes, at the height and on the side of the land that they tell."""
-    text = main.belief.lattice.text
-    felt = FeltLine(relief, main.line, main.belief.columns, raised=False, fonts=tuple(fonts))
-    return replace(felt, raised=bool(felt.stands_out(text))).fit_size(text)
 
 
 def _touch_of(view: View) -> Touch:

@@ -157,24 +157,32 @@ class View:
         Returns:
             (LAYERS, rows * zoom, columns), heights in character heights.
         """
-        from glyphs.opencv import cv2
-
         if line.height_mm / (HEIGHT_ROWS * zoom) >= _AVERAGED_FROM * self.pitch_mm:
             return self.halved.strip(line, rows=rows, margin=margin, zoom=zoom)
         rows, columns = round(rows * zoom), round(line.columns(margin=margin) * zoom)
         u, v = ((np.arange(n, dtype=np.float64) + 0.5) / zoom - 0.5 for n in (columns, rows))
         places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)
-        x, y = (((places[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
-        strip = np.zeros((LAYERS, rows, columns), dtype=np.float32)
-        for layer in self.filled:
-            strip[layer] = cv2.remap(
-                self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
-            )
-        strip[EDGES:KNOWN] = turned_edges(strip[EDGES:KNOWN], line.turned_deg)
-        known = strip[KNOWN] > 0.999  # what lies next to the unknown is made of it
-        strip *= known
+        strip = self.sample(places, line.turned_deg)
         strip[HEIGHTS] /= line.height_mm
         return strip
+
+    def sample(self, places_mm: NDArray[np.float64], turned_deg: float) -> Layers:
+        """(LAYERS, rows, columns) at places; what was not felt, or lies next to that, is zero.
+
+        Args:
+            places_mm: (rows, columns, 2) x, y.
+            turned_deg: of their rows, clockwise as seen.
+        """
+        from glyphs.opencv import cv2
+
+        x, y = (((places_mm[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
+        found = np.zeros((LAYERS, *x.shape), dtype=np.float32)
+        for layer in self.filled:
+            found[layer] = cv2.remap(
+                self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+            )
+        found[EDGES:KNOWN] = turned_edges(found[EDGES:KNOWN], turned_deg)
+        return np.asarray(found * (found[KNOWN] > 0.999))
 
 
 def turned_edges(edges: Layers, turned_deg: float) -> Layers:

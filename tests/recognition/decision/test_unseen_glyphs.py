@@ -1,9 +1,8 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
-
 from glyphs.fonts.outlines import load_font
+from glyphs.stamping.faces import Face
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
@@ -27,11 +26,13 @@ def doubted(text, scores, *, guessed, places=None, state=None):
         flags=ReadingFlag.NONE,
         font="press-7",
     )
+    fits = [{c: SimpleNamespace(fit=fit) for c, fit in zip(CHARS, row, strict=True)} for row in scores]
     laid = SimpleNamespace(
         font=font(guessed),
-        glyphs=SimpleNamespace(chars=CHARS),
-        fits=np.ones(len(text)),
-        correlations=lambda: [np.array(row) for row in scores],
+        face=Face.FLAT,
+        text=tuple(text),
+        laid=[row[c] for c, row in zip(text, fits, strict=True)],
+        felt=SimpleNamespace(lay=lambda place, char, font, face: fits[place][char]),
     )
     return doubted_guesses(reading, laid, places)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs import stamp
-from glyphs.fonts.outlines import load_font
-from recognition.glyph_match.laid_line import SETTLED, glyph_depths, with_depths
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from recognition.glyph_match.depth_glyphs import depth_glyph
+from recognition.glyph_match.felt_line import SETTLED, FeltLine
+from recognition.glyph_match.laid_line import with_depths
 from recognition.glyph_match.pose import DEEP, PIXELS, RIGHT, TALL, TURN, WIDE, Glyph, PlaceSamples, pose
-from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
+from recognition.glyph_match.predicted import predict_templates, template_key
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import TextLine
-from recognition.views.view import View, felt_view, relief_of
+from recognition.views.view import HEIGHTS, felt_view, relief_of
 from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch
@@ -27,18 +31,27 @@ SHORT = st.floats(-0.08, 0.08)
 
 
 @pytest.fixture(scope="module")
-def templates(touch: Touch) -> Callable[[str], TemplateSet]:
-    fonts = {name: load_font(name) for name in ("gothic", "timesr")}
-    made = {
-        name: predict_templates(font, ALPHANUMERIC, template_key(font, touch, height_mm=5.0))
-        for name, font in fonts.items()
-    }
-    return made.__getitem__
+def gothic() -> Font:
+    return load_font("gothic")
 
 
 @pytest.fixture(scope="module")
-def glyph(templates: Callable[[str], TemplateSet]) -> Glyph:
-    return glyph_depths(templates("gothic"))["R"]
+def glyph(gothic: Font) -> Glyph:
+    return depth_glyph(gothic, "R")
+
+
+@pytest.mark.parametrize("name", BUILTIN_FONTS)
+def test_depths_of_a_die_are_those_that_a_whisker_feels(name: str, touch: Touch) -> None:
+    font = load_font(name)
+    set_ = predict_templates(font, "R8", template_key(font, touch, height_mm=5.0))
+    for char, (x, y) in zip(set_.chars, set_.middles_mm, strict=True):
+        want = depth_glyph(font, char)[..., 0]
+        v, u = (np.indices(want.shape) - [[[want.shape[0] // 2]], [[want.shape[1] // 2]]]) * (
+            set_.height_mm / PIXELS
+        )
+        felt_there = -set_.view.sample(np.stack([x + u, y + v], axis=-1), 0.0)[HEIGHTS]
+        near = np.abs(u) < 0.45 * set_.height_mm
+        assert np.corrcoef(want[near], felt_there[near])[0, 1] > 0.96
 
 
 def samples_of(glyph: Glyph, at: np.ndarray, *, noise: float = 0.0, seed: int = 0) -> PlaceSamples:
@@ -52,10 +65,9 @@ def samples_of(glyph: Glyph, at: np.ndarray, *, noise: float = 0.0, seed: int = 
 @settings(max_examples=20)
 @given(right=SHORT, down=SHORT, size=SHORT, turn=SHORT, deep=st.floats(-0.4, 0.3), seed=st.integers(0, 99))
 def test_a_pose_is_found_again_and_other_characters_fit_worse(
-    templates: Callable[[str], TemplateSet],
-    right: float, down: float, size: float, turn: float, deep: float, seed: int,
-) -> None:  # fmt: skip
-    glyphs = glyph_depths(templates("gothic"))
+    gothic: Font, right: float, down: float, size: float, turn: float, deep: float, seed: int
+) -> None:
+    glyphs = {char: depth_glyph(gothic, char) for char in "RPBK"}
     struck = pose(right=right, down=down, size=size)
     struck[[TURN, DEEP]] = turn, deep
     place = samples_of(glyphs["R"], struck, noise=1.0, seed=seed)
@@ -99,19 +111,19 @@ def doubt(text: str, place: int, rival: str, *, belief: float = 0.7) -> Lattice:
 
 
 @pytest.fixture(scope="module")
-def dirty(touch: Touch, stamped_line: Callable) -> tuple[View, TextLine, np.ndarray]:
+def dirty(touch: Touch, stamped_line: Callable) -> FeltLine:
     part = stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=3, dirt=0.3)
     edges = edge_map(scan := felt(part.height_map, touch=touch, soil=part.soil))
-    return felt_view(edges, relief_of(scan, edges), touch), *stamped_line(part.stamped)
+    return FeltLine(felt_view(edges, relief_of(scan, edges), touch), *stamped_line(part.stamped))
 
 
 @pytest.mark.parametrize(("place", "rival"), [(0, "O"), (1, "8"), (2, "6"), (4, "P"), (5, "8"), (7, "3")])
 def test_depths_tell_a_character_from_its_rival(
-    place: int, rival: str, dirty: tuple[View, TextLine, np.ndarray], templates: Callable[[str], TemplateSet]
+    place: int, rival: str, dirty: FeltLine, gothic: Font
 ) -> None:
     before = doubt(TEXT, place, rival)
     assert before.text != TEXT
-    made = with_depths(before, before, *dirty, templates("gothic"), raised=False)
+    made = with_depths(before, before, dirty, gothic)
     assert made.text == TEXT
     others = np.arange(len(TEXT)) != place
     np.testing.assert_array_equal(made.log_belief[others], before.log_belief[others])
@@ -119,15 +131,13 @@ def test_depths_tell_a_character_from_its_rival(
     np.testing.assert_allclose(*sums, atol=1e-6)
 
 
-def test_nothing_is_said_of_what_is_sure_or_of_another_font(
-    dirty: tuple[View, TextLine, np.ndarray], templates: Callable[[str], TemplateSet]
-) -> None:
-    view, line, columns = dirty
+def test_nothing_is_said_of_what_is_sure_or_of_another_font(dirty: FeltLine, gothic: Font) -> None:
+    line, length = dirty.line, np.array([dirty.line.length_mm, 0.0])
     sure, doubtful = doubt(TEXT, 0, "O", belief=1e-6), doubt(TEXT, 4, "P")
-    assert with_depths(sure, sure, *dirty, templates("gothic"), raised=False) is sure
+    assert with_depths(sure, sure, dirty, gothic) is sure
     beside = TextLine(line.centre_mm + np.array([0.0, 0.7 * line.height_mm]), line.height_mm)
-    where = (view, beside, columns)
-    assert with_depths(doubtful, doubtful, *where, templates("gothic"), raised=False) is doubtful
-    # most of the line lies beyond what was felt
-    far = TextLine(line.centre_mm + np.array([0.8 * line.length_mm, 0.0]), line.height_mm)
-    assert with_depths(doubtful, doubtful, view, far, columns, templates("gothic"), raised=False) is doubtful
+    assert with_depths(doubtful, doubtful, replace(dirty, line=beside), gothic) is doubtful
+    # most of the line, or all of it, lies beyond what was felt
+    for share in (0.8, 3.0):
+        far = TextLine(line.centre_mm + share * length, line.height_mm)
+        assert with_depths(doubtful, doubtful, replace(dirty, line=far), gothic) is doubtful

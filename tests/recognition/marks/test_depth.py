@@ -16,14 +16,12 @@ from glyphs.stamping.faces import Face, default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.stamping.variation import StampingVariation
 from glyphs.surface.maps import HeightMap
-from recognition.glyph_match.correlation import GlyphImages
-from recognition.glyph_match.predicted import PIXELS
+from recognition.glyph_match.felt_line import FeltLine
 from recognition.marks.depth import MarkDepth, mark_depths
-from recognition.marks.depth_field import turn_matrix
-from recognition.marks.laid_text import MARGIN_HEIGHTS, LaidText
+from recognition.marks.laid_text import LaidText
 from recognition.views.levelling import level
-from recognition.views.text_line import TextLine
-from tests.support.felt import felt
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from tests.support.felt import felt, view_of
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges
 from whisker_array.whisker.touch import default_touch
@@ -78,6 +76,7 @@ def true_depth_mm(part: StampedPart, *, raised: bool = False) -> np.ndarray:
 
 
 def laid_in(
+    relief: Relief,
     part: StampedPart,
     font: Font,
     *,
@@ -86,23 +85,17 @@ def laid_in(
     off_mm: float = 0.0,
     turn_deg: float = 0.0,
 ) -> LaidText:
-    """The text as it would be laid, every character in the middle of its box or beside it."""
+    """The text laid from where it was read: every character in the middle of its box or beside it."""
     boxes, height_mm = np.array(part.boxes_mm), part.height_mm
     middles = 0.5 * (boxes[:, :2] + boxes[:, 2:]) + (off_mm, -off_mm)
     line = TextLine.straight(*middles[0], length_mm=50.0, height_mm=height_mm, turned_deg=turn_deg)
-    along, down = ((middles - middles[0]) @ turn_matrix(-turn_deg) / height_mm).T
-    image = np.zeros((3 * PIXELS, 3 * PIXELS, 4), dtype=np.float32)
-    # not rounded to pixels, so that a character is off its place by off_mm alone
-    columns, rows = (along + MARGIN_HEIGHTS) * PIXELS - 0.5, (down + 1.5) * PIXELS - 0.5
-    glyphs = GlyphImages((), (), np.zeros(0, dtype=np.int64), PIXELS)
-    fits = np.ones(len(part.text))
-    laid = LaidText(tuple(part.text), font, face, raised, glyphs, line, image, columns, rows, fits)  # type: ignore[arg-type]
-    np.testing.assert_allclose(laid.places_mm(), middles, atol=1e-9)
-    return laid
+    along = np.linalg.norm(middles - middles[0], axis=1) / height_mm
+    felt_there = FeltLine(view_of(relief), line, (along + MARGIN) * HEIGHT_ROWS - 0.5, raised)
+    return LaidText(felt_there, tuple(part.text), font, face)
 
 
 def depths_of(relief: Relief, part: StampedPart, font: Font, **options: Any) -> tuple[MarkDepth | None, ...]:
-    return mark_depths(relief, laid_in(part, font, **options))
+    return mark_depths(relief, laid_in(relief, part, font, **options))
 
 
 def known(depths: tuple[MarkDepth | None, ...]) -> np.ndarray:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from recognition.marks.depth import across, deepest, robust_plane
-from recognition.marks.depth_field import mean_depths
 
 DOUBLE = 1e-9
 
@@ -22,21 +21,6 @@ def test_places_off_the_map_are_moved_onto_its_rim() -> None:
     points = np.array([(-3.0, 2.0), (9.0, 9.0), (0.5, 0.5)])
     found = across(depth, points, np.zeros((3, 2)), np.zeros(1), np.zeros(3))
     np.testing.assert_allclose(found, [[2.0, 19.0, np.nan]])
-
-
-@settings(max_examples=10, deadline=None)
-@given(seeds)
-def test_mean_depths_count_the_unfelt_as_land(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    depth = rng.normal(size=(20, 30))
-    depth[rng.random(depth.shape) < 0.05] = np.nan
-    poses, moves = rng.uniform(-4, 4, (3, 11, 2)), np.array([-1.5, 0.0, 1.5])
-    middle = np.array([9.0, 14.0])
-    found = mean_depths(depth, poses, middle, moves)
-    for p, i, j in np.ndindex(3, 3, 3):
-        at = poses[p] + middle + (moves[i], moves[j])
-        seen = ndimage.map_coordinates(depth, at.T, order=1)
-        assert found[p, i, j] == pytest.approx(np.nan_to_num(seen).mean(), abs=DOUBLE)
 
 
 @settings(max_examples=10, deadline=None)

@@ -10,64 +10,81 @@ import pytest
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.stamp import StampedPart
-from recognition.glyph_match.correlation import Image
-from recognition.glyph_match.predicted import PIXELS
-from recognition.glyph_match.template_cache import TemplateCache
-from recognition.marks.grade import Action, MarkGrade, grades_of, is_of_the_part
+from recognition.glyph_match.felt_line import felt_line
+from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
+from recognition.marks.grade import Action, MarkGrade, edge_fit, edges_of, grades_of, is_of_the_part
 from recognition.marks.laid_text import LaidText, laid_text
-from recognition.views.view import View
+from recognition.views.text_line import HEIGHT_ROWS
+from recognition.views.view import EDGES, KNOWN, Layers, View
 from whisker_array.whisker.touch import Touch
 
 TEXT = "K71B"
+Grades = Callable[[LaidText], list[MarkGrade]]
 SPOILT = 1
 MOST_WIDE = 0.7
 """Of a character and the land beside it, character heights."""
 
 
 @pytest.fixture(scope="module")
-def laid(
-    calm_part: StampedPart, calm_view: View, gothic: Font, touch: Touch, stamped_line: Callable
-) -> LaidText:
+def laid(calm_part: StampedPart, calm_view: View, gothic: Font, stamped_line: Callable) -> LaidText:
     """A faultless line in the templates."""
-    line, columns = stamped_line(calm_part)
-    made = laid_text(
-        calm_view, touch, line, columns, TEXT, (gothic,), cache=TemplateCache(), chars=TEXT, raised=False
-    )
+    made = laid_text(felt_line(calm_view, *stamped_line(calm_part), TEXT, (gothic,)), TEXT, (gothic,))
     assert made is not None
     return made
 
 
-def grades(laid: LaidText) -> list[MarkGrade]:
-    found = [grade for grade in grades_of(laid) if grade is not None]
-    assert len(found) == len(laid.text)
-    return found
+@pytest.fixture(scope="module")
+def templates(gothic: Font, touch: Touch) -> TemplateSet:
+    return predict_templates(gothic, TEXT, template_key(gothic, touch, height_mm=5.0))
 
 
-def spoilt(laid: LaidText) -> tuple[LaidText, Image]:
-    """The same line with an image of its own, and the part of it about a character."""
-    image = laid.image.copy()
-    row, column = int(laid.rows[SPOILT]), int(laid.columns[SPOILT])
-    tall, wide = round(0.6 * PIXELS), round(0.5 * MOST_WIDE * PIXELS)
-    return replace(laid, image=image), image[row - tall : row + tall + 1, column - wide : column + wide + 1]
+@pytest.fixture(scope="module")
+def grades(templates: TemplateSet) -> Grades:
+    def graded(laid: LaidText) -> list[MarkGrade]:
+        found = [grade for grade in grades_of(edges_of(laid, templates)) if grade is not None]
+        assert len(found) == len(laid.text)
+        return found
+
+    return graded
+
+
+def with_edges(laid: LaidText, edges: Layers) -> LaidText:
+    """The same line, laid as it is, with other edges."""
+    layers = laid.felt.view.layers.copy()
+    layers[EDGES:KNOWN] = edges
+    return replace(laid, felt=replace(laid.felt, view=replace(laid.felt.view, layers=layers)))
+
+
+def map_of(laid: LaidText) -> Layers:
+    return laid.felt.view.layers[EDGES:KNOWN]
+
+
+def spoilt(laid: LaidText) -> tuple[Layers, Layers]:
+    """The edges of the line, of its own, and the part of them about a character."""
+    view, reach = laid.felt.view, np.array([0.5 * MOST_WIDE, 0.6])
+    edges = map_of(laid).copy()
+    corners = laid.points_mm(SPOILT, np.stack([-reach, reach]))
+    (x0, y0), (x1, y1) = np.rint((corners - view.origin_mm) / view.pitch_mm).astype(int)
+    return edges, edges[:, y0 : y1 + 1, x0 : x1 + 1]
 
 
 def wiped(laid: LaidText, share: float) -> LaidText:
     """Without a share of the columns of a character."""
-    made, window = spoilt(laid)
-    window[:, : round(share * window.shape[1])] = 0.0
-    return made
+    edges, window = spoilt(laid)
+    window[:, :, : round(share * window.shape[2])] = 0.0
+    return with_edges(laid, edges)
 
 
 def littered(laid: LaidText, count: int) -> LaidText:
     """Grains with steep sides where the character has no stroke: left and below of a 7's."""
-    made, window = spoilt(laid)
-    rows, cols = window.shape[0], round(0.4 * window.shape[1])
+    edges, window = spoilt(laid)
+    rows, cols = window.shape[1], round(0.4 * window.shape[2])
     strongest = float(np.abs(window).max())
     rng = np.random.default_rng(3)
     for _ in range(count):
         r, c = int(rng.integers(rows // 2, rows - 4)), int(rng.integers(0, cols - 3))
-        window[r : r + 3, c : c + 3] = strongest * np.array([1.0, 1.0, -1.0, -1.0])
-    return made
+        window[:, r : r + 3, c : c + 3] = strongest * np.array([1.0, 1.0, -1.0, -1.0])[:, None, None]
+    return with_edges(laid, edges)
 
 
 def with_char(laid: LaidText, char: str) -> LaidText:
@@ -81,7 +98,7 @@ def value(grade: MarkGrade, name: str) -> float:
     return found
 
 
-def test_clean_marks_have_the_best_grade(laid: LaidText) -> None:
+def test_clean_marks_have_the_best_grade(laid: LaidText, grades: Grades) -> None:
     for grade in grades(laid):
         assert (grade.letter, grade.action) == ("A", Action.NONE)
         # how deep a mark should be nobody has said
@@ -90,7 +107,7 @@ def test_clean_marks_have_the_best_grade(laid: LaidText) -> None:
         assert value(grade, "contamination") < 0.01
 
 
-def test_the_more_is_wiped_the_less_complete(laid: LaidText) -> None:
+def test_the_more_is_wiped_the_less_complete(laid: LaidText, grades: Grades) -> None:
     found = [grades(wiped(laid, share)) for share in (0.0, 0.45, 0.6)]
     told = [value(g[SPOILT], "completeness") for g in found]
     assert (np.diff(told) < -0.05).all()
@@ -102,13 +119,13 @@ def test_the_more_is_wiped_the_less_complete(laid: LaidText) -> None:
         assert found[-1][k] == found[0][k]
 
 
-def test_a_mark_that_is_gone_is_no_mark(laid: LaidText) -> None:
+def test_a_mark_that_is_gone_is_no_mark(laid: LaidText, grades: Grades) -> None:
     gone = grades(wiped(laid, 1.0))[SPOILT]
     assert gone.letter == "F"
     assert gone.action is not Action.NONE
 
 
-def test_litter_is_told_from_strokes(laid: LaidText) -> None:
+def test_litter_is_told_from_strokes(laid: LaidText, grades: Grades) -> None:
     found = [grades(littered(laid, count))[SPOILT] for count in (0, 3, 30)]
     assert (np.diff([value(g, "contamination") for g in found]) > 0.0).all()
     worst = found[-1]
@@ -118,9 +135,9 @@ def test_litter_is_told_from_strokes(laid: LaidText) -> None:
     assert value(worst, "completeness") == pytest.approx(value(found[0], "completeness"), abs=0.05)
 
 
-def test_a_faint_line_has_less_contrast(laid: LaidText) -> None:
-    shares = (0.2, 0.4)
-    low, high = (grades(replace(laid, image=laid.image * np.float32(s))) for s in shares)
+def test_a_faint_line_has_less_contrast(laid: LaidText, grades: Grades) -> None:
+    shares = (0.18, 0.36)
+    low, high = (grades(with_edges(laid, map_of(laid) * np.float32(s))) for s in shares)
     for one, other in zip(low, high, strict=True):
         # in proportion, as long as it is not cut off at 1; single precision
         assert value(other, "contrast") == pytest.approx(2.0 * value(one, "contrast"), rel=1e-3)
@@ -131,18 +148,18 @@ def test_a_faint_line_has_less_contrast(laid: LaidText) -> None:
         assert one.grade < other.grade < 4
 
 
-def test_what_both_directions_feel_alike_is_no_edge(laid: LaidText) -> None:
-    assert [g.letter for g in grades(replace(laid, image=laid.image + np.float32(0.5)))] == ["A"] * len(TEXT)
+def test_what_both_directions_feel_alike_is_no_edge(laid: LaidText, grades: Grades) -> None:
+    assert [g.letter for g in grades(with_edges(laid, map_of(laid) + np.float32(0.5)))] == ["A"] * len(TEXT)
 
 
-def test_directions_that_were_not_felt_are_not_missed(laid: LaidText) -> None:
-    image = laid.image.copy()
-    image[..., 1::2] = 0.0
-    for grade in grades(replace(laid, image=image)):
+def test_directions_that_were_not_felt_are_not_missed(laid: LaidText, grades: Grades) -> None:
+    edges = map_of(laid).copy()
+    edges[1::2] = 0.0
+    for grade in grades(with_edges(laid, edges)):
         assert value(grade, "completeness") > 0.95
 
 
-def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText) -> None:
+def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText, grades: Grades) -> None:
     found = grades(with_char(laid, "B"))
     # a 7 is no complete B
     assert value(found[SPOILT], "completeness") < 0.8
@@ -151,12 +168,24 @@ def test_the_character_that_was_read_is_what_it_is_graded_against(laid: LaidText
     assert is_of_the_part(found[0])
 
 
-def test_a_character_without_a_template_is_not_graded(laid: LaidText) -> None:
-    assert [grade is None for grade in grades_of(with_char(laid, "Z"))] == [False, True, False, False]
+def test_a_character_without_a_template_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:
+    assert [one is None for one in grades_of(edges_of(with_char(laid, "Z"), templates))] == [
+        False,
+        True,
+        False,
+        False,
+    ]
 
 
-def test_a_character_beyond_the_map_is_not_graded(laid: LaidText) -> None:
-    columns = laid.columns.copy()
-    columns[-1] = laid.image.shape[1] + 2 * PIXELS
-    made = grades_of(replace(laid, columns=columns))
-    assert [grade is None for grade in made] == [False, False, False, True]
+def test_a_character_beyond_the_map_is_not_graded(laid: LaidText, templates: TemplateSet) -> None:
+    columns = laid.felt.columns.copy()
+    columns[-1] += 3.0 * HEIGHT_ROWS
+    made = grades_of(edges_of(replace(laid, felt=replace(laid.felt, columns=columns)), templates))
+    assert [one is None for one in made] == [False, False, False, True]
+
+
+def test_edges_fit_those_of_their_own_characters(laid: LaidText, templates: TemplateSet) -> None:
+    fits = [edge_fit(edges_of(one, templates)) for one in (laid, with_char(laid, "B"), with_char(laid, "Z"))]
+    assert fits[0] > 0.9
+    assert fits[0] > fits[1] + 0.1
+    assert fits[2] == pytest.approx(0.75 * fits[0], abs=0.05)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,13 +16,16 @@ from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
+from recognition.glyph_match.felt_line import FeltLine, felt_line
 from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
 from recognition.marks.grade import Action, MarkGrade, Parameter
-from recognition.marks.strokes import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
+from recognition.marks.laid_text import LaidText, laid_text
+from recognition.marks.strokes import LIVE, MOST_ABSENT, PlaceStrokes, RivalStrokes, strokes_of
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from tests.support.felt import view_of
 from whisker_array.estimation.relief import Relief, Route
 
 TEXT = "RJ3E8"
@@ -43,16 +46,29 @@ def relief_of(part: StampedPart) -> Relief:
     return Relief(z, None, None, 2 * part.height_map.pitch_mm, (0.0, 0.0), 0.2, None, next(iter(Route)))
 
 
-def felt_line(
-    part: StampedPart, relief: Relief, *, fonts: tuple[Font, ...] = (), raised: bool = False
-) -> FeltLine:
+def felt(part: StampedPart, relief: Relief, *, raised: bool = False) -> FeltLine:
     """The line where it was stamped."""
     boxes = np.array(part.boxes_mm)
     start, middle = boxes[0, 0], 0.5 * (boxes[:, 1] + boxes[:, 3]).mean()
     line = TextLine.straight(start, middle, length_mm=boxes[-1, 2] - start, height_mm=part.height_mm)
     at = (0.5 * (boxes[:, 0] + boxes[:, 2]) - start) / part.height_mm
     columns = (at + MARGIN) * HEIGHT_ROWS - 0.5
-    return FeltLine(relief, line, columns, raised, fonts or (load_font("gothic"),))
+    return FeltLine(view_of(relief), line, columns, raised)
+
+
+def strokes(
+    part: StampedPart,
+    relief: Relief,
+    text: str,
+    lattice: Lattice,
+    *,
+    fonts: tuple[Font, ...] = (),
+    raised: bool = False,
+    slope: float = 1.0,
+) -> tuple[PlaceStrokes, ...]:
+    laid = laid_text(felt(part, relief, raised=raised), text, fonts or (load_font("gothic"),))
+    assert laid is not None
+    return strokes_of(laid, lattice, slope=slope)
 
 
 def lattice(text: str, **rivals: float) -> Lattice:
@@ -87,16 +103,14 @@ def rival(places: tuple[PlaceStrokes, ...], place: int, char: str) -> RivalStrok
 
 
 def test_a_stroke_that_was_felt_excludes_who_lacks_it(part: StampedPart) -> None:
-    found = felt_line(part, relief_of(part)).strokes(TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
+    found = strokes(part, relief_of(part), TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
     for place, char in ((0, "P"), (3, "F")):
         assert rival(found, place, char).margin > HIDDEN_MARGIN
     assert all(place.felt is not None and place.felt > 0.95 for place in found)
 
 
 def test_the_wrong_claim_is_refuted_by_the_stroke_that_it_lacks(part: StampedPart) -> None:
-    found = felt_line(part, relief_of(part)).strokes(
-        "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05))
-    )
+    found = strokes(part, relief_of(part), "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05)))
     assert rival(found, 0, "R").margin < -HIDDEN_MARGIN
     assert rival(found, 3, "E").margin < -HIDDEN_MARGIN
 
@@ -104,11 +118,11 @@ def test_the_wrong_claim_is_refuted_by_the_stroke_that_it_lacks(part: StampedPar
 def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) -> None:
     leg = filled(relief_of(part), part, 0, window=(0.3, 0.52, 1.1, 1.1))
     beliefs = lattice("PJ3E8", p0=("R", 0.05))
-    clean = rival(felt_line(part, leg).strokes("PJ3E8", beliefs), 0, "R")
+    clean = rival(strokes(part, leg, "PJ3E8", beliefs), 0, "R")
     worn = leg
     for which in (1, 2, 3, 4):
         worn = filled(worn, part, which, window=(-0.1, 0.5, 1.1, 1.1))
-    dirty = rival(felt_line(part, worn).strokes("PJ3E8", beliefs), 0, "R")
+    dirty = rival(strokes(part, worn, "PJ3E8", beliefs), 0, "R")
     assert 0.0 < dirty.margin < 0.7 * clean.margin
     assert clean.margin <= MOST_ABSENT
     assert dirty.hidden == clean.hidden == 0.0
@@ -118,7 +132,7 @@ def test_what_is_covered_excludes_nobody_whatever_is_believed(part: StampedPart)
     heap = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=2 * DEEP_MM)
     unknown = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=np.nan)
     for surface in (heap, unknown):
-        found = rival(felt_line(part, surface).strokes("PJ3E8", lattice("PJ3E8")), 0, "R")
+        found = rival(strokes(part, surface, "PJ3E8", lattice("PJ3E8")), 0, "R")
         assert found.belief < LIVE  # declared to be taken for P
         assert found.hidden > 0.5
         assert found.margin < HIDDEN_MARGIN
@@ -126,7 +140,7 @@ def test_what_is_covered_excludes_nobody_whatever_is_believed(part: StampedPart)
 
 def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
     surface = filled(relief_of(part), part, 1, window=(-0.2, -0.2, 1.2, 1.2))
-    found = felt_line(part, surface).strokes("RI3E8", lattice("RI3E8", p1=("J", 0.01)))
+    found = strokes(part, surface, "RI3E8", lattice("RI3E8", p1=("J", 0.01)))
     assert found[1].felt is not None
     assert found[1].felt < 0.1
     made = add_stroke_findings(reading("RI3E8", found))
@@ -137,24 +151,25 @@ def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
 def test_raised_marks_are_sunk_ones_upside_down(part: StampedPart) -> None:
     relief = relief_of(part)
     beliefs = lattice(TEXT, p0=("P", 0.05))
-    sunk = felt_line(part, relief).strokes(TEXT, beliefs)
-    raised = felt_line(part, replace(relief, height_mm=-relief.height_mm), raised=True).strokes(TEXT, beliefs)
+    sunk = strokes(part, relief, TEXT, beliefs)
+    raised = strokes(part, replace(relief, height_mm=-relief.height_mm), TEXT, beliefs, raised=True)
     assert sunk == raised
 
 
 def test_a_font_that_nobody_named_tells_the_same_rivals_apart(part: StampedPart) -> None:
     others = (load_font("futuram"), load_font("timesr"))
-    found = felt_line(part, relief_of(part), fonts=others).strokes("PJ3E8", lattice("PJ3E8", p0=("R", 0.05)))
+    found = strokes(part, relief_of(part), "PJ3E8", lattice("PJ3E8", p0=("R", 0.05)), fonts=others)
     assert rival(found, 0, "R").margin < 0.0
     assert found[0].font in {font.name for font in others}
 
 
 def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
-    line = felt_line(part, relief_of(part))
-    font = replace(line.fonts[0], glyphs={c: g for c, g in line.fonts[0].glyphs.items() if c != "R"})
-    found = replace(line, fonts=(font,)).strokes(TEXT, lattice(TEXT))
+    gothic = load_font("gothic")
+    font = replace(gothic, glyphs={c: g for c, g in gothic.glyphs.items() if c != "R"})
+    found = strokes(part, relief_of(part), TEXT, lattice(TEXT), fonts=(font,))
     assert found[0] == PlaceStrokes(None)
-    assert replace(line, columns=line.columns[:-1]).strokes(TEXT, lattice(TEXT)) == ()
+    assert found[1].felt is not None
+    assert strokes(part, relief_of(part), TEXT, lattice(TEXT[:-1])) == ()
 
 
 def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
@@ -194,17 +209,19 @@ def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrok
 
 @pytest.mark.parametrize("wrong", [0.9, 1.0, 1.52, 1.7])
 def test_a_height_that_was_mistaken_is_settled_by_the_strokes(part: StampedPart, wrong: float) -> None:
-    right = felt_line(part, relief_of(part))
-    found = right._at_height(wrong * part.height_mm).fit_size(TEXT)
+    right, gothic = felt(part, relief_of(part)), load_font("gothic")
+    mistaken = right.at_height(wrong * part.height_mm)
+    found = felt_line(right.view, mistaken.line, mistaken.columns, TEXT, (gothic,))
     # heights are tried in steps of 15 %
     assert found.line.height_mm == pytest.approx(part.height_mm, rel=0.16)
     assert places_mm(found.line, found.columns) == pytest.approx(places_mm(right.line, right.columns))
+    assert LaidText(found, tuple(TEXT), gothic).height_mm == pytest.approx(part.height_mm, rel=0.04)
 
 
 def test_a_height_stays_where_strokes_say_nothing(part: StampedPart) -> None:
     relief = relief_of(part)
-    line = felt_line(part, replace(relief, height_mm=np.zeros_like(relief.height_mm)))
-    assert line.fit_size(TEXT) is line
+    line = felt(part, replace(relief, height_mm=np.zeros_like(relief.height_mm)))
+    assert felt_line(line.view, line.line, line.columns, TEXT, (load_font("gothic"),)).line is line.line
 
 
 def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
@@ -226,42 +243,33 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     assert add_stroke_findings(felt).text == "K7B2"
 
 
-@dataclass(frozen=True)
-class ScoresByFont:
-    """Stands for a felt line of which nothing but how well fonts suit it is asked."""
-
-    scores: dict[str, float]
-
-    def by_font(self, text: Sequence[str]) -> dict[str, float]:
-        return self.scores
-
-
 def test_strokes_of_another_font_are_not_missing() -> None:
     worn = MarkGrade((Parameter("completeness", 0.3, 0),), Action.CLEAN_FIRST)
     there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, "timesr"),) * 2), font="gothic")
     there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
-    suits_timesr: Any = ScoresByFont({"gothic": 0.6, "timesr": 0.7})
-    made = add_stroke_findings(there.with_trace(felt_line=suits_timesr))
+    suits_timesr, suits_gothic = (
+        SimpleNamespace(font=SimpleNamespace(name=name)) for name in ("timesr", "gothic")
+    )
+    made = add_stroke_findings(there.with_trace(laid=suits_timesr))
     assert made.flags == ReadingFlag.FOREIGN_SHAPES
     assert made.messages() == (
         "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)",
     )
     # the one that was named explains them as well as any
-    suits_gothic: Any = ScoresByFont({"gothic": 0.66, "timesr": 0.7})
-    assert add_stroke_findings(there.with_trace(felt_line=suits_gothic)).flags == ReadingFlag.NONE
+    assert add_stroke_findings(there.with_trace(laid=suits_gothic)).flags == ReadingFlag.NONE
     # half filled, it is missing all the same
     filled = there.with_trace(strokes=(PlaceStrokes(0.5, 0.5, "timesr"),) * 2)
     assert add_stroke_findings(filled).flags == ReadingFlag.STROKES_MISSING
     # one alone is a blow, or dots that fell otherwise: it is there
     one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
-    assert add_stroke_findings(one.with_trace(felt_line=suits_timesr)).decision is Decision.ACCEPT
+    assert add_stroke_findings(one.with_trace(laid=suits_timesr)).decision is Decision.ACCEPT
 
 
 def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
-    fonts = (load_font("timesr"), load_font("gothic"), load_font("futural"))
-    scores = felt_line(part, relief_of(part), fonts=fonts).by_font(TEXT)
+    line = felt(part, relief_of(part))
+    scores = {name: line.suits(TEXT, load_font(name)) for name in ("timesr", "gothic", "futural")}
     assert max(scores, key=scores.__getitem__) == part.font_name == "gothic"
-    assert scores["gothic"] > 0.6
+    assert scores["gothic"] > 0.85
 
 
 def test_strokes_are_there_by_their_edges_too() -> None:
@@ -274,11 +282,10 @@ def test_strokes_are_there_by_their_edges_too() -> None:
 
 
 def test_beliefs_in_rivals_are_what_a_calibration_says_that_they_are_worth(part: StampedPart) -> None:
-    line, believed = felt_line(part, relief_of(part)), lattice(TEXT, p0=("P", 0.09))
+    believed = lattice(TEXT, p0=("P", 0.09))
 
     def belief(slope: float) -> float:
-        (rival,) = [r for r in line.strokes(TEXT, believed, slope=slope)[0].rivals if r.char == "P"]
-        return rival.belief
+        return rival(strokes(part, relief_of(part), TEXT, believed, slope=slope), 0, "P").belief
 
     assert belief(1.0) == pytest.approx(0.09)
     assert belief(0.5) > 0.09 > belief(1.5)

@@ -1,0 +1,85 @@
+"""The depths of a font's characters: the relief that a die cuts, smoothed as touch smooths it.
+
+Felt depths are free of the whisker: what is predicted through one, and turned back into heights, correlates with these
+by 0.990 to 0.997 (means of gothic, futuram and timesr). So a character is made when it is first laid, of no touch.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy import ndimage
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import die_glyph
+from glyphs.stamping.faces import Face, default_die
+from recognition.glyph_match.correlation import Image
+from recognition.glyph_match.pose import PIXELS, Glyph
+from recognition.glyph_match.predicted import CANONICAL_HEIGHT_MM, sunk_relief_mm
+
+
+@lru_cache(maxsize=1024)
+def depth_glyph(
+    font: Font,
+    char: str,
+    face: Face = Face.FLAT,
+    *,
+    half_wide_heights: float = 1.1,
+    smooth_px: float = 0.8,
+    usual_percent: float = 75.0,
+) -> Glyph:
+    """The depths of a character of a font, and how they rise.
+
+    Args:
+        font: which.
+        char: a character that it has.
+        face: of the die; a dotted one is for fonts with strokes.
+        half_wide_heights: half the width of the image, character heights.
+        smooth_px: standard deviation of the smoothing, of 0.5 to 1.3 the one that is most like what is felt, pixels.
+        usual_percent: percentile of the depths within its strokes that is the usual one.
+
+    Raises:
+        FontError: the font lacks the character.
+        StampError: dots of an outline.
+    """
+    die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
+    shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
+    wide = int(half_wide_heights * PIXELS)
+    u, v = (np.arange(-n, n + 1) * (CANONICAL_HEIGHT_MM / PIXELS) for n in (wide, PIXELS))
+    depth = ndimage.gaussian_filter(
+        np.maximum(-sunk_relief_mm(shape, die, u[None], -v[:, None]), 0.0), smooth_px
+    )
+    within = depth[depth > 0.3 * depth.max()]
+    depth /= np.percentile(within, usual_percent) if within.size else 1.0
+    down, right = np.gradient(depth, 1.0 / PIXELS)
+    return np.stack([depth, right, down], axis=-1).astype(np.float32)
+
+
+@lru_cache(maxsize=1024)
+def depth_template(
+    font: Font,
+    char: str,
+    face: Face,
+    size: float,
+    *,
+    tall_heights: float = 0.62,
+    beside_heights: float = 0.12,
+) -> Image:
+    """(rows, columns, 1) depth of a character, sized, with a little land about it; rows and columns are odd.
+
+    Args:
+        font, char, face: as of `depth_glyph`.
+        size: factor.
+        tall_heights: half the height that is kept, character heights.
+        beside_heights: land that is kept beside its ink, character heights.
+    """
+    from glyphs.opencv import cv2
+
+    depth = depth_glyph(font, char, face)[..., 0]
+    x0, _, x1, _ = font.glyph(char).ink_box
+    high, wide = (round(n * size * PIXELS) for n in (tall_heights, 0.5 * (x1 - x0) + beside_heights))
+    v, u = np.mgrid[-high : high + 1, -wide : wide + 1] / size
+    middle_row, middle_column = (n // 2 for n in depth.shape)
+    x, y = (u + middle_column).astype(np.float32), (v + middle_row).astype(np.float32)
+    return np.asarray(cv2.remap(depth, x, y, cv2.INTER_LINEAR)[..., None])

@@ -1,0 +1,343 @@
+"""A felt line, and the one pose of each character that is laid on it.
+
+    relief --less the land--> depths along the line --correlation--> side, height, font; where each fit starts
+                                                    --least squares, place by place--> poses
+
+Strokes, depths and grades of marks are measured in these poses, and doubtful places are judged by them. Nobody needs to
+name the font for that: characters of another one lie about as well where theirs do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.faces import Face
+from recognition.glyph_match.correlation import Image, correlate
+from recognition.glyph_match.depth_glyphs import depth_glyph, depth_template
+from recognition.glyph_match.pose import (
+    DOWN,
+    PIXELS,
+    RIGHT,
+    TALL,
+    Floats,
+    PlaceSamples,
+    pose,
+    spread_of_poses,
+)
+from recognition.lines.places import boxes_of
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, ROWS, TextLine
+from recognition.views.view import HEIGHTS, KNOWN, View
+
+BESIDE_HEIGHTS = 1.2
+"""Land of a strip before and after its line, character heights."""
+FOUND = spread_of_poses(right=0.12, down=0.10, turn_deg=4.5, wide=0.12, tall=0.12, deep=0.6)
+"""Expected spread of poses around the places of a line as it was found."""
+SETTLED = spread_of_poses(right=0.06, down=0.05, turn_deg=3.5, deep=0.45)
+"""Expected spread about a pose that the line or another character tells: blows move and turn characters so much."""
+USUAL = pose()
+"""Expected pose of a character at its place."""
+LEAST_FIT = 0.45
+"""Mean correlation of a text that another height of the line, or ridges for grooves, must reach."""
+LEAST_SAMPLES = 50
+"""Number of samples that a place needs before a character is laid over it."""
+_BEYOND = 2 * PIXELS
+"""Land beyond the edges of a strip, pixels: half of the greatest window."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthStrip:
+    """The depths felt along a line, PIXELS to a character height.
+
+    Attributes:
+        depth: (rows, columns) below the land about, in units of noise; rows are odd, the middle one is the line's.
+        known: (rows, columns) where it was felt.
+        usual: depth of the line's strokes, in units of noise.
+        noise: character heights.
+        columns: (places,) of the middles of the places.
+    """
+
+    depth: Floats
+    known: NDArray[np.bool_]
+    usual: float
+    noise: float
+    columns: Floats
+
+    @cached_property
+    def _image(self) -> Image:
+        """(rows, columns, 1) the depths in usual ones, cut off above and below; 0 where nothing was felt."""
+        shown = np.clip(self.depth / self.usual, -0.5, 1.3) * self.known
+        return np.pad(shown[..., None].astype(np.float32), ((_BEYOND,) * 2, (_BEYOND,) * 2, (0, 0)))
+
+    def window(self, middle: NDArray[np.intp], up: int, side: int) -> Image:
+        """(2 up + 1, 2 side + 1, 1) of the depths in usual ones about a pixel: row, column."""
+        row, column = np.clip(middle, 0, np.array(self.known.shape) - 1) + _BEYOND
+        return self._image[row - up : row + up + 1, column - side : column + side + 1]
+
+    def samples(self, place: int, *, tall_heights: float = 0.72) -> PlaceSamples:
+        """The samples about a place, up to its neighbours: every second one, as neighbours are alike.
+
+        Args:
+            place: from 0.
+            tall_heights: above and below its middle, character heights.
+        """
+        left, right = self.reaches[place]
+        at = self.columns[place]
+        columns = np.arange(
+            max(round(at - PIXELS * left), 0), min(round(at + PIXELS * right) + 1, self.known.shape[1])
+        )
+        tall = round(tall_heights * PIXELS)
+        rows = np.arange(-tall, tall + 1)
+        cell = np.ix_(rows + self.known.shape[0] // 2, columns)
+        own = self.known[cell] & ((rows[:, None] + columns) % 2 == 0)
+        across, down = np.meshgrid((columns - at) / PIXELS, rows / PIXELS)
+        return PlaceSamples(across[own], down[own], self.depth[cell][own], self.usual)
+
+    @cached_property
+    def reaches(self) -> Floats:
+        """(places, 2) distance to the left and right that belongs to a place, character heights."""
+        gaps = np.diff(self.columns, prepend=-np.inf, append=np.inf) / PIXELS
+        return np.minimum(0.5 * np.stack([gaps[:-1], gaps[1:]], axis=1) + 0.05, 0.6)
+
+
+@dataclass(frozen=True, eq=False)
+class LaidCharacter:
+    """A character laid on a place of a felt line.
+
+    Attributes:
+        pose: (NUMBERS,) from the middle of the place (`recognition.glyph_match.pose`).
+        log_likelihood: of the depths about the place.
+        fit: correlation of those depths with the character's, at most 1.
+    """
+
+    pose: Floats
+    log_likelihood: float = 0.0
+    fit: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FeltLine:
+    """A felt line, on which characters are laid.
+
+    Attributes:
+        view: as felt, with heights.
+        line: position of the text.
+        columns: (places,) of the places in the line's strip.
+        raised: whether the marks are raised.
+    """
+
+    view: View
+    line: TextLine
+    columns: Floats
+    raised: bool = False
+    _laid: dict[tuple[int, str, str, Face], LaidCharacter] = field(
+        init=False, repr=False, default_factory=dict
+    )
+
+    @cached_property
+    def strip(self) -> DepthStrip:
+        """The depths along it."""
+        zoom = PIXELS / HEIGHT_ROWS
+        rows = round(2.4 * PIXELS) | 1
+        strip = self.view.strip(self.line, rows=rows / zoom, margin=BESIDE_HEIGHTS, zoom=zoom)
+        at = ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN + BESIDE_HEIGHTS) * PIXELS - 0.5
+        return _depth_strip(strip[HEIGHTS] if self.raised else -strip[HEIGHTS], strip[KNOWN] > 0.5, at)
+
+    @property
+    def depth_mm(self) -> float:
+        """Depth of the line's marks."""
+        return self.strip.usual * self.strip.noise * self.line.height_mm
+
+    def at_height(self, height_mm: float) -> FeltLine:
+        """The line at another height; its places stay where they are."""
+        along = self.line.height_mm * ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN)
+        columns = (along / height_mm + MARGIN) * HEIGHT_ROWS - 0.5
+        return replace(self, line=TextLine(self.line.centre_mm, height_mm), columns=columns)
+
+    def places_mm(self, place: int, points: Floats) -> Floats:
+        """(n, 2) x, y of points at (n, 2) distances to the right and down from a place, character heights."""
+        along = self.columns[place] + points[:, 0] * HEIGHT_ROWS
+        return self.line.places_mm(along, 0.5 * (ROWS - 1) + points[:, 1] * HEIGHT_ROWS)
+
+    @cached_property
+    def whole(self) -> list[bool]:
+        """Whether the scan covers each place's character from edge to edge, in x and in y.
+
+        Only the ends of the scan lines matter here, not covered or missing samples within them.
+        """
+        known = self.view.layers[KNOWN] > 0.5
+        if not known.any():
+            return [False] * self.columns.size
+        spans = (np.flatnonzero(known.any(axis=axis))[[0, -1]] for axis in (0, 1))
+        low, high = np.array(self.view.origin_mm) + self.view.pitch_mm * np.array([*spans]).T
+        # a box's outermost strip may be land: at a line's ends it is 0.84 heights wide, characters 0.5 to 0.7
+        spare = 0.15 * self.line.height_mm
+        return [
+            bool(np.all(low <= np.add(box[:2], spare)) and np.all(np.subtract(box[2:], spare) <= high))
+            for box in (astuple(one) for one in boxes_of(self.line, self.columns))
+        ]
+
+    def suits(self, text: Sequence[str], font: Font, face: Face = Face.FLAT) -> float:
+        """Mean correlation of a text's characters about their places; 0 of those that the font has not got.
+
+        Args:
+            text: one character for each place.
+            font: in which.
+            face: of its die.
+        """
+        fits = [self._start(k, c, font, face)[0] for k, c in enumerate(text) if c in font.glyphs]
+        return sum(fits) / max(len(text), 1)
+
+    def _start(
+        self,
+        place: int,
+        char: str,
+        font: Font,
+        face: Face,
+        about: Floats = USUAL,
+        *,
+        shift_heights: float = 0.16,
+        shift_cost: float = 3.0,
+    ) -> tuple[float, Floats]:
+        """Correlation of a character about a place, and the pose in which it correlates best.
+
+        Args:
+            place, char, font, face: as of `lay`.
+            about: pose about which it is looked for.
+            shift_heights: search radius to the right and down, character heights.
+            shift_cost: correlation that a shift costs, of its square.
+        """
+        template = depth_template(font, char, face, round(math.exp(about[TALL]), 2))
+        move = round(shift_heights * PIXELS)
+        at = np.array([self.strip.known.shape[0] // 2, self.strip.columns[place]])
+        middle = np.rint(at + PIXELS * about[[DOWN, RIGHT]]).astype(np.intp)
+        window = self.strip.window(middle, *(n // 2 + move for n in template.shape[:2]))
+        around = np.arange(-move, move + 1)
+        cost = shift_cost * (around / PIXELS) ** 2
+        fits = correlate(window, [template])[0] - cost - cost[:, None]
+        best = np.unravel_index(int(fits.argmax()), fits.shape)
+        start = about.copy()
+        start[[DOWN, RIGHT]] = (middle + around[[*best]] - at) / PIXELS
+        return float(fits[best]), start
+
+    def lay(
+        self,
+        place: int,
+        char: str,
+        font: Font,
+        face: Face = Face.FLAT,
+        *,
+        about: Floats | None = None,
+        spread: Floats = FOUND,
+    ) -> LaidCharacter:
+        """Lay a character about a place; once, where no pose is expected.
+
+        Args:
+            place: from 0.
+            char: the character.
+            font: which has it.
+            face: of its die.
+            about: the pose that is expected; default: USUAL.
+            spread: standard deviations about it.
+        """
+        key = place, char, font.name, face
+        if about is None and key in self._laid:
+            return self._laid[key]
+        expected = USUAL if about is None else about
+        samples, laid = self.strip.samples(place), LaidCharacter(expected)
+        if samples.felt.size >= LEAST_SAMPLES:
+            glyph = depth_glyph(font, char, face)
+            start = self._start(place, char, font, face, expected)[1]
+            likely, at = samples.fit(glyph, expected, spread, [start])
+            laid = LaidCharacter(at, likely, samples.correlation(glyph, at))
+        if about is None:
+            self._laid[key] = laid
+        return laid
+
+
+def _depth_strip(
+    depth: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    columns: Floats,
+    *,
+    land_heights: float = 1.6,
+    land_steps: int = 4,
+    deep_percent: float = 93.0,
+    noise: tuple[float, float] = (0.12, 0.35),
+) -> DepthStrip:
+    """The depths along a line, over its land.
+
+    Args:
+        depth: (rows, columns) as felt, character heights.
+        known: (rows, columns) where it was felt.
+        columns: (places,) of the middles of the places.
+        land_heights: width over which the land is the median of what was felt, character heights.
+        land_steps: pixels, of which that takes one.
+        deep_percent: percentile of the line's samples that is the depth of its strokes.
+        noise: least and greatest, shares of that depth; between them the samples' median distance from their median.
+    """
+    from glyphs.opencv import cv2
+
+    filled = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0)
+    wide = int(land_heights * PIXELS / land_steps) | 1
+    land = ndimage.median_filter(filled[::land_steps, ::land_steps], size=wide)
+    below = filled - cv2.resize(land, filled.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    middle, tall = depth.shape[0] // 2, round(0.55 * PIXELS)
+    first, end = int(columns[0] - 0.4 * PIXELS), int(columns[-1] + 0.4 * PIXELS)
+    own = np.s_[middle - tall : middle + tall + 1, max(first, 0) : max(end, 0)]
+    inside = below[own][known[own]]
+    inside = inside if inside.size else np.zeros(1)
+    deep = max(float(np.percentile(inside, deep_percent)), 1e-4)
+    scatter = 1.4826 * float(np.median(np.abs(inside - np.median(inside))))
+    unit = float(np.clip(scatter, noise[0] * deep, noise[1] * deep))
+    return DepthStrip(np.asarray(below / unit, dtype=np.float64), known, deep / unit, unit, columns)
+
+
+def felt_line(
+    view: View,
+    line: TextLine,
+    columns: Floats,
+    text: Sequence[str],
+    fonts: Sequence[Font],
+    *,
+    good_fit: float = 0.65,
+    least_gain: float = 0.08,
+    factors: Sequence[float] = (0.87, 0.76, 0.66, 0.57),
+) -> FeltLine:
+    """A line on the side of the land and at the height at which its text suits some font best.
+
+    A recogniser reads a line that was found half too high as well as any other, but its strokes miss the grooves.
+    Dies normally strike grooves, and under dirt a badly read text fits neither way.
+
+    Args:
+        view: as felt, with heights.
+        line: where the text was found.
+        columns: (places,) of the line's strip.
+        text: one character for each place.
+        fonts: to compare with.
+        good_fit: mean correlation from which the line keeps the height at which it was found.
+        least_gain: least gain in it over the height found.
+        factors: factors of the height found that are tried instead.
+    """
+
+    def suits(one: FeltLine) -> float:
+        return max((one.suits(text, font) for font in fonts), default=0.0)
+
+    sunk, raised = (FeltLine(view, line, columns, out) for out in (False, True))
+    best, most = sunk, suits(sunk)
+    if most < good_fit and (ridges := suits(raised)) > max(most, LEAST_FIT):
+        best, most = raised, ridges
+    found, least = best, most + least_gain
+    for factor in factors if most < good_fit else ():
+        tried = found.at_height(factor * line.height_mm)
+        score = suits(tried)
+        if score > max(most, least):
+            best, most = tried, score
+    return best if most >= LEAST_FIT else found
