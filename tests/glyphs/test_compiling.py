@@ -106,5 +106,5 @@ def test_every_kernel_is_compiled_for_one_kind_of_arguments(tmp_path: Path) -> N
         )
     }
     used = {name for name, count in counts.items() if count}
-    assert {"trace_abreast", "_mean_depths", "_forward"} <= used
+    assert {"trace_abreast", "_row_sums", "_forward"} <= used
     assert {name: count for name, count in counts.items() if count > KINDS.get(name, 1)} == {}
