@@ -15,25 +15,18 @@ import numpy as np
 
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.editions import design_named
-from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.common.shares import share
 from recognition.senses.settings import ReaderSettings
 from recognition.senses.step_timer import StepTimer
 from recognition.senses.touch import TactileReader
 from recognition.views.levelling import level
 from tests.support.bench_faults import recorded, with_whisker_of, worn
+from tests.support.felt import felt
 from whisker_array.estimation.faults import FaultKind, find_faults
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import Touch, default_touch
+from whisker_array.whisker.touch import default_touch
 
 WORN_RADII = 6.0
 """Radius of a worn tip over a new one's, which is 0.06 mm at characters of 5 mm."""
-
-
-def felt(part: Specimen, touch: Touch) -> Scan:
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm or 5.0)
-    return trace_scan(level(part.height_map), touch=touch, plan=plan, soil=part.soil)
 
 
 def main() -> None:
@@ -54,7 +47,8 @@ def main() -> None:
     for i, item in enumerate(items):
         part = parts.make(item)
         touch = default_touch(part.height_mm or 5.0)
-        sound = felt(part, touch)
+        surface = level(part.height_map)
+        sound = felt(surface, part.height_mm or 5.0, touch=touch, soil=part.soil)
         found = find_faults(recorded(sound, rng=np.random.default_rng(i)))
         alarms.update({"any": bool(found), **dict.fromkeys({f.kind.value for f in found}, 1)})
         if i not in faulty:
@@ -65,11 +59,9 @@ def main() -> None:
                 ideal, fault = sound, kind
                 if kind is FaultKind.WORN:
                     radius = touch.tip_radius_mm * (1.0 + (WORN_RADII - 1.0) * size)
-                    ideal = with_whisker_of(
-                        sound,
-                        felt(part, worn(touch, radius_mm=radius, shorter_mm=0.02 * touch.preload_mm)),
-                        whisker,
-                    )
+                    old = worn(touch, radius_mm=radius, shorter_mm=0.02 * touch.preload_mm)
+                    by_old = felt(surface, part.height_mm or 5.0, touch=old, soil=part.soil)
+                    ideal = with_whisker_of(sound, by_old, whisker)
                 scan = recorded(ideal, rng=np.random.default_rng(i), fault=fault, whisker=whisker, size=size)
                 found = find_faults(scan)
                 hit = [f for f in found if f.kind is kind and f.whisker in (None, whisker)]

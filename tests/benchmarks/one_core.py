@@ -16,53 +16,37 @@ from functools import partial
 from itertools import count, cycle, pairwise
 from pathlib import Path
 
-import numpy as np
-
 from glyphs.camera.photo import Photo
-from glyphs.fonts.outlines import load_font
+from glyphs.part import stamp
+from glyphs.soiling.soil import Soil
 from glyphs.soiling.soils import SOILS
-from glyphs.stamping.faces import default_die
-from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
-from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.formats.touch_file import read_height_map
 from pipeline.reading.simulated_scan import feel
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import default_touch
 
 TEXT = "KR804217"
 HEIGHT_MM = 5.0
 
 
-def a_part(text: str, rng: np.random.Generator) -> StampedPart:
+def a_part(text: str, seed: int) -> HeightMap:
     """A stamped part with all its variation."""
-    font = load_font("gothic")
-    return stamp_line(text, font, default_die(HEIGHT_MM, font=font), height_mm=HEIGHT_MM, rng=rng)
-
-
-def a_scan(text: str, seed: int) -> Scan:
-    """Such a part, felt by whiskers as from the bench."""
-    rng = np.random.default_rng(seed)
-    part = a_part(text, rng)
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=HEIGHT_MM)
-    chain = draw_sensor_chain(plan.array.n_whiskers, rng=rng)
-    return trace_scan(part.height_map, touch=default_touch(HEIGHT_MM), plan=plan, sensor=chain, rng=rng)
+    return stamp(text, font="gothic", height_mm=HEIGHT_MM, seed=seed).height_map
 
 
 def task(name: str) -> Callable[[], str]:
     """The task by its name; everything before it is warm."""
     if name == "read_height_map":
         reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=HEIGHT_MM))
-        reader.read(a_part("BZ135690", np.random.default_rng(2)).height_map)
-        surface = a_part(TEXT, np.random.default_rng(1)).height_map
+        reader.read(a_part("BZ135690", 2))
+        surface = a_part(TEXT, 1)
         return lambda: result_line(reader.read(surface))
     if name.startswith("exam_"):
         return partial(exam_part, name.removeprefix("exam_"), count(1))
@@ -70,7 +54,7 @@ def task(name: str) -> Callable[[], str]:
         coins = sorted((Path(__file__).parents[1] / "data").glob("penny_*.npz"))
         return partial(read_next, Reader(), cycle([read_height_map(path) for path in coins]))
     if name == "edge_map":
-        scan = a_scan(TEXT, 1)
+        scan = felt(a_part(TEXT, 1), noise=True)
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
     return partial(read_next, Reader(ReaderSettings(format="AA999999")), cycle(shown(*name.split("_"))))
 
@@ -80,7 +64,7 @@ def shown(sense: str, how: str) -> list[Scan | Photo | HeightMap]:
     parts = exam_parts(soil=list(SOILS), severity=0.9 if how == "unsure" else 0.0)
     made = [parts.make(item) for item in parts.items()[: None if how == "unsure" else 1]]
     if sense == "scan":
-        return [felt(specimen) for specimen in made]
+        return [felt(specimen.height_map, soil=specimen.soil) for specimen in made]
     return [specimen.take_photo() for specimen in made if specimen.take_photo is not None]
 
 
@@ -97,10 +81,10 @@ def exam_parts(**levels: object) -> DesignedParts:
     return DesignedParts(Design.of(parts=len(SOILS), cross=("soil",), part=own))
 
 
-def felt(specimen: Specimen) -> Scan:
-    """In four directions, without a sensor's noise."""
-    plan = default_plan((0.0, 0.0, *specimen.height_map.size_mm), character_height_mm=HEIGHT_MM)
-    return feel(specimen.height_map, plan=plan, height_mm=HEIGHT_MM, noise=False, soil=specimen.soil)
+def felt(surface: HeightMap, *, noise: bool = False, soil: Soil | None = None) -> Scan:
+    """In four directions, on a bench without memory."""
+    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=HEIGHT_MM)
+    return feel(surface, plan=plan, height_mm=HEIGHT_MM, noise=noise, memory=False, soil=soil)
 
 
 def exam_part(soil: str, numbers: Iterator[int]) -> str:
@@ -113,7 +97,7 @@ def exam_part(soil: str, numbers: Iterator[int]) -> str:
     assert specimen.take_photo is not None
     specimen.take_photo()
     spent.append(time.process_time())
-    felt(specimen)
+    felt(specimen.height_map, soil=specimen.soil)
     spent.append(time.process_time())
     steps = zip(("make", "photo", "scan"), pairwise(spent), strict=True)
     return " ".join(f"{step}={b - a:.4f}" for step, (a, b) in steps)
