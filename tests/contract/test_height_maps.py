@@ -6,8 +6,8 @@ import io
 import struct
 import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -98,8 +98,21 @@ ZYGO = (
     + '3 2 0 0 0 666666 0 ""\n0 0 1 33 0 0 0.1 60.4 2 50\n0 1 100 0 0 0 0 0 0 0\n0 ""\n1 5 0\n#\n'
     + "".join(f"{j} {i} {z * 1e3:.3f}\n" for (i, j), z in np.ndenumerate(Z)) + "#\n"
 )  # fmt: skip
+PCD = (
+    "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    "WIDTH 60\nHEIGHT 40\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2400\nDATA {}\n"
+)
 NUMBERED = "row,col,height\n" + "".join(f"{i},{j},{z}\n" for (i, j), z in np.ndenumerate(Z))
 AXES = np.block([[np.zeros((1, 1)), np.arange(60)[None] * PITCH], [np.arange(40)[::-1, None] * PITCH, Z]])
+
+
+def obj() -> str:
+    """Its points, and two triangles between four of them."""
+    k = np.arange(2400).reshape(40, 60) + 1
+    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    points = [f"v {line}" for line in columns().splitlines()]
+    return "\n".join([*points, *(f"f {a} {b} {c}" for a, b, c in faces)])
 
 
 def in_thousands(mark: str, sign: str) -> str:
@@ -140,6 +153,8 @@ TEXTS: dict[str, tuple[str, str]] = {
     "axes with a word in the corner": ("a.csv", matrix(AXES, delimiter=",").replace("0.00000", "y\\x", 1)),
     "axes with a gap in the corner": ("a.csv", matrix(AXES, delimiter=";").replace("0.00000", "", 1)),
     "stated pitch": ("a.csv", matrix(delimiter=",", head=f"pitch;{PITCH};mm\n")),
+    "pcd": ("a.pcd", PCD.format("ascii") + columns().replace("\n", " 7\n")),
+    "obj": ("a.obj", "mtllib none.mtl\n" + obj()),
     "delimiter at the end": ("a.asc", ESRI + matrix(delimiter=";").replace("\n", ";\n")),
 }  # fmt: skip
 
@@ -257,26 +272,6 @@ def test_x3p_of_x3ptools(name: str) -> None:
         )
 
 
-def save_pcd(path: Path, form: str) -> Path:
-    y, x = np.mgrid[0:40, 0:60] * PITCH
-    rows = np.column_stack([x.ravel(), 3.12 - y.ravel(), Z.ravel()]).astype("<f4")
-    head = (
-        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\n"
-        f"WIDTH 60\nHEIGHT 40\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2400\nDATA {form}\n"
-    ).encode()
-    if form == "ascii":
-        body = "".join(f"{a:.5f} {b:.5f} {c:.5f} 7\n" for a, b, c in rows).encode()
-    else:
-        body = b"".join(struct.pack("<fffH", *row, 7) for row in rows)
-    path.write_bytes(head + body)
-    return path
-
-
-@pytest.mark.parametrize("form", ["ascii", "binary"])
-def test_pcd(form: str, tmp_path: Path) -> None:
-    check(read_height_map(save_pcd(tmp_path / "a.pcd", form)))
-
-
 def surfer_6() -> bytes:
     head = struct.pack("<4shh6d", b"DSBB", 60, 40, 1.0, 1.0 + 59 * PITCH, 2.0, 2.0 + 39 * PITCH, -0.3, 0.1)
     return head + np.where(gaps(), 1.70141e38, Z)[::-1].astype("<f4").tobytes()
@@ -295,6 +290,11 @@ def gwyddion_simple_field() -> bytes:
         "XYUnits = m\nZUnits = µm\nTitle = Topography\n"
     ).encode()
     return head + b"\0" * (4 - len(head) % 4) + (np.where(gaps(), np.nan, Z) * 1e3).astype("<f4").tobytes()
+
+
+def pcd() -> bytes:
+    rows = [[float(cell) for cell in line.split()] for line in with_gaps("nan").splitlines()]
+    return PCD.format("binary").encode() + b"".join(struct.pack("<fffH", *row, 7) for row in rows)
 
 
 def las() -> bytes:
@@ -319,7 +319,14 @@ def matlab() -> bytes:
     return stream.getvalue()
 
 
-BINARY = {"a.grd": surfer_6, "b.grd": surfer_7, "a.gsf": gwyddion_simple_field, "a.las": las, "a.mat": matlab}
+BINARY = {
+    "a.grd": surfer_6,
+    "b.grd": surfer_7,
+    "a.gsf": gwyddion_simple_field,
+    "a.las": las,
+    "a.pcd": pcd,
+    "a.mat": matlab,
+}
 
 
 @pytest.mark.parametrize("name", BINARY)
@@ -347,35 +354,19 @@ def test_what_holds_other_files_is_refused_in_words(
         read_height_map(tmp_path / name)
 
 
-def test_obj(tmp_path: Path) -> None:
-    points = [line.split() for line in columns().splitlines()]
-    k = np.arange(2400).reshape(40, 60) + 1
-    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
-    faces = [*zip(a, c, b, strict=True), *zip(b, c, d, strict=True)]
-    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a} {b} {c}" for a, b, c in faces]
-    (tmp_path / "a.obj").write_text("mtllib none.mtl\n" + "\n".join(lines))
-    check(read_height_map(tmp_path / "a.obj"))
-
-
-@pytest.mark.parametrize(("name", "settings"), [
-    ("f.tif", {}),
-    ("u.png", {"unit": "nm"}),
-    ("u.tiff", {"unit": "nm"}),
-])  # fmt: skip
-def test_height_images(name: str, settings: dict[str, str], tmp_path: Path) -> None:
-    z = Z if name == "f.tif" else np.round(Z * 1e5 + 30_000)
-    Image.fromarray(z.astype(np.float32 if name == "f.tif" else np.uint16)).save(tmp_path / name)
-    found = read_height_map(tmp_path / name, MapSettings(height_image=True, pitch_mm=PITCH, **settings))
-    if name == "f.tif":
-        check(found)
-    else:  # counts of 10 nm read as 1 nm
-        np.testing.assert_allclose(np.ptp(found.z_mm), np.ptp(Z) / 10.0, rtol=1e-3)
-        assert found.pitch_mm == PITCH
-
-
-def test_height_images_of_doubles(tmp_path: Path) -> None:
-    (tmp_path / "a.tif").write_bytes(bytes(cv2.imencode(".tif", Z)[1]))
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_height_images_of_heights(kind: type, tmp_path: Path) -> None:
+    (tmp_path / "a.tif").write_bytes(bytes(cv2.imencode(".tif", Z.astype(kind))[1]))
     check(read_height_map(tmp_path / "a.tif", MapSettings(height_image=True, pitch_mm=PITCH)))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tiff"])
+def test_height_images_of_counts(name: str, tmp_path: Path) -> None:
+    Image.fromarray(np.round(Z * 1e5 + 30_000).astype(np.uint16)).save(tmp_path / name)
+    found = read_height_map(tmp_path / name, MapSettings(height_image=True, pitch_mm=PITCH, unit="nm"))
+    # of 10 nm, read as 1 nm
+    np.testing.assert_allclose(np.ptp(found.z_mm), np.ptp(Z) / 10.0, rtol=1e-3)
+    assert found.pitch_mm == PITCH
 
 
 def test_npy(tmp_path: Path) -> None:
@@ -386,27 +377,6 @@ def test_npy(tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------------ questions
-
-
-def make_npz(z: float, xy: float) -> Callable[[Path], Path]:
-    def make(folder: Path) -> Path:
-        np.savez(folder / "a.npz", z_mm=Z * z, pitch_mm=PITCH * xy)
-        return folder / "a.npz"
-
-    return make
-
-
-def make_x3p(z: float, xy: float) -> Callable[[Path], Path]:
-    return lambda folder: save_x3p(folder / "a.x3p", Z[::-1] * z, PITCH * xy)
-
-
-def make_text(z: float, xy: float) -> Callable[[Path], Path]:
-    def make(folder: Path) -> Path:
-        rows = np.array([line.split() for line in columns(Z * z).splitlines()], dtype=float) * (xy, xy, 1.0)
-        np.savetxt(folder / "a.xyz", rows, fmt="%.7f")
-        return folder / "a.xyz"
-
-    return make
 
 
 def save_sur(
@@ -427,23 +397,32 @@ def save_sur(
     return path
 
 
-def make_sur(z: float, xy: float) -> Callable[[Path], Path]:
-    return lambda folder: save_sur(folder / "a.sur", step=PITCH * xy, scale=1e-5 * z)
-
-
-@pytest.mark.parametrize(("make", "unit"), [
-    (make_npz(1e3, 1e3), "um"), (make_npz(1e3, 1.0), "um"), (make_npz(1.0, 1e3), "um"), (make_npz(1e-3, 1e-3), "m"),
-    (make_x3p(1.0, 1.0), "mm"), (make_x3p(1e3, 1e3), "um"), (make_x3p(1e3, 1e-3), "um"), (make_x3p(1.0, 1e-3), "mm"),
-    (make_x3p(1e-3, 1.0), "mm"),
-    (make_text(1e3, 1.0), "um"), (make_text(1e3, 1e3), "um"),
-    (make_sur(1e3, 1.0), "um"), (make_sur(1e3, 1e3), "um"),
-])  # fmt: skip
-def test_numbers_of_no_part_are_asked_about_and_converted(
-    make: Callable[[Path], Path], unit: str, tmp_path: Path
-) -> None:
-    path = make(tmp_path)
+def scaled(name: str, folder: Path, z: float, xy: float) -> Path:
+    """A file whose heights and places are numbers so many times as large."""
+    path = folder / name
+    if path.suffix == ".x3p":
+        return save_x3p(path, Z[::-1] * z, PITCH * xy)
     if path.suffix == ".sur":
         pytest.importorskip("SurfaceTopography")
+        return save_sur(path, step=PITCH * xy, scale=1e-5 * z)
+    if path.suffix == ".npz":
+        np.savez(path, z_mm=Z * z, pitch_mm=PITCH * xy)
+    else:
+        rows = np.array([line.split() for line in columns(Z * z).splitlines()], dtype=float) * (xy, xy, 1.0)
+        np.savetxt(path, rows, fmt="%.7f")
+    return path
+
+
+@pytest.mark.parametrize(("name", "z", "xy", "unit"), [
+    ("a.npz", 1e3, 1e3, "um"), ("a.npz", 1e3, 1.0, "um"), ("a.npz", 1.0, 1e3, "um"), ("a.npz", 1e-3, 1e-3, "m"),
+    ("a.x3p", 1.0, 1.0, "mm"), ("a.x3p", 1e3, 1e3, "um"), ("a.x3p", 1e3, 1e-3, "um"), ("a.x3p", 1.0, 1e-3, "mm"),
+    ("a.x3p", 1e-3, 1.0, "mm"), ("a.xyz", 1e3, 1.0, "um"), ("a.xyz", 1e3, 1e3, "um"), ("a.sur", 1e3, 1.0, "um"),
+    ("a.sur", 1e3, 1e3, "um"),
+])  # fmt: skip
+def test_numbers_of_no_part_are_asked_about_and_converted(
+    name: str, z: float, xy: float, unit: str, tmp_path: Path
+) -> None:
+    path = scaled(name, tmp_path, z, xy)
     with pytest.raises(FileError, match=rf"; are the \w+ \w+\? then give --unit {unit}$"):
         read_height_map(path)
     check(read_height_map(path, MapSettings(unit=unit)))
@@ -531,21 +510,19 @@ def test_channels_and_masks_of_gwyddion(tmp_path: Path) -> None:
             read_height_map(save_gwy(tmp_path / "d.gwy", *channels))
 
 
-REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
-    "intensity": (lambda folder: save_sur(folder / "a.sur", unit="LSB"), r"an image \(z in 'LSB'\), no heights"),
-    "voltage": (lambda folder: save_sur(folder / "a.sur", unit="V"), "an image .*, no heights"),
-    "percent": (lambda folder: save_sur(folder / "a.sur", unit="%"), "an image .*, no heights"),
-    "no unit": (lambda folder: save_sur(folder / "a.sur", unit=""), "z has no unit of length"),
-    "compressed": (lambda folder: save_sur(folder / "a.sur", magic=b"DSCOMPRESSED"), "compressed; save it unc"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_images_and_compressed_files_are_refused_in_words(case: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("options", "message"), [
+    ({"unit": "LSB"}, r"an image \(z in 'LSB'\), no heights"),
+    ({"unit": "V"}, "an image .*, no heights"),
+    ({"unit": "%"}, "an image .*, no heights"),
+    ({"unit": ""}, "z has no unit of length"),
+    ({"magic": b"DSCOMPRESSED"}, "compressed; save it unc"),
+])  # fmt: skip
+def test_images_and_compressed_files_are_refused_in_words(
+    options: dict[str, Any], message: str, tmp_path: Path
+) -> None:
     pytest.importorskip("SurfaceTopography")
-    make, message = REFUSED[case]
     with pytest.raises(FileError, match=message):
-        read_height_map(make(tmp_path))
+        read_height_map(save_sur(tmp_path / "a.sur", **options))
 
 
 @pytest.mark.parametrize(

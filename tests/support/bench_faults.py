@@ -7,7 +7,7 @@ tip is felt anew: a ball of a larger radius, on an arm that is shorter by what w
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,15 +58,14 @@ def recorded(
             [np.zeros((*sweep.moment_n_mm.shape[:2], AIR)), np.nan_to_num(sweep.moment_n_mm)], axis=2
         )
         touching = np.arange(moment.shape[2]) >= AIR
+        on = Recorded(sweep, behind, land, whisker, size, rng)
         if fault in _BEFORE:
-            moment = _BEFORE[fault](moment, sweep, behind, land, whisker, size, rng) * touching
+            moment = _BEFORE[fault](moment, on) * touching
             # less than none is lost contact
             moment = np.where(moment * land > 0.0, moment, 0.0)
         raw, clipped = measure(moment, chain=chain, sample_rate_hz=ideal.sample_rate_hz, rng=rng)
         if fault in _AFTER:
-            raw = _AFTER[fault](raw.astype(np.float64), sweep, behind, land, whisker, size, rng).astype(
-                np.float32
-            )
+            raw = _AFTER[fault](raw.astype(np.float64), on).astype(np.float32)
         flags = sweep.flags | np.where(clipped[..., AIR:], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
         sweeps.append(replace(sweep, moment_n_mm=raw[..., AIR:], air_n_mm=raw[..., :AIR], flags=flags))
     return replace(ideal, sweeps=tuple(sweeps))
@@ -79,70 +78,74 @@ def _time_s(sweep: Sweep, rate_hz: float, start_s: float, rng: np.random.Generat
     return begin[:, None] + np.arange(n) / rate_hz
 
 
-Change = Callable[[Floats, Sweep, Floats, float, int, float, np.random.Generator], Floats]
+@dataclass(frozen=True)
+class Recorded:
+    """A sweep as it is recorded.
+
+    Attributes:
+        sweep: without the fault.
+        time_s: (passes, samples) of its samples, air before those that touch.
+        land: moment of the land, N mm.
+        whisker: that a fault of one whisker is of.
+        size: of the fault, over the usual one.
+        rng: of what is drawn.
+    """
+
+    sweep: Sweep
+    time_s: Floats
+    land: float
+    whisker: int
+    size: float
+    rng: np.random.Generator
+
+    @property
+    def along_x(self) -> Floats:
+        """(passes, whiskers, samples) places along x, from -1 to 1 over what was felt; air stands at the start."""
+        direction, line = self.sweep.plan.direction, self.sweep.plan.line_mm
+        along = np.r_[np.full(AIR, -1.0), np.linspace(-1.0, 1.0, self.sweep.plan.n_samples)]
+        shape = (*line.shape, along.size)
+        if direction.along_x:
+            return np.broadcast_to(-along if direction.backward else along, shape)
+        felt = (self.sweep.flags == 0).mean(axis=2) > 0.5
+        low, high = line[felt].min(), line[felt].max()
+        return np.broadcast_to((2.0 * (line - low) / (high - low) - 1.0)[..., None], shape)
+
+
+Change = Callable[[Floats, Recorded], Floats]
 
 
 def _of_one(change: Change) -> Change:
-    def changed(
-        m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
-    ) -> Floats:
+    def changed(m: Floats, on: Recorded) -> Floats:
         m = m.copy()
-        m[:, w] = change(m[:, w], sweep, t, land, w, size, rng)
+        m[:, on.whisker] = change(m[:, on.whisker], on)
         return m
 
     return changed
 
 
-def _places(sweep: Sweep) -> tuple[Floats, Floats]:
-    """(passes, whiskers, samples) along and across, each from -1 to 1 over what was felt; air stands at the start."""
-    along = np.r_[np.full(AIR, -1.0), np.linspace(-1.0, 1.0, sweep.plan.n_samples)]
-    along = -along if sweep.plan.direction.backward else along
-    line = sweep.plan.line_mm
-    felt = (sweep.flags == 0).mean(axis=2) > 0.5
-    low, high = line[felt].min(), line[felt].max()
-    across = 2.0 * (line - low) / (high - low) - 1.0
-    shape = (*line.shape, along.size)
-    return np.broadcast_to(along, shape), np.broadcast_to(across[..., None], shape)
-
-
-def _tilted(
-    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
-) -> Floats:
-    along, across = _places(sweep)
-    return m + 0.3 * size * land * (along if sweep.plan.direction.along_x else across)
-
-
-def _bowed(
-    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
-) -> Floats:
-    along, across = _places(sweep)
-    return m + 0.3 * size * land * (0.5 - (along if sweep.plan.direction.along_x else across) ** 2)
-
-
-def _spiked(
-    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
-) -> Floats:
+def _spiked(m: Floats, on: Recorded) -> Floats:
     """On a whisker at a time, one sample in a thousand, of either sign."""
-    hit = rng.random(m.shape) < 1e-3
-    return m + hit * rng.choice([-1.0, 1.0], m.shape) * rng.uniform(0.2, 0.8, m.shape) * size * abs(land)
+    hit = on.rng.random(m.shape) < 1e-3
+    sign, size = on.rng.choice([-1.0, 1.0], m.shape), on.rng.uniform(0.2, 0.8, m.shape)
+    return m + hit * sign * size * on.size * abs(on.land)
 
 
 _BEFORE: dict[FaultKind | None, Change] = {
-    FaultKind.DEAD: _of_one(lambda m, *_: 0.0 * m),
-    FaultKind.BENT: _of_one(lambda m, s, t, land, w, size, rng: m - 0.3 * size * land),
+    FaultKind.DEAD: _of_one(lambda m, on: 0.0 * m),
+    FaultKind.BENT: _of_one(lambda m, on: m - 0.3 * on.size * on.land),
     FaultKind.LOOSE: _of_one(
-        lambda m, s, t, land, w, size, rng: m + 0.1 * size * land * rng.standard_normal((m.shape[0], 1))
+        lambda m, on: m + 0.1 * on.size * on.land * on.rng.standard_normal((m.shape[0], 1))
     ),
-    FaultKind.HEIGHT: lambda m, s, t, land, w, size, rng: m - 0.5 * size * land,
-    FaultKind.TILTED: _tilted,
-    FaultKind.BOWED: _bowed,
-    FaultKind.VIBRATION: lambda m, s, t, land, w, size, rng: (
-        m * (1.0 + 0.03 * size * np.sin(2.0 * np.pi * 50.0 * t))[:, None]
+    FaultKind.HEIGHT: lambda m, on: m - 0.5 * on.size * on.land,
+    FaultKind.TILTED: lambda m, on: m + 0.3 * on.size * on.land * on.along_x,
+    FaultKind.BOWED: lambda m, on: m + 0.3 * on.size * on.land * (0.5 - on.along_x**2),
+    FaultKind.VIBRATION: lambda m, on: (
+        m * (1.0 + 0.03 * on.size * np.sin(2.0 * np.pi * 50.0 * on.time_s))[:, None]
     ),
 }
 _AFTER: dict[FaultKind | None, Change] = {
     FaultKind.NOISY: _of_one(
-        lambda m, s, t, land, w, size, rng: m + 0.05 * size * abs(land) * rng.standard_normal(m.shape)
+        lambda m, on: m + 0.05 * on.size * abs(on.land) * on.rng.standard_normal(m.shape)
     ),
     FaultKind.SPIKES: _spiked,
 }
