@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from hashlib import md5
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from glyphs.errors import MarksError
@@ -39,7 +38,7 @@ from pipeline.formats.touch_file import read_height_map, read_scan
 from pipeline.formats.truth import load_truth, read_order
 from pipeline.workers.executors import WorkerLostError
 from pipeline.workers.pool import WorkPool
-from tests.support.bad_files import chunk, jpeg, npz, png, scan, small_map, x3p
+from tests.support.bad_files import chunk, npz, picture, scan, small_map, x3p
 
 SLOW_S = 20.0
 READ_OR_REFUSED = ("read", "refused")
@@ -80,11 +79,6 @@ def _database() -> bytes:
         return path.read_bytes()
 
 
-def _picture(suffix: str) -> bytes:
-    shade = np.broadcast_to(np.linspace(60, 200, 96)[None, :, None], (48, 96, 3)).astype(np.uint8)
-    return bytes(cv2.imencode(suffix, shade)[1])
-
-
 def _sdf() -> bytes:
     z = (small_map()[::6, ::8] * 1e-3).ravel()
     head = {
@@ -109,10 +103,10 @@ KINDS = {
     "map.stl": Kind(lambda: _mesh("stl"), read_height_map),
     "map.ply": Kind(lambda: _mesh("ply"), read_height_map),
     "scan.h5": Kind(scan, read_scan),
-    "photo.png": Kind(png, read_photo),
-    "photo.jpg": Kind(jpeg, read_photo),
-    "photo.bmp": Kind(lambda: _picture(".bmp"), read_photo),
-    "photo.tif": Kind(lambda: _picture(".tiff"), read_photo),
+    "photo.png": Kind(lambda: picture(".png"), read_photo),
+    "photo.jpg": Kind(lambda: picture(".jpg"), read_photo),
+    "photo.bmp": Kind(lambda: picture(".bmp"), read_photo),
+    "photo.tif": Kind(lambda: picture(".tiff"), read_photo),
     "fonts.glyphs": Kind(_database, load_database),
     "parts.csv": Kind(
         lambda: b"part,height_map,expected,format\nA-1,maps/a-1.npz,KX407251,AA999999\nA-2,b.npz,,\n",

@@ -15,8 +15,9 @@ import shutil
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.part_id import new_part_id
@@ -45,6 +46,7 @@ from pipeline.workers.executors import Executor
 from tests.support.run_tables import read_rows
 from tests.support.store_samples import reading
 
+T = TypeVar("T")
 Say = Callable[[str], None]
 TRIES = 3
 N = 3
@@ -74,6 +76,12 @@ def tried(work: Callable[[], object], *expected: type[Exception]) -> bool:
         except (MarksError, *expected):
             continue
     return False
+
+
+def opened_at_last(start: Callable[[], T]) -> T | None:
+    """What was opened in the end; errors that the program tells its user are tried again."""
+    made: list[T] = []
+    return made[0] if tried(lambda: made.append(start())) else None
 
 
 # ---------------------------------------------------------------- a part with its photograph, as the service keeps it
@@ -119,15 +127,12 @@ def _keep_part(store: Store, evidence: EvidenceFolder, number: int) -> str:
 
 
 def _evidence_work(root: Path, say: Say) -> None:
-    def start() -> None:
-        places["store"], places["evidence"] = Store.open(_url(root)), EvidenceFolder(root / "evidence")
-
-    places: dict[str, Any] = {}
-    if not tried(start):
+    places = opened_at_last(lambda: (Store.open(_url(root)), EvidenceFolder(root / "evidence")))
+    if places is None:
         return
     for number in range(N):
-        tried(lambda k=number: say(f"{k} {_keep_part(**places, number=k)}"), OSError)  # type: ignore[misc]
-    places["store"].close()
+        tried(lambda k=number: say(f"{k} {_keep_part(*places, k)}"), OSError)  # type: ignore[misc]
+    places[0].close()
 
 
 def _whole_store(root: Path) -> None:
@@ -136,33 +141,35 @@ def _whole_store(root: Path) -> None:
         assert not db.execute("PRAGMA foreign_key_check").fetchall()
 
 
-def _evidence_there(store: Store, evidence: EvidenceFolder, part_id: str) -> None:
-    files = store.evidence(part_id)
-    assert files, "a part without its evidence"
-    for file in files:
-        kept = evidence.path(file.sha256)
-        assert kept.is_file(), f"a part names a file that is not there: {file.name}"
-        data = kept.read_bytes()
-        assert hashlib.sha256(data).hexdigest() == file.sha256, f"{len(data)} bytes for {file.n_bytes}"
+def _whole_parts(root: Path) -> list[PartRecord]:
+    """The parts of a whole store, the files of each as they were kept."""
+    with _store(root) as store:
+        _whole_store(root)
+        for part in store.parts():
+            files = store.evidence(part.id)
+            assert files, "a part without its evidence"
+            for file in files:
+                kept = EvidenceFolder(root / "evidence").path(file.sha256)
+                assert kept.is_file(), f"a part names a file that is not there: {file.name}"
+                data = kept.read_bytes()
+                assert hashlib.sha256(data).hexdigest() == file.sha256, (
+                    f"{len(data)} bytes for {file.n_bytes}"
+                )
+        return sorted(store.parts(), key=lambda part: part.name)
 
 
 def _evidence_check(root: Path, said: list[str], _: bool) -> None:
+    _whole_parts(root)
     with _store(root) as store:
-        _whole_store(root)
         evidence = EvidenceFolder(root / "evidence")
         answered = dict(word.split() for word in said)
         for number, part_id in answered.items():
             assert store.part(part_id).name == f"part {number}"
-        for part in store.parts():
-            _evidence_there(store, evidence, part.id)
         for number in range(N):
             again = _keep_part(store, evidence, number)
             assert again == answered.get(str(number), again), "one key has made two parts"
-        parts = store.parts()
-        assert sorted(part.name for part in parts) == [f"part {k}" for k in range(N)]
-        for part in parts:
-            _evidence_there(store, evidence, part.id)
         assert store.undelivered() == N
+    assert [part.name for part in _whole_parts(root)] == [f"part {k}" for k in range(N)]
 
 
 # -------------------------------------------------------------------------------------------- tables of runs
@@ -176,53 +183,42 @@ def _record(name: str) -> ReadingRecord:
     return ReadingRecord(part=name, source="tactile", text=f"KX{name}", decision="accept", confidence=0.9)
 
 
-def _old_table(table: str) -> Callable[[Path], None]:
-    def prepare(root: Path) -> None:
-        with RunJournal(root / table, {"before": True}) as book:
-            book.keep("before", _record("before"))
-            book.finish(["before"])
-
-    return prepare
+def _old_table(table: str, root: Path) -> None:
+    with RunJournal(root / table, {"before": True}) as book:
+        book.keep("before", _record("before"))
+        book.finish(["before"])
 
 
-def _table_work(table: str) -> Callable[[Path, Say], None]:
-    def work(root: Path, say: Say) -> None:
-        def run() -> None:
-            with RunJournal(root / table, RUN) as book:
-                for name in reversed(NAMES):
-                    book.keep(name, _record(name))
-                    say(f"row {name}")
-                book.finish(NAMES)
-            say("finished")
+def _table_work(table: str, root: Path, say: Say) -> None:
+    def run() -> None:
+        with RunJournal(root / table, RUN) as book:
+            for name in reversed(NAMES):
+                book.keep(name, _record(name))
+                say(f"row {name}")
+            book.finish(NAMES)
+        say("finished")
 
-        tried(run)
-
-    return work
+    tried(run)
 
 
-def _table_check(table: str) -> Callable[[Path, list[str], bool], None]:
-    def check(root: Path, said: list[str], power: bool) -> None:
-        path = root / table
-        marker = path.with_name(f"{table}.unfinished")
-        if "finished" in said:
-            assert [row.part for row in read_rows(path)] == NAMES
-        unfinished = marker.exists() and marker.stat().st_size > 0
-        # its marker is the last to go, and nobody may have been told
-        if unfinished or not path.exists() or _names_in(path) != NAMES:
-            with RunJournal(path, RUN) as book:
-                if not power and book.resumed:
-                    told = {word.split()[1] for word in said if word.startswith("row")}
-                    assert told <= set(book.done), f"lost {sorted(told - set(book.done))}"
-                for name in reversed(NAMES):
-                    book.keep(name, _record(name))
-                book.finish(NAMES)
-            assert not marker.exists()
+def _table_check(table: str, root: Path, said: list[str], power: bool) -> None:
+    path = root / table
+    marker = path.with_name(f"{table}.unfinished")
+    if "finished" in said:
         assert [row.part for row in read_rows(path)] == NAMES
-        assert _names_in(path.with_name(f"{table}~")) == ["before"], (
-            "the table that stood there before is lost"
-        )
-
-    return check
+    unfinished = marker.exists() and marker.stat().st_size > 0
+    # its marker is the last to go, and nobody may have been told
+    if unfinished or not path.exists() or _names_in(path) != NAMES:
+        with RunJournal(path, RUN) as book:
+            if not power and book.resumed:
+                told = {word.split()[1] for word in said if word.startswith("row")}
+                assert told <= set(book.done), f"lost {sorted(told - set(book.done))}"
+            for name in reversed(NAMES):
+                book.keep(name, _record(name))
+            book.finish(NAMES)
+        assert not marker.exists()
+    assert [row.part for row in read_rows(path)] == NAMES
+    assert _names_in(path.with_name(f"{table}~")) == ["before"], "the table that stood there before is lost"
 
 
 def _names_in(path: Path) -> list[str]:
@@ -263,17 +259,11 @@ def _run_work(root: Path, say: Say) -> None:
 
 
 def _run_check(root: Path, said: list[str], _: bool) -> None:
-    with _store(root) as store:
-        _whole_store(root)
-        # its marker is the last to go, and nobody may have been told
-        finished = not list(root.glob("*.unfinished")) and len(store.parts()) == len(NAMES)
+    # its marker is the last to go, and nobody may have been told
+    finished = not list(root.glob("*.unfinished")) and len(_whole_parts(root)) == len(NAMES)
     if "finished" not in said and not finished:
         _run_into_store(root)
-    with _store(root) as store:
-        parts = store.parts()
-        assert sorted(part.name for part in parts) == NAMES, [part.name for part in parts]
-        for part in parts:
-            _evidence_there(store, EvidenceFolder(root / "evidence"), part.id)
+    assert [part.name for part in _whole_parts(root)] == NAMES
 
 
 # ------------------------------------------------------------------------------------------- the watched folder
@@ -361,13 +351,9 @@ def _watch_check(root: Path, _said: list[str], _power: bool) -> None:
         os.utime(path, (1_790_000_000 + int(path.stem.split()[1]),) * 2)
     journal = _watch(root)
     assert not [one.problem for one in journal.done.values() if one.problem]
-    with _store(root) as store:
-        _whole_store(root)
-        names = sorted(part.name for part in store.parts())
-        assert names == [f"part {k}" for k in range(N)], names
-        for part in store.parts():
-            _evidence_there(store, EvidenceFolder(root / "evidence"), part.id)
-        assert {one.part_id for one in journal.done.values()} == {part.id for part in store.parts()}
+    parts = _whole_parts(root)
+    assert [part.name for part in parts] == [f"part {k}" for k in range(N)]
+    assert {one.part_id for one in journal.done.values()} == {part.id for part in parts}
 
 
 # --------------------------------------------------------------------------------------- a journal of lines alone
@@ -381,21 +367,18 @@ class _Lines(Journal[str]):
 
 
 def _journal_work(root: Path, say: Say) -> None:
-    def start() -> None:
-        journal.append(_Lines(root / "lines.db", {}))
-
-    journal: list[_Lines] = []
-    if not tried(start):
+    journal = opened_at_last(lambda: _Lines(root / "lines.db", {}))
+    if journal is None:
         return
-    with journal[0]:
+    with journal:
         for path in _FILES:
             # the service goes on where a line cannot be written
             with contextlib.suppress(FileError):
-                journal[0].keep(path, path)
+                journal.keep(path, path)
                 say(path)
             if path == _FILES[3]:
                 with contextlib.suppress(FileError):
-                    journal[0].keep_only(_FILES[2:4])
+                    journal.keep_only(_FILES[2:4])
                     say("only")
 
 
@@ -444,13 +427,9 @@ def _tokens_before(root: Path) -> None:
 
 
 def _tokens_work(root: Path, say: Say) -> None:
-    def start() -> None:
-        opened_stores.append(Store.open(_url(root)))
-
-    opened_stores: list[Store] = []
-    if not tried(start):
+    store = opened_at_last(lambda: Store.open(_url(root)))
+    if store is None:
         return
-    (store,) = opened_stores
     names = iter(range(10))
     tried(lambda: say(f"new {store.add_token(f'new {next(names)}', [Scope.READ])}"))
     tried(lambda: (store.revoke("old"), say("revoked -")))
@@ -481,7 +460,7 @@ def _store_check(root: Path, _said: list[str], _power: bool) -> None:
 SUBJECTS = {
     "evidence": Subject(_empty_store, _evidence_work, _evidence_check),
     **{
-        name: Subject(_old_table(name), _table_work(name), _table_check(name))
+        name: Subject(*(partial(step, name) for step in (_old_table, _table_work, _table_check)))
         for name in ("rows.csv", "rows.jsonl", "rows.parquet")
     },
     "run into a store": Subject(_empty_store, _run_work, _run_check),

@@ -50,18 +50,10 @@ def npz(**arrays: Any) -> bytes:
     return stream.getvalue()
 
 
-def png(shape: tuple[int, int] = (48, 96)) -> bytes:
-    return bytes(cv2.imencode(".png", _shade(shape))[1])
-
-
-def jpeg() -> bytes:
-    return bytes(cv2.imencode(".jpg", _shade((48, 96)))[1])
-
-
-def _shade(shape: tuple[int, int]) -> NDArray[np.uint8]:
+def picture(suffix: str) -> bytes:
     """Bright on one side; plain, so that what can be read at all is soon read."""
-    columns = np.linspace(60.0, 200.0, shape[1])
-    return np.broadcast_to(columns[None, :, None], (*shape, 3)).astype(np.uint8)
+    shade = np.broadcast_to(np.linspace(60.0, 200.0, 96)[None, :, None], (48, 96, 3))
+    return bytes(cv2.imencode(suffix, shade.astype(np.uint8))[1])
 
 
 @cache
@@ -128,7 +120,7 @@ def _pitch(value: Any = 0.05) -> bytes:
 
 def bad_photos() -> Iterator[tuple[str, bytes]]:
     """Sent as photographs."""
-    good = png()
+    good = picture(".png")
     yield "empty.png", b""
     yield "one-byte.png", b"\x89"
     yield "head-only.png", good[:20]
@@ -136,7 +128,7 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
     yield "no-end.png", good[:-12]
     yield "text.png", b"this is not a picture"
     yield "recording.png", scan()
-    yield "jpeg-inside.png", jpeg()
+    yield "jpeg-inside.png", picture(".jpg")
     yield "one-pixel.png", declared_png(1, 1, b"\0\0")
     yield "no-columns.png", declared_png(0, 100)
     yield "black-8x8.png", declared_png(8, 8, b"\0" * 72)
@@ -145,7 +137,7 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
     yield "bomb-12000x12000.png", declared_png(12_000, 12_000, b"\0" * (12_001 * 12_000))
     yield "short-data.png", declared_png(2_000, 2_000)
     yield "text-bomb.png", _with_text_bomb(good)
-    cut = jpeg()
+    cut = picture(".jpg")
     yield "truncated.jpg", cut[: len(cut) // 2]
     yield "markers-only.jpg", b"\xff\xd8\xff\xd9"
     at = cut.index(b"\xff\xc0")
@@ -174,7 +166,7 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     good = npz(z_mm=z, pitch_mm=0.1)
     yield "empty.npz", b""
     yield "truncated.npz", good[: len(good) // 2]
-    yield "picture.npz", png()
+    yield "picture.npz", picture(".png")
     yield "no-heights.npz", npz(pitch_mm=0.1)
     yield "no-pitch.npz", npz(z_mm=z)
     yield "nothing.npz", npz()
@@ -349,7 +341,7 @@ def bad_scans() -> Iterator[tuple[str, bytes]]:
         for at in rng.integers(0, 4096, 6):
             flipped[at] ^= 1 << int(rng.integers(8))
         yield f"flipped-{k}.h5", bytes(flipped)
-    yield "picture.h5", png()
+    yield "picture.h5", picture(".png")
     yield "npz.h5", npz(z_mm=small_map(), pitch_mm=0.1)
     for how in ("external", "virtual", "storage", "soft"):
         yield f"linked-{how}.h5", _linked(how)
