@@ -132,7 +132,7 @@ class Service:
         gauge(
             "targets_troubled",
             "Targets of results that cannot be reached or refuse results.",
-            lambda: sum(not one.works for one in self.ports.connections()),
+            lambda: sum(bool(one.why) for one in self.ports.connections()),
         )
         gauge("outbox", "Results not yet published.", self.store.undelivered)
 
@@ -163,10 +163,10 @@ class Service:
 
     def state(self) -> dict[str, str]:
         """Answer of /readyz: targets, drift, bench, and what is unusable."""
-        targets = [one for one in self.ports.connections() if one.is_target]
+        targets = [one for one in self.ports.connections() if not one.address]
         bench, troubles = self.intake.bench, self.intake.calls.troubles
         found = {
-            "status": "ready" if all(one.works for one in targets) else "degraded",
+            "status": "ready" if not any(one.why for one in targets) else "degraded",
             "mode": "shadow" if self.settings.shadow else "",
             **{one.key: one.summary for one in targets},
             "drift": (self.jobs.drift or "none") if self.jobs.drifts() else "",

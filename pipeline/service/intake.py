@@ -24,7 +24,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
 from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, TouchWait
@@ -37,12 +36,11 @@ from pipeline.reading.triage import compared
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.part_log import count_reading
 from pipeline.service.stage.devices import ScanOrder
-from pipeline.service.stage.driver_thread import StageDownError
 from pipeline.service.stage.drivers import camera_of, stage_of
 from pipeline.service.stage.work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
-from pipeline.service.web.problem import OwnProblem, Problem, no_room, stopping
+from pipeline.service.web.problem import OwnProblem, Problem, stopping
 from pipeline.service.web.uploads import Upload
 from pipeline.store.parts import Added, IdempotencyKey
 from pipeline.store.store import Store
@@ -157,7 +155,7 @@ class Intake:
         if part.touch is not None and part.touch.by_stage and not self.draining:
             # also if this is a retry because the service was killed at this point; a failure is noted in the
             # part's history, and the part waits for the next attempt
-            with contextlib.suppress(Problem):
+            with contextlib.suppress(Problem, StageError):
                 part = await self.touching.attempt(part)
         return replace(received, part=part)
 
@@ -182,7 +180,8 @@ class Intake:
         """Have the service's stage feel a part, and read it again.
 
         Raises:
-            Problem: as `add_scan`; the stage cannot feel the part.
+            Problem: as `add_scan`.
+            StageError: the stage cannot feel the part.
         """
         part = await self._unreviewed(part_id)
         if part.touch is None or part.plan is None:
@@ -198,14 +197,13 @@ class Intake:
         """Photograph the part under the camera, read it with a job, and feel it if the camera is unsure.
 
         Raises:
-            Problem: as `receive`; the camera gives no photograph.
+            Problem: as `receive`; a photograph cannot be read.
+            StageError: the camera gives none.
         """
         self._refuse_if_draining()
         with self.work_folder() as folder:
             try:
                 photos = await self.camera.take(name, folder)
-            except StageError as error:
-                raise _stage_problem(error) from error
             except OSError as error:
                 raise OwnProblem(
                     f"the camera's picture of {name} cannot be read ({error.strerror})"
@@ -257,7 +255,8 @@ class Intake:
         """Have the stage feel a part, and read it.
 
         Raises:
-            Problem: the part could not be felt; its history says why.
+            StageError: the part could not be felt; its history says why.
+            Problem: what was felt cannot be read.
         """
         if part.plan is None:
             raise ValueError(f"the part {part.id} has no plan for touch")
@@ -275,7 +274,7 @@ class Intake:
                     done = await read(sent)
             except StageError as error:
                 await asyncio.to_thread(self._note_failure, part, str(error))
-                raise _stage_problem(error) from error
+                raise
             write = partial(self.store.add_readings, part.id)
             return await self._keep(write, done, sent, part)
 
@@ -322,19 +321,16 @@ class Intake:
         """Keep the files, then write the part as it is decided in one transaction; count and log it.
 
         Raises:
-            Problem: no room for the files.
+            FileError: no room for the files.
             StoreError: as `write`.
         """
 
         def keep() -> PartRecord:
-            try:
-                files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
-                files += [
-                    replace(_evidence(one, self.evidence.keep_content(one.content)), meta=one.meta)
-                    for one in done.pictures
-                ]
-            except FileError as error:
-                raise no_room(error) from error
+            files = [_evidence(one, self.evidence.keep(one.path, sha256=one.sha256)) for one in sent]
+            files += [
+                replace(_evidence(one, self.evidence.keep_content(one.content)), meta=one.meta)
+                for one in done.pictures
+            ]
             return write(
                 **self._decide(done, part),
                 readings=done.readings,
@@ -387,10 +383,3 @@ class Intake:
 def _evidence(file: Upload | Picture, kept: tuple[str, int]) -> EvidenceRecord:
     """The record of a kept file; `kept` is its hash and length."""
     return EvidenceRecord(file.kind, *kept, file.name, file.media_type)
-
-
-def _stage_problem(error: StageError) -> Problem:
-    """The answer to a fault of stage or camera; a driver that does not answer is not the caller's fault."""
-    if isinstance(error, StageDownError):
-        return Problem(503, str(error), headers={"Retry-After": "30"})
-    return Problem(422, str(error))

@@ -5,22 +5,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import structlog
 
-from pipeline.common.records import WaitingResults
 from pipeline.service.connections import Connection
-from pipeline.service.outputs.dispatch import Dispatcher, Sender, TargetState
+from pipeline.service.outputs.dispatch import Dispatcher, Sender
 
 if TYPE_CHECKING:
     from pipeline.service.intake import Intake
     from pipeline.service.settings import ServiceSettings
 
 log = structlog.get_logger("tactile-marks")
-_TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
 
 class Input(Protocol):
@@ -66,9 +65,9 @@ class Ports:
             ValueError: an address or format that cannot be.
         """
         self._intake, self._grace_s = intake, settings.shutdown_grace_s
-        self._dispatcher = Dispatcher(intake.store, senders) if senders else None
+        self._dispatcher = Dispatcher(intake.store, senders)
         self._inputs: dict[str, Input] = {}
-        self._open: dict[str, Connection] = {}
+        self._open: list[Connection] = []
         if settings.tcp.port is not None:
             from pipeline.service.inputs.tcp import TcpPort
 
@@ -95,10 +94,10 @@ class Ports:
         Raises:
             StoreError: the store does not answer.
         """
-        states = self._dispatcher.states if self._dispatcher is not None else {}
+        states = self._dispatcher.states
         waiting = self._intake.store.waiting_results() if states else {}
-        targets = (_target(name, state, waiting.get(name)) for name, state in states.items())
-        return (*targets, *self._open.values())
+        targets = (replace(state, waiting=waiting.get(target)) for target, state in states.items())
+        return (*targets, *self._open)
 
     @contextlib.asynccontextmanager
     async def opened(self) -> AsyncIterator[None]:
@@ -108,28 +107,16 @@ class Ports:
             OSError: an address that cannot be had.
         """
         async with contextlib.AsyncExitStack() as stack:
-            if (dispatcher := self._dispatcher) is not None:
-                dispatcher.start()
-                # results come from threads as well
-                wake = partial(asyncio.get_running_loop().call_soon_threadsafe, dispatcher.wake)
-                self._intake.on_result = wake
-                stack.push_async_callback(dispatcher.stop, grace_s=min(self._grace_s, 10.0))
+            self._dispatcher.start()
+            # results come from threads as well
+            wake = partial(asyncio.get_running_loop().call_soon_threadsafe, self._dispatcher.wake)
+            self._intake.on_result = wake
+            stack.push_async_callback(self._dispatcher.stop, grace_s=min(self._grace_s, 10.0))
             for key, one in self._inputs.items():
                 place = await one.start()
                 stack.push_async_callback(one.stop, grace_s=self._grace_s)
                 log.info(one.title, **place)
                 if "port" in place:
-                    at = f"listens at {place['host']}:{place['port']}"
-                    self._open[key] = Connection(key, one.title, at, True, datetime.now(UTC))
+                    address = f"{place['host']}:{place['port']}"
+                    self._open.append(Connection(key, one.title, datetime.now(UTC), address))
             yield
-
-
-def _target(target: str, state: TargetState, waiting: WaitingResults | None) -> Connection:
-    """The connection to a target of results."""
-    words, why, n = "works", "", len(state.refused)
-    if state.error:
-        words, why = "cannot be reached", state.error
-    elif n:
-        words = f"refuses {n} {'result' if n == 1 else 'results'}"
-        why = next(iter(state.refused.values()))
-    return Connection(target, _TARGETS[target], words, not why, state.since, waiting, why, is_target=True)

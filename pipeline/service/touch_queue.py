@@ -26,6 +26,7 @@ import structlog
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ConflictError, StoreError
+from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
@@ -44,7 +45,7 @@ class TouchQueue:
 
     Attributes:
         store: where the parts wait.
-        feel: has the stage feel a part, and keeps what was read; raises Problem.
+        feel: has the stage feel a part, and keeps what was read; raises Problem, StageError.
         give_up: leaves a part to a person, and says why.
         line: whose parts the stage feels.
         wait_s: how long a part waits.
@@ -70,7 +71,7 @@ class TouchQueue:
         """The part once the attempt at it has ended; one that is under way is waited for.
 
         Raises:
-            Problem: it could not be felt; it still waits, and is tried again.
+            Problem, StageError: it could not be felt; it still waits, and is tried again.
         """
         attempt = self._attempts.get(part.id)
         if attempt is None:
@@ -139,5 +140,5 @@ class TouchQueue:
 def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:
     """Log an unexpected error of an attempt without a waiting caller; the part's history has the expected ones."""
     error = None if attempt.cancelled() else attempt.exception()
-    if error is not None and not isinstance(error, Problem | StoreError):
+    if error is not None and not isinstance(error, Problem | StageError | StoreError):
         log.error("attempt at touch failed", exc_info=error)

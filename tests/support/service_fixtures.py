@@ -15,6 +15,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.service import app as service_module
 from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
+from pipeline.service.web.problem import problem_of
 from pipeline.service.web_app import create_app
 from pipeline.workers.pool import BusyError
 from tests.support.kept_adapters import keep_adapters
@@ -73,7 +74,11 @@ def inline_service(
 
 
 def triggered(served: tuple[Service, TestClient], name: str, job: str = "") -> PartRecord:
-    """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop."""
+    """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop; raises the problem that
+    those ports answer with."""
     service, client = served
     assert client.portal is not None
-    return client.portal.call(service.intake.trigger, name, job)
+    try:
+        return client.portal.call(service.intake.trigger, name, job)
+    except Exception as error:
+        raise problem_of(error) from error

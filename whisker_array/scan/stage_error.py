@@ -6,7 +6,13 @@ from glyphs.errors import MarksError
 
 
 class StageError(MarksError):
-    """A stage or camera that could not do as it was asked, and what to do."""
+    """A stage or camera that could not do as it was asked, and what to do.
+
+    Attributes:
+        later: whether the same may succeed later, as it is.
+    """
+
+    later = False
 
     def __init__(self, what: str, hint: str = "") -> None:
         super().__init__(what, hint=hint)

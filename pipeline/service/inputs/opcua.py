@@ -20,7 +20,6 @@ certificate only signed and encrypted connections are accepted; with users, only
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections import deque
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -38,7 +37,6 @@ from pipeline.service.inputs.opcua_result import (
     status_of,
 )
 from pipeline.service.inputs.trigger import (
-    EXPECTED,
     NO_READING,
     LineDecision,
     Trigger,
@@ -46,13 +44,13 @@ from pipeline.service.inputs.trigger import (
     in_words,
 )
 from pipeline.service.tasks import end_tasks
+from pipeline.service.web.problem import problem_of
 
 if TYPE_CHECKING:
     from pipeline.service.settings import OpcUaSettings
 
 IDLE, SCANNING, BUSY = 0, 2, 3
 _LEAVE_S = 0.1
-_log = logging.getLogger(__name__)
 
 
 class OpcUaPort:
@@ -234,10 +232,9 @@ class OpcUaPort:
             await self._write("DeviceInfo", "")
             return part
         except Exception as error:
-            if not isinstance(error, EXPECTED):
-                _log.exception("a trigger of the OPC UA port failed")
-            await self._write("DeviceInfo", in_words(error))
-            raise
+            problem = problem_of(error)
+            await self._write("DeviceInfo", in_words(problem))
+            raise problem from error
         finally:
             self._scanning = None
             await self._write("DeviceStatus", IDLE)
@@ -247,9 +244,8 @@ class OpcUaPort:
         await asyncio.wait({scan}, timeout=wait_s)
         if not scan.done() or scan.cancelled():
             return None, DEVICE_NOT_READY
-        error = scan.exception()
-        if error is not None:
-            return None, DEVICE_NOT_READY if isinstance(error, EXPECTED) else DEVICE_FAULT
+        if (error := scan.exception()) is not None:
+            return None, DEVICE_FAULT if problem_of(error).status == 500 else DEVICE_NOT_READY
         return scan.result(), status_of(scan.result())
 
     async def _write(

@@ -18,7 +18,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
-import logging
 import re
 import socket
 from collections.abc import AsyncIterator
@@ -27,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.plain_text import is_hidden
 from pipeline.service.inputs.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.inputs.trigger import EXPECTED, SparingLog, Trigger, in_words, one_of_the_busiest
+from pipeline.service.inputs.trigger import SparingLog, Trigger, in_words, one_of_the_busiest
 from pipeline.service.tasks import end_tasks
 from pipeline.service.web.own_user import is_in
 
@@ -38,7 +37,6 @@ LINE_END = b"\r\n"
 _LINGER_S = 0.5
 # seconds of silence until the system asks whether a controller is there, seconds between questions, and their number
 _KEEPALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
-_log = logging.getLogger(__name__)
 _END = re.compile(rb"[\r\n]")
 # NULs fill up the strings of fixed length that some controllers send; CR LF may come in two pieces
 _PADDING = b"\0\r\n"
@@ -212,8 +210,6 @@ class TcpPort:
         try:
             return self._result.of(await self._trigger(name, job)).encode()
         except Exception as error:
-            if not isinstance(error, EXPECTED):
-                _log.exception("a trigger of the TCP port failed")
             return _error(in_words(error))
 
     async def _write(self, writer: asyncio.StreamWriter, answer: bytes) -> None:

@@ -9,14 +9,10 @@ from collections.abc import Callable, Sequence
 from enum import StrEnum
 from typing import Protocol, TypeVar
 
-from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden, visible
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.web.problem import Problem
-
-EXPECTED = (Problem, MarksError)
-"""Failures whose words are for the caller; any other one is a fault of the program, for the log."""
+from pipeline.service.web.problem import problem_of
 
 NO_READING = ReadingRecord("", "", "", 0.0)
 _MOST_WORDS = 200
@@ -91,9 +87,7 @@ def decision_of(part: PartRecord) -> LineDecision:
 
 def in_words(error: BaseException) -> str:
     """Error message for the caller: one short line without control characters."""
-    if not isinstance(error, EXPECTED):
-        return "the service failed; its log says why"
-    plain = "".join(" " if is_hidden(char) else char for char in str(error))
+    plain = "".join(" " if is_hidden(char) else char for char in problem_of(error).detail)
     words = " ".join(plain.split())
     return words if len(words) <= _MOST_WORDS else words[: _MOST_WORDS - 3] + "..."
 

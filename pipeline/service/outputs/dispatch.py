@@ -22,7 +22,7 @@ import json
 import logging
 import secrets
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from random import Random
@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import MarksError
 from pipeline.common.records import Delivery
+from pipeline.service.connections import TARGETS, Connection
 from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
@@ -83,21 +84,6 @@ class Sender(Protocol):
         """Take leave of the target."""
 
 
-@dataclass
-class TargetState:
-    """Whether a target can be reached, and what it refuses.
-
-    Attributes:
-        since: begin of the state.
-        error: why it cannot be reached; empty while it can, as far as is known.
-        refused: why it does not take results, by their numbers.
-    """
-
-    since: datetime
-    error: str = ""
-    refused: dict[int, str] = field(default_factory=dict)
-
-
 @dataclass(frozen=True)
 class Pace:
     """Waits and timeouts of a dispatcher; times in seconds.
@@ -129,7 +115,7 @@ class Dispatcher:
     """Sends what waits in the outbox, a task for each target.
 
     Attributes:
-        states: of the targets.
+        states: of the targets, by their keys.
     """
 
     def __init__(
@@ -140,7 +126,7 @@ class Dispatcher:
         rng: Random | None = None,
         pace: Pace | None = None,
     ) -> None:
-        self.states = {target: TargetState(datetime.now(UTC)) for target in senders}
+        self.states = {target: Connection(target, TARGETS[target], datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
         self._rng, self._pace = rng or Random(), pace or Pace()
         self._owner = secrets.token_hex(8)  # not from the rng: services seeded alike are two all the same

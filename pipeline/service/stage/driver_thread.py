@@ -33,6 +33,8 @@ log = structlog.get_logger("tactile-marks")
 class StageDownError(StageError):
     """The driver does not answer, or has too much to do: not now, but perhaps later."""
 
+    later = True
+
 
 class DriverThread:
     """Calls one driver.

@@ -26,9 +26,8 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 
 from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.own_user import is_in, is_own_user
-from pipeline.service.web.problem import Problem, busy, stopping
-from pipeline.service.web.problem_responses import problem_answer, problem_of
-from pipeline.store.errors import StoreError
+from pipeline.service.web.problem import Problem, busy, problem_of, stopping
+from pipeline.service.web.problem_responses import problem_answer
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -113,13 +112,8 @@ class Door:
             except (Exception, asyncio.CancelledError) as error:
                 if type(error).__module__ == body_limit.__name__:
                     raise  # the body is over its limit, which starlette answers with 413
-                if isinstance(error, Problem | StoreError):
-                    problem = problem_of(error, scope)
-                elif isinstance(error, Exception):
-                    log.exception("request failed", path=scope["path"])
-                    problem = Problem(500, f"the service failed; its log says why under {request_id}")
-                else:  # a service that stops cancels requests that are not done in time
-                    problem = stopping()
+                # a service that stops cancels requests that are not done in time
+                problem = problem_of(error) if isinstance(error, Exception) else stopping()
                 if begun:
                     raise
                 problem.headers["Connection"] = "close"  # the body may stay unread

@@ -1,4 +1,7 @@
-"""Problems of requests, by RFC 9457: application/problem+json, with what is wrong and what to do."""
+"""Problems of requests, by RFC 9457: application/problem+json, with what is wrong and what to do.
+
+Whatever fails becomes a problem in one place, `problem_of`: for HTTP, trigger ports and the watched folder alike.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,12 @@ from dataclasses import dataclass
 
 import structlog
 
+from glyphs.errors import FileError
+from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
+from whisker_array.scan.stage_error import StageError
+
 MEDIA_TYPE = "application/problem+json"
+_STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
 log = structlog.get_logger("tactile-marks")
 
 
@@ -62,15 +70,30 @@ class OwnProblem(Problem):
         super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})
 
 
-def no_room(error: BaseException) -> Problem:
-    """The answer where a file of the service's own cannot be written or read: the sender has done nothing wrong."""
-    log.error("files cannot be kept", why=str(error))
-    detail = "the service cannot keep what was sent; its log says why; send it again later"
-    return Problem(503, detail, headers={"Retry-After": "30"})
-
-
 def busy(wait_s: float) -> Problem:
     """The answer while the queue of parts is full."""
     seconds = str(max(1, round(wait_s)))
     detail = f"the queue is full; as many parts wait as may; send it again in {seconds} s"
     return Problem(503, detail, headers={"Retry-After": seconds})
+
+
+def problem_of(error: BaseException) -> Problem:
+    """The answer to a failure, without paths and addresses of the service's own; one that nobody expects is logged."""
+    if isinstance(error, Problem):
+        return error
+    for kind, status in _STATUSES.items():
+        if isinstance(error, kind):
+            return Problem(status, str(error))
+    if isinstance(error, StageError):
+        return OwnProblem(str(error), retry_after_s=30) if error.later else Problem(422, str(error))
+    if isinstance(error, StoreError):
+        log.error("store", why=str(error))
+        return OwnProblem("the store does not answer; the service's log says why")
+    if isinstance(
+        error, FileError | OSError
+    ):  # of the service's own; what is wrong with one sent is a problem already
+        log.error("files cannot be kept", why=str(error))
+        detail = "the service cannot keep what was sent; its log says why; send it again later"
+        return OwnProblem(detail, retry_after_s=30)
+    log.error("fault of the program", exc_info=error)
+    return Problem(500, "the service failed; its log says why")

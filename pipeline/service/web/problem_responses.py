@@ -7,56 +7,42 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from glyphs.errors import FileError
+from glyphs.errors import MarksError
 from pipeline.service.web.addresses import relative
-from pipeline.service.web.problem import MEDIA_TYPE, OwnProblem, Problem, ProblemBody, no_room
-from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
+from pipeline.service.web.problem import MEDIA_TYPE, Problem, ProblemBody, problem_of
 
 if TYPE_CHECKING:
     from starlette.types import Scope
 
-_STATUSES = {NotFoundError: 404, ConflictError: 409, UnfitError: 422}
-# FileError: of the service's own files; faults of files that were sent are Problems already
-_EXPECTED = (Problem, StoreError, FileError, OSError, RequestValidationError, HTTPException)
-log = structlog.get_logger("tactile-marks")
+_EXPECTED = (Problem, MarksError, OSError, RequestValidationError, HTTPException)
 
 
 def add_problem_handlers(app: FastAPI) -> None:
     """Have the application answer what it and the store raise."""
 
     async def answer(request: Request, error: Exception) -> Response:
-        return problem_answer(problem_of(error, request.scope), request.scope)
+        return problem_answer(_problem(error, request.scope), request.scope)
 
     for kind in _EXPECTED:
         app.add_exception_handler(kind, answer)
 
 
-def problem_of(error: BaseException, scope: Scope) -> Problem:
-    """The answer to an expected error."""
-    if isinstance(error, Problem):
-        return error
-    if isinstance(error, StoreError):
-        for kind, status in _STATUSES.items():
-            if isinstance(error, kind):
-                return Problem(status, str(error))
-        log.error("store", why=str(error))
-        # do not disclose its address, least of all to callers without a token
-        return OwnProblem("the store does not answer; the service's log says why")
+def _problem(error: BaseException, scope: Scope) -> Problem:
+    """The answer to an error, also to one of the web framework."""
     if isinstance(error, RequestValidationError):
         first = error.errors()[0]
         where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
         return Problem(422, f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}")
     if not isinstance(error, HTTPException):
-        return no_room(error)
+        return problem_of(error)
     if isinstance(error.__cause__, Problem | OSError):  # the upload has stalled, or could not be put down
-        return problem_of(error.__cause__, scope)
+        return problem_of(error.__cause__)
     detail = str(error.detail)
     if error.status_code == 404:
         detail = f"there is nothing at {scope['path'][:200]}; see /docs for the addresses"
