@@ -13,7 +13,6 @@ from .common.reading_records import (
 from .common.settings import MapSettings, ReadSettings, SettingsError
 from .formats.find_parts import NothingFoundError, discover
 from .formats.glyph_database import (
-    DatabaseError,
     Exemplar,
     GlyphDatabase,
     load_database,
@@ -31,7 +30,6 @@ __all__ = [
     "Benchmark",
     "CandidateRecord",
     "CharacterRecord",
-    "DatabaseError",
     "Design",
     "DesignedParts",
     "ExamPart",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from glyphs.errors import FileError
 from pipeline.cli.choices import Flag, Positive, listed
 from pipeline.cli.exit_status import UsageError
 from pipeline.cli.tables import write_picture
@@ -87,13 +88,13 @@ def build(out: Path, *font: str) -> int:
 def _fonts_of(name: str) -> list[Font]:
     """Load the fonts of a glyph database, else the font of a name or file."""
     from glyphs.fonts.outlines import load_font
-    from pipeline.formats.glyph_database import DatabaseError, load_database
+    from pipeline.formats.glyph_database import load_database
 
     if Path(name).suffix.lower() != ".glyphs":
         return [load_font(name)]
     fonts = list(load_database(Path(name)).fonts.values())
     if not fonts:
-        raise DatabaseError(f"{name} holds no font", hint="enroll parts, or build it from fonts")
+        raise FileError(name, "holds no font", "enroll parts, or build it from fonts")
     return fonts
 
 

@@ -20,13 +20,11 @@ MOST_CHUNK_BYTES = 268_435_456
 """Largest chunk of an HDF5 dataset: a chunk is unpacked whole, however little of it is read."""
 
 
-def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: bool = False) -> Iterator[Any]:
+def own_datasets(file: Any) -> Iterator[Any]:
     """The datasets of an open HDF5 file (h5py.File), each once, found to be in this file and in small chunks.
 
     Args:
         file: opened for reading.
-        most_objects: groups and datasets that it may hold.
-        names_once: refuse a second name of an object, by which a small file can hold any number of copies.
 
     Raises:
         MarksError: a link or data in another file, too many groups, large chunks.
@@ -39,9 +37,9 @@ def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: boo
     while groups:
         group, depth = groups.pop()
         objects += len(group)
-        if objects > most_objects or depth > MOST_DEPTH:
+        if objects > MOST_OBJECTS or depth > MOST_DEPTH:
             raise MarksError(
-                f"holds more than {most_objects:,} groups or nests them deeper than {MOST_DEPTH}",
+                f"holds more than {MOST_OBJECTS:,} groups or nests them deeper than {MOST_DEPTH}",
                 hint="write it again with tactile-marks",
             )
         for name in group:
@@ -49,13 +47,9 @@ def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: boo
             if isinstance(link, h5py.ExternalLink):
                 raise MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
             if not isinstance(link, h5py.HardLink):
-                if names_once:
-                    raise MarksError(f"has a second name for its data (/{name})", hint="write it again")
                 continue  # within the file: its target is met by itself
             found = group[name]
             if _address(found) in seen:
-                if names_once:
-                    raise MarksError(f"has a second name for its data ({found.name})", hint="write it again")
                 continue
             seen.add(_address(found))
             if isinstance(found, h5py.Group):
@@ -68,15 +62,6 @@ def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: boo
 def n_values(dataset: Any) -> int:
     """Values that a dataset declares."""
     return math.prod(int(n) for n in dataset.id.shape or ())
-
-
-def n_bytes(dataset: Any) -> int:
-    """Bytes that reading a dataset unpacks: its chunks are unpacked whole."""
-    size = int(dataset.id.get_type().get_size())
-    if dataset.chunks is None:
-        return n_values(dataset) * size
-    sides = zip(dataset.id.shape, dataset.chunks, strict=True)
-    return math.prod(-(-int(n) // int(chunk)) * int(chunk) for n, chunk in sides) * size
 
 
 def _address(found: Any) -> tuple[int, ...]:

@@ -21,7 +21,6 @@ from glyphs.errors import FileError, MarksError
 from pipeline.common.texts import without_blanks
 from pipeline.common.version import file_sha256
 from pipeline.formats.glyph_database import (
-    DatabaseError,
     Exemplar,
     GlyphDatabase,
     load_database,
@@ -147,16 +146,14 @@ def enrol(
         each: calls a function with every part and gives the results in order, as `map` does.
 
     Raises:
-        DatabaseError: a database that cannot be read or written, or `font` is a font that was not learned.
+        FileError: a database that cannot be read or written, or `font` is a font that was not learned.
         ExemplarError: exemplars of which no font can be made.
         FontError: a font of the settings that cannot be loaded.
     """
     held = _opened(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):
-        raise DatabaseError(
-            f"{font!r} is a font of its own in {database}",
-            hint=f"name the die another, {font + '-worn'!r} for example",
-        )
+        hint = f"name the die another, {font + '-worn'!r} for example"
+        raise FileError(database, f"has {font!r} as a font of its own", hint)
     when = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     exemplars = list(held.exemplars)
     before = {(e.evidence, e.note) for e in exemplars if e.font_name == font}

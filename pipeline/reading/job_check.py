@@ -26,18 +26,16 @@ def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFi
         OwnFileError: a file that it names is not.
         FileError: its settings are not.
     """
-    from pipeline.formats.glyph_database import DatabaseError
     from pipeline.reading.readers import open_reader
 
     job = job_of(path, written, digest)
     try:
         open_reader(job.settings)
     except MarksError as error:
-        own = isinstance(error, DatabaseError) or getattr(error, "path", None) in files_of(job.settings)
-        if isinstance(error, FileError):
-            raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
-        name = f"{job.name}{SUFFIX}"
-        raise (OwnFileError if own else FileError)(name, error.what, error.hint) from error
+        if not isinstance(error, FileError):
+            raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
+        own = error.path in files_of(job.settings)
+        raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
     return job
 
 

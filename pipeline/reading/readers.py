@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from glyphs.errors import FileError
 from glyphs.fonts.glyph import Font
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import NamedLine, ReadSettings
@@ -86,13 +87,11 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
     """Fonts out of the database, and names still to be loaded."""
     if settings.database is None:
         return settings.font
-    from pipeline.formats.glyph_database import DatabaseError, load_database
+    from pipeline.formats.glyph_database import load_database
 
     kept = load_database(settings.database).fonts
     if not kept and not settings.font:
-        raise DatabaseError(
-            f"{settings.database} holds no font", hint="add one with: tactile-marks glyphs build"
-        )
+        raise FileError(settings.database, "holds no font", "add one with: tactile-marks glyphs build")
     fonts = tuple(font for name, font in kept.items() if not settings.font or name in settings.font)
     return (*fonts, *(name for name in settings.font if name not in kept))
 

@@ -292,7 +292,7 @@ class Journal(Generic[Kept]):
                 ) from error
             if code in _DAMAGED:
                 raise self._unusable(f"has a damaged journal ({error})") from error
-            raise cannot_be_written(self._output, error) from error
+            raise _cannot_be_written(self._output, error) from error
 
 
 def resumable(
@@ -367,8 +367,24 @@ def set_aside(path: Path, *, head: bytes = b"") -> Path | None:
     return kept
 
 
-def cannot_be_written(path: Path, error: Exception) -> FileError:
-    """The error of an output that the disk refuses; the same command takes the run up."""
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name an output in errors of the disk; the same command takes the run up.
+
+    Raises:
+        FileError: the disk refuses what the block does.
+    """
+    try:
+        yield
+    except FileError as problem:
+        if not isinstance(problem.__cause__, OSError):
+            raise
+        raise _cannot_be_written(path, problem.__cause__) from problem
+    except OSError as error:
+        raise _cannot_be_written(path, error) from error
+
+
+def _cannot_be_written(path: Path, error: Exception) -> FileError:
     import errno
 
     full = getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

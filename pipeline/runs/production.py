@@ -205,10 +205,7 @@ def _print_outputs(run: Run, options: RunOptions, counts: dict[str, Any]) -> Non
                 f"wrote {second.database}, the shapes of this lot's die; for more of the lot use it with --database"
             )
         if run.quarantine is not None and run.summary.errors:
-            print(
-                f"wrote {run.quarantine.path}, the unread parts; correct their files and give the list to "
-                "read"
-            )
+            print(f"wrote {run.quarantine}, the unread parts; correct their files and give the list to read")
     if options.summary is not None:
         text = json.dumps(counts, indent=1, ensure_ascii=False)
         with replacing(options.summary) as temporary:

@@ -3,88 +3,61 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
+from glyphs.atomic import replacing
 from glyphs.errors import FileError
 from pipeline.formats.manifest import COLUMNS, FILES
 from pipeline.formats.part_files import PartFiles, absolute
-from pipeline.runs.journal import GrowingFile, cannot_be_written, set_aside
+from pipeline.runs.journal import set_aside, writing
 from pipeline.runs.tables import csv_line
 
 _HEAD = ",".join((*COLUMNS, "problem")).encode() + b"\n"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 
-class Quarantine:
-    """The parts that could not be read, as a manifest of its own: what was mended is read by naming it as input.
+def begin_quarantine(path: Path, *, resumed: bool) -> None:
+    """Make room for the list of a run; a list of an earlier run is moved to the same name with a ~.
 
-    Attributes:
-        path: the CSV; there from the first bad part on.
+    Args:
+        path: of the CSV.
+        resumed: a list that is there is of this run, which writes it anew.
+
+    Raises:
+        FileError: what is there is no such list, or cannot be moved or read.
     """
+    with writing(path):
+        head = b""
+        with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
+            head = stream.read(len(_HEAD))
+        if not _HEAD.startswith(head):
+            raise FileError(path, "is not a list of bad parts", "name another file for it")
+        if not resumed:
+            set_aside(path, head=_HEAD)
 
-    def __init__(self, path: Path, *, keep: bool = False) -> None:
-        """Begin the list.
 
-        Args:
-            path: of the CSV.
-            keep: whether a list that is there is of this run, which adds all its parts again; else it is moved to
-                the same name with a ~.
+def write_quarantine(path: Path, bad: Iterable[tuple[PartFiles, str]]) -> None:
+    """Write the list of parts with their problems; without any there is no list.
 
-        Raises:
-            FileError: what is there is no such list, or cannot be moved or read.
-        """
-        self.path = path
-        self._growing: GrowingFile | None = None
-        self._names: set[str] = set()
-        with self._writing():
-            head = b""
-            with contextlib.suppress(FileNotFoundError), path.open("rb") as stream:
-                head = stream.read(len(_HEAD))
-            if not _HEAD.startswith(head):
-                raise FileError(path, "is not a list of bad parts", "name another file for it")
-            if keep:
-                path.unlink(missing_ok=True)
-            else:
-                set_aside(path, head=_HEAD)
-
-    def add(self, listed: PartFiles, problem: str) -> None:
-        """Append a part, once; it is the kernel's before this returns.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        name = _one_line(listed.name).strip()
-        if name in self._names:
+    Raises:
+        FileError: it cannot be written.
+    """
+    lines = b"".join(_line(part, problem) for part, problem in bad)
+    with writing(path):
+        if not lines:
+            path.unlink(missing_ok=True)
             return
-        files = {column: absolute(getattr(listed, column)) for column in FILES}
-        if not listed.files and listed.problem is not None:
-            files["height_map"] = absolute(str(listed.problem.path))
-        about = (listed.expected, listed.format, listed.font, problem)
-        line = csv_line([name, *(_one_line(cell) for cell in (*files.values(), *about))], end="\n")
-        with self._writing():
-            if self._growing is None:
-                self._growing = GrowingFile(self.path)
-                line = _HEAD + line
-            self._growing.append(line)
-        self._names.add(name)
-
-    def close(self) -> None:
-        """Bring it to the disk."""
-        if self._growing is not None:
-            with self._writing(), self._growing:
-                os.fsync(self._growing.fileno())
-
-    @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise cannot_be_written(self.path, error) from error
+        with replacing(path) as temporary:
+            temporary.write_bytes(_HEAD + lines)
 
 
-def _one_line(cell: str) -> str:
-    """A cell that the next reader of the table takes: one line, and UTF-8."""
-    return _CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode()
+def _line(part: PartFiles, problem: str) -> bytes:
+    files = {column: absolute(getattr(part, column)) for column in FILES}
+    if not part.files and part.problem is not None:
+        files["height_map"] = absolute(str(part.problem.path))
+    cells = (part.name.strip(), *files.values(), part.expected, part.format, part.font, problem)
+    # what the next reader of the table takes: one line a part, and UTF-8
+    lines = (_CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode() for cell in cells)
+    return csv_line(lines, end="\n")

@@ -23,7 +23,7 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.runs.journal import resumable, set_aside
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
-from pipeline.runs.quarantine import Quarantine
+from pipeline.runs.quarantine import begin_quarantine, write_quarantine
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass
 from pipeline.runs.store_target import RunStore
@@ -43,7 +43,7 @@ class Run:
 
     Attributes:
         journal: the run on the disk.
-        quarantine: list of the parts that could not be read.
+        quarantine: file of the list of the parts that could not be read.
         store: store that keeps the parts as well.
         second: second pass, in which the lot teaches itself.
         lot: check that sends impossible serials of this lot to review.
@@ -57,7 +57,7 @@ class Run:
     """
 
     journal: RunJournal
-    quarantine: Quarantine | None = None
+    quarantine: Path | None = None
     store: RunStore | None = None
     second: SecondPass | None = None
     lot: LotCheck | None = None
@@ -72,7 +72,7 @@ class Run:
     def work(self, parts: Sequence[PartFiles], order: RunOrder, executor: Executor) -> None:
         """Read every part that the journal does not hold, and put the table in the order of the parts.
 
-        With a store the table is not the result: it stays unfinished until the caller that opened the run is done.
+        Without a table the journal stays until the caller that opened the run is done.
 
         Raises:
             FileError: the table cannot be written.
@@ -84,15 +84,18 @@ class Run:
                 self.lot.known(record)
             if record.error:
                 failed[record.part] = record.error
-        for part in parts if failed else ():
-            if part.name in failed:
-                self._quarantine(part, failed[part.name])
-        for part, record in resumable(
-            self.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
-        ):
-            self._quarantine(part, record.error)
-            self.read_now += 1
-            self.progress.advance(failed=bool(record.error))
+        try:
+            for part, record in resumable(
+                self.journal, parts, executor, read_listed, order, lost=lost_part, kept=self._record
+            ):
+                if record.error:
+                    failed[part.name] = record.error
+                self.read_now += 1
+                self.progress.advance(failed=bool(record.error))
+        finally:
+            if self.quarantine is not None:
+                bad = ((part, failed[part.name]) for part in parts if part.name in failed)
+                write_quarantine(self.quarantine, bad)
         if self.second is not None:
             waiting, order = self.second.learned_order(
                 self.journal, parts, order, executor, self.progress.line
@@ -104,7 +107,7 @@ class Run:
             ):  # fmt: skip
                 self.second.again += 1
                 self.progress.advance(failed=bool(record.error))
-        if self.store is None:
+        if self.journal.written:
             self.journal.finish((part.name for part in parts), self._count)
         else:
             for record in self.journal.records():
@@ -127,10 +130,6 @@ class Run:
         if self.watch is not None:
             self.watch.add(record.source, read.measures)
         return record
-
-    def _quarantine(self, part: PartFiles, error: str) -> None:
-        if error and self.quarantine is not None:
-            self.quarantine.add(part, error)
 
     def _count(self, record: ReadingRecord) -> None:
         self.summary.add(record)
@@ -155,15 +154,18 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
     with ExitStack() as stack:
         if options.out is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tactile-marks-"))
-            table, bad = Path(folder) / "rows.jsonl", Path(folder) / "quarantine.csv"
+            table, bad = Path(folder) / "rows", None
         elif options.store is None:
             table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
         else:
-            # its rows spare a run that broke off the reading; that no part is kept twice is up to the store's keys
-            table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
-        journal = stack.enter_context(RunJournal(table, description))
+            # it spares a run that broke off the reading; that no part is kept twice is up to the store's keys
+            table, bad = Path(f"tactile-marks-{key}"), Path("parts.quarantine.csv")
+        written = options.out is not None and options.store is None
+        journal = stack.enter_context(RunJournal(table, description, written=written))
+        if bad is not None:
+            begin_quarantine(bad, resumed=journal.resumed)
         with ExitStack() as inner:
-            run = Run(journal, inner.enter_context(closing(Quarantine(bad, keep=journal.resumed))))
+            run = Run(journal, bad)
             if options.store is not None:
                 journal.keep_private()
                 store = RunStore(options.store, key, evidence=options.evidence)
@@ -176,5 +178,5 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
                 run.second = SecondPass(database, always=bool(options.learn_die))
             yield run
         # last, with workers and store gone: broken off before, the same command reads nothing again
-        if options.store is not None and run.finished:
-            journal.forget()
+        if run.finished and not written:
+            journal.remove()

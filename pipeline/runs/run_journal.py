@@ -8,7 +8,7 @@ Parquet and workbooks, to which nothing can be appended, are written by `finish`
 taken up writes it anew from the journal.
 
      open --> keep, keep, keep --> finish          kill, loss of power: the same `open` takes it up again
-                           \\--> forget          of a run whose rows are kept elsewhere: nothing stays
+                           \\--> remove          of a run whose rows are kept elsewhere: nothing stays
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from glyphs.atomic import replacing
-from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.errors import describe_fault
-from pipeline.runs.journal import GrowingFile, Journal, cannot_be_written, set_aside
+from pipeline.runs.journal import GrowingFile, Journal, set_aside, writing
 from pipeline.runs.tables import WORKBOOK, check_output, form_of, grows, write_table
 from pipeline.runs.workbook import write_workbook
 from recognition.learning.lot import is_better
@@ -37,6 +36,7 @@ class RunJournal(Journal[ReadingRecord]):
 
     Attributes:
         table: the file that the user asked for.
+        written: whether there is a table; without one the journal alone is written.
         kept: where the table that stood there before went; None where there was none with a row.
     """
 
@@ -44,18 +44,24 @@ class RunJournal(Journal[ReadingRecord]):
     version: ClassVar[int] = 5
     keeps: ClassVar[Any] = ReadingRecord
 
-    def __init__(self, table: Path, description: Mapping[str, Any] | None) -> None:
+    def __init__(self, table: Path, description: Mapping[str, Any] | None, *, written: bool = True) -> None:
         """Begin a run or resume one.
+
+        Args:
+            table: the file that the user asked for.
+            description: description of the run.
+            written: as the attribute.
 
         Raises:
             FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
         """
-        check_output(table)
-        self.table, self._form = table, form_of(table)
+        if written:
+            check_output(table)
+        self.table, self.written, self._form = table, written, form_of(table)
         self.kept: Path | None = None
         self._growing: GrowingFile | None = None
         super().__init__(unfinished(table), description, output=table)
-        if grows(table):
+        if written and grows(table):
             try:
                 write_table(self.records(), table)
                 self._growing = GrowingFile(table)
@@ -68,7 +74,7 @@ class RunJournal(Journal[ReadingRecord]):
     ) -> Mapping[str, ReadingRecord]:
         """Store records and append their lines; a value that no table can hold makes it a record with an error."""
         stored, lines = dict(kept), b""
-        for name, record in kept.items():
+        for name, record in kept.items() if self.written else ():
             try:
                 lines += self._form.encode(record)
             except ValueError as error:
@@ -103,16 +109,12 @@ class RunJournal(Journal[ReadingRecord]):
                 count(record)
                 yield record
 
-        try:
+        with writing(self.table):
             if self.table.suffix.lower() == WORKBOOK:
                 with replacing(self.table) as temporary:
                     write_workbook(counted(), temporary, self.description)
             else:
                 write_table(counted(), self.table)
-        except FileError as problem:
-            if not isinstance(problem.__cause__, OSError):
-                raise
-            raise cannot_be_written(self.table, problem.__cause__) from problem
         self.remove()
 
     def keep_private(self) -> None:
@@ -122,19 +124,8 @@ class RunJournal(Journal[ReadingRecord]):
             FileError: the disk refuses.
         """
         with self._faults():
-            for path in self.table.parent.glob(f"{self.table.name}*"):
+            for path in self.path.parent.glob(f"{self.path.name}*"):
                 path.chmod(0o600)
-
-    def forget(self) -> None:
-        """End the run and remove its table, for its records are kept elsewhere.
-
-        Raises:
-            FileError: the disk refuses.
-        """
-        self._close_table()
-        with self._faults():
-            self.table.unlink(missing_ok=True)
-        self.remove()
 
     def close(self) -> None:
         """Close the table; an unfinished run can be resumed."""
@@ -147,5 +138,6 @@ class RunJournal(Journal[ReadingRecord]):
 
     def _begin(self) -> None:
         # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
-        self.kept = set_aside(self.table, head=self._form.head if grows(self.table) else b"")
+        if self.written:
+            self.kept = set_aside(self.table, head=self._form.head if grows(self.table) else b"")
         super()._begin()

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import json
 import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-import h5py
 import httpx
 import numpy as np
 import pytest
 
 from tests.contract.front_doors import Command, RunningService, status_of
-
-BLOCK_BYTES = 512
 
 
 @pytest.fixture(scope="module")
@@ -29,55 +28,51 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def edited(database: bytes, change: Callable[[h5py.File], object]) -> bytes:
-    """The database with its HDF5 part changed and its digest right."""
-    head, body = database[:BLOCK_BYTES], io.BytesIO(database[BLOCK_BYTES:])
-    with h5py.File(body, "r+") as file:
-        change(file)
-    lines = head.rstrip(b"\0").split(b"\n")
-    lines[2] = b"sha256 " + hashlib.sha256(body.getvalue()).hexdigest().encode()
-    return b"\n".join(lines).ljust(BLOCK_BYTES, b"\0") + body.getvalue()
+def edited(database: bytes, change: Callable[[dict[str, Any]], object]) -> bytes:
+    """The database with its JSON changed and its digest right."""
+    name, version, _, packed = database.split(b"\n", 3)
+    content = json.loads(zlib.decompress(packed))
+    change(content)
+    body = zlib.compress(json.dumps(content).encode())
+    digest = b"sha256 " + hashlib.sha256(body).hexdigest().encode()
+    return b"\n".join((name, version, digest, body))
 
 
-def never_written(file: h5py.File) -> None:
-    del file["fonts/0/points"]
-    file["fonts/0"].create_dataset(
-        "points", shape=(200_000_000, 2), dtype="f8", chunks=(1000, 2), compression="gzip"
-    )
+def an_array(content: dict[str, Any], **change: object) -> None:
+    content["fonts"]["gothic"]["glyphs"]["A"]["strokes"][0].update(change)
 
 
-def stored_elsewhere(file: h5py.File) -> None:
-    count = file["fonts/0/advance"].size
-    del file["fonts/0/advance"]
-    file["fonts/0"].create_dataset(
-        "advance", shape=(count,), dtype="f8", external=[("/etc/passwd", 0, 8 * count)]
-    )
+def bomb(content: dict[str, Any]) -> None:
+    content["fonts"]["gothic"]["source"] = "x" * 70_000_000
 
 
-def linked_elsewhere(file: h5py.File) -> None:
-    del file["fonts"]
-    file["fonts"] = h5py.ExternalLink("/tmp/other.h5", "/fonts")
+def never_written(content: dict[str, Any]) -> None:
+    an_array(content, shape=[200_000_000, 2])
 
 
-def named_often(file: h5py.File) -> None:
-    for k in range(1, 2000):
-        file[f"fonts/{k}"] = file["fonts/0"]
+def objects(content: dict[str, Any]) -> None:
+    an_array(content, dtype="|O8")
+
+
+def many_fonts(content: dict[str, Any]) -> None:
+    gothic = content["fonts"]["gothic"]
+    content["fonts"] = {f"gothic-{k}": {**gothic, "name": f"gothic-{k}"} for k in range(300)}
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (never_written, "unpacks to more than"),
-        (stored_elsewhere, "in another file"),
-        (linked_elsewhere, "link into another file"),
-        (named_often, "second name for its data"),
+        (bomb, "unpacks to more than"),
+        (never_written, "is not a glyph database"),
+        (objects, "is not a glyph database"),
+        (many_fonts, "300 fonts, over the limit"),
     ],
 )
 def test_a_hostile_glyph_database_is_refused_by_jobs_and_parts(
     service: RunningService,
     database: bytes,
     height_map: Path,
-    change: Callable[[h5py.File], object],
+    change: Callable[[dict[str, Any]], object],
     why: str,
 ) -> None:
     name = change.__name__
@@ -140,7 +135,7 @@ def test_the_command_line_refuses_a_hostile_database(
     command: Command, database: bytes, height_map: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "hostile.glyphs"
-    path.write_bytes(edited(database, never_written))
+    path.write_bytes(edited(database, bomb))
     ended = command("read", height_map, "--database", path, "--format", "A9", "--jobs", "1")
     assert ended.status != 0
     assert "unpacks to more than" in ended.out + ended.err

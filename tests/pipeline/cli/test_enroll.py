@@ -6,13 +6,14 @@ import matplotlib
 import numpy as np
 import pytest
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
-from pipeline.formats.glyph_database import DatabaseError, load_database
+from pipeline.formats.glyph_database import load_database
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part
@@ -203,7 +204,7 @@ def test_nothing_taken_leaves_no_database(tmp_path):
 
 
 def test_a_font_that_was_not_learned_is_not_overwritten(taught, folder):
-    with pytest.raises(DatabaseError, match=r"font of its own.*gothic-worn"):
+    with pytest.raises(FileError, match=r"font of its own.*gothic-worn"):
         enrol(reviewed(folder, 0), taught[0], font="gothic", settings=SETTINGS)
 
 

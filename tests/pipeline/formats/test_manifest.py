@@ -19,7 +19,7 @@ from pipeline.common.row import row_of
 from pipeline.formats.find_parts import discover
 from pipeline.formats.manifest import COLUMNS, read_manifest
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.quarantine import Quarantine
+from pipeline.runs.quarantine import begin_quarantine, write_quarantine
 
 
 def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:
@@ -211,22 +211,17 @@ BAD = [
 ]
 
 
-def quarantined(path: Path, parts: Iterable[PartFiles], *, keep: bool = False) -> None:
-    book = Quarantine(path, keep=keep)
-    for part in parts:
-        book.add(part, f"{part.files[0]}: is damaged,\nor worse; copy it again")
-    book.close()
+def quarantined(path: Path, parts: Iterable[PartFiles], *, resumed: bool = False) -> None:
+    begin_quarantine(path, resumed=resumed)
+    problem = "is damaged,\nor worse; copy it again"
+    write_quarantine(path, [(part, f"{part.files[0]}: {problem}") for part in parts])
 
 
 def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
-    book = Quarantine(path)
+    begin_quarantine(path, resumed=False)
     assert not path.exists()
-    for number, part in enumerate(BAD, start=1):
-        book.add(part, "is damaged; copy it again")
-        # there before the run goes on, whatever happens to it then
-        assert len(read_manifest(str(path))) == number
-    book.close()
+    write_quarantine(path, [(part, "is damaged; copy it again") for part in BAD])
     again = read_manifest(str(path))
     assert again[0] == PartFiles(
         "lot/a", os.path.abspath("maps/a.npz"), "", "s3://lots/a.png", "KB,74", 'A"9"', "block"
@@ -239,7 +234,7 @@ def test_bad_parts_are_a_manifest(tmp_path: Path) -> None:
 def test_a_run_taken_up_goes_on_with_its_list(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     quarantined(path, BAD[:2])
-    quarantined(path, BAD, keep=True)  # the first two are told again and stand once
+    quarantined(path, BAD, resumed=True)
     assert [p.name for p in read_manifest(str(path))] == [p.name for p in BAD]
     assert not path.with_name("bad.csv~").exists()
 
@@ -261,16 +256,16 @@ def test_a_list_cut_anywhere_is_taken_up(tmp_path: Path, monkeypatch: pytest.Mon
     whole = path.read_bytes()
     for cut in range(len(whole) + 1):
         path.write_bytes(whole[:cut])
-        quarantined(path, [*BAD, odd], keep=True)
+        quarantined(path, [*BAD, odd], resumed=True)
         assert path.read_bytes() == whole, cut
 
 
 def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "lot.csv"
     path.write_text("part,height_map\nA,a.npz\n")
-    for keep in (False, True):
+    for resumed in (False, True):
         with pytest.raises(FileError, match="is not a list of bad parts; name another file"):
-            Quarantine(path, keep=keep)
+            begin_quarantine(path, resumed=resumed)
     assert path.read_text() == "part,height_map\nA,a.npz\n"
 
 
@@ -279,9 +274,7 @@ def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None
     quarantined(path, [PartFiles("x\ny", "x\ny.npz"), PartFiles("\udcff", "\udcff.npz"), BAD[1]])
     assert [p.name for p in read_manifest(str(path))] == ["x\\ny", "\\udcff", "b"]
     (part,) = discover(["x" * 5000 + ".npz"])
-    book = Quarantine(tmp_path / "long.csv")
-    book.add(part, "cannot be opened")
-    book.close()
+    write_quarantine(tmp_path / "long.csv", [(part, "cannot be opened")])
     assert read_manifest(str(tmp_path / "long.csv"))[0].height_map.endswith("x.npz")
 
 
@@ -295,5 +288,5 @@ def test_a_list_that_cannot_be_written_is_told(tmp_path: Path) -> None:
             quarantined(tmp_path / "bad.csv", BAD)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    quarantined(tmp_path / "bad.csv", BAD, keep=True)
+    quarantined(tmp_path / "bad.csv", BAD, resumed=True)
     assert len(read_manifest(str(tmp_path / "bad.csv"))) == 3
