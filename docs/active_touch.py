@@ -28,7 +28,7 @@ from glyphs.soiling.soiled import Soiling
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.pictures import styled
-from pipeline.reading.simulated_scan import open_session
+from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
@@ -77,7 +77,7 @@ def _feel() -> FeltPart:
     spec = SynthSpec(FORMAT, seed=SEED, height_mm=5.0, soiling=Soiling(severity=0.5))
     part, height_mm = make_part(spec, NUMBER), spec.height_mm
     reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=height_mm, orientation=Orientation.UPRIGHT)
-    session = open_session(part.height_map, height_mm=height_mm, soil=part.soil, sensor_seed=SEED)
+    session = VirtualBench(part.height_map, height_mm, sensor_seed=SEED, soil=part.soil).open_session()
     try:
         found = read_kept(reader.touch, session, budget_s=BUDGET_S)
     finally:

@@ -57,13 +57,12 @@ def _read(out: Path) -> int:
     from glyphs.part import stamp
     from pipeline.formats.npz import write_npz
     from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
-    from pipeline.reading.simulated_scan import feel
+    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.language.orientation import Orientation
     from recognition.reader import Reader
     from recognition.views.levelling import level
     from whisker_array.scan.lead_in import calibrate_scan
     from whisker_array.scan.recording import load_scan, save_calibration, save_scan
-    from whisker_array.whisker.array import default_plan
 
     print("Stamping plates, scanning them with simulated whiskers, and reading them without")
     print("being given font or size. The first run on a machine takes longer: it compiles.\n")
@@ -72,9 +71,7 @@ def _read(out: Path) -> int:
     for number, (name, stamping) in enumerate(PLATES.items()):
         made = stamp(**stamping, seed=(_SEED, number))
         write_npz(out / f"{name}.npz", made.height_map)
-        height_mm = made.height_mm
-        plan = default_plan((0.0, 0.0, *made.height_map.size_mm), character_height_mm=height_mm)
-        scan = feel(made.height_map, plan=plan, height_mm=height_mm, sensor_seed=_SEED + number, part_id=name)
+        scan = VirtualBench(made.height_map, made.height_mm, sensor_seed=_SEED + number, part_id=name).scan()
         recording = out / f"{name}.h5"
         save_scan(scan, recording)
         save_calibration(recording, calibrate_scan(scan).calibration)

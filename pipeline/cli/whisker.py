@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -80,7 +80,7 @@ def scan(
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
-    from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
+    from pipeline.reading.simulated_scan import VirtualBench, find_height_mm
     from whisker_array.scan.recording import save_scan
     from whisker_array.simulation.traces import Fidelity
     from whisker_array.whisker.array import default_plan
@@ -98,13 +98,11 @@ def scan(
     soil = read_soil(height_map, maps)
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
-    bench: dict[str, Any] = {
-        "height_mm": height, "fidelity": Fidelity(fidelity), "noise": noise, "memory": memory, "sensor_seed": seed,
-        "part_id": height_map.stem, "friction": friction, "soil": soil,
-    }  # fmt: skip
+    bench = VirtualBench(
+        surface, height, Fidelity(fidelity), noise, memory, seed, height_map.stem, friction, soil
+    )
     if active:
-        session = open_session(surface, **bench)
-        return scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
+        return scan_actively(bench.open_session(), out, height_mm=height, budget_s=budget_s, format=format)
     region = (0.0, 0.0, *surface.size_mm)
     plan = default_plan(region, character_height_mm=height, kinds=2 if profilers else 1, two_way=two_way)
     if built is not None:
@@ -114,7 +112,7 @@ def scan(
     mu = touch.friction if friction is None else friction
     if warning := linear_beam_warning(shape, lift_mm=touch.preload_mm, mu=mu):
         print(f"warning: {warning}", file=sys.stderr)
-    made = feel(surface, plan=plan, touch=touch, **bench)
+    made = bench.scan(plan, touch=touch)
     save_scan(made, out)
     print(
         f"wrote {out}: characters {height:.2f} mm, preload {made.touch.preload_mm:.2f} mm, "

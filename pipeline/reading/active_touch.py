@@ -48,7 +48,7 @@ def read_actively(
     Raises:
         MapError: a map that cannot be felt, or soil on another grid.
     """
-    from pipeline.reading.simulated_scan import open_session
+    from pipeline.reading.simulated_scan import VirtualBench
 
     levelled, found, spent_s = level(surface), None, 0.0
     fidelity = Fidelity(reader.settings.fidelity)
@@ -56,14 +56,8 @@ def read_actively(
     for height_mm in heights[:MOST_SCANS]:
         if spent_s >= budget_s:
             break
-        session: StageSession = open_session(
-            surface,
-            height_mm=height_mm,
-            fidelity=fidelity,
-            noise=False,
-            part_id=part_id,
-            soil=soil,
-        )
+        bench = VirtualBench(surface, height_mm, fidelity, noise=False, part_id=part_id, soil=soil)
+        session: StageSession = bench.open_session()
         if region_mm is not None:
             # the stage's field is what may be felt: a recording of the passes holds it
             session = FramedSession(session, x_mm=0.0, y_mm=0.0, field_mm=region_mm)

@@ -127,24 +127,18 @@ class Retake:
 
     def feel(self, *, fidelity: Fidelity, soil: Soil | None, part_id: str) -> Feel:
         """Function that scans the perturbed surface by touch."""
-        from pipeline.reading.simulated_scan import feel
-        from whisker_array.whisker.array import default_plan
+        from pipeline.reading.simulated_scan import VirtualBench
+
+        array = self.seed if self.array is None else self.array
 
         def scan(surface: HeightMap, height_mm: float) -> Scan:
-            whole = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
-            x0, y0, x1, y1 = whole.region_mm
-            right, down = self._shift_mm(whole.line_pitch_mm)
-            felt = feel(
-                surface,
-                plan=replace(whole, region_mm=(x0 + right, y0 + down, x1, y1)),
-                height_mm=height_mm,
-                fidelity=fidelity,
-                noise=self.how.noise,
-                sensor_seed=self.seed if self.array is None else self.array,
-                noise_seed=self.seed,
-                part_id=part_id,
-                soil=soil,
+            bench = VirtualBench(
+                surface, height_mm, fidelity, self.how.noise, sensor_seed=array, part_id=part_id, soil=soil
             )
+            x0, y0, x1, y1 = bench.whole.region_mm
+            right, down = self._shift_mm(bench.whole.line_pitch_mm)
+            plan = replace(bench.whole, region_mm=(x0 + right, y0 + down, x1, y1))
+            felt = bench.scan(plan, noise_seed=self.seed)
             return reordered(felt) if self.how.reordered else felt
 
         return scan

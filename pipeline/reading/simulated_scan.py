@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -38,90 +38,12 @@ def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
     return float(f"{reading.height_mm:.3g}")
 
 
-def feel(
-    height_map: HeightMap,
-    *,
-    plan: RasterPlan,
-    height_mm: float,
-    fidelity: Fidelity = Fidelity.CONTACT,
-    noise: bool = True,
-    memory: bool = True,
-    sensor_seed: int = 0,
-    noise_seed: int | None = None,
-    part_id: str = "",
-    touch: Touch | None = None,
-    friction: float | None = None,
-    soil: Soil | None = None,
-) -> Scan:
-    """Simulate a scan of the map; with noise, sensors and stage have realistic small errors.
+@dataclass(frozen=True, eq=False)
+class VirtualBench:
+    """A part mounted under the virtual array; with noise, sensors and stage have realistic small errors.
 
-    Args:
-        height_map: the part.
-        plan: the raster; of two kinds of whiskers the second are profilers.
-        height_mm: character height.
-        fidelity: how touch is simulated.
-        noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
-        memory: with noise, simulate creep and hysteresis, and play and errors of the stage as well.
-        sensor_seed: seed of gains, offsets, noise and everything else on the bench.
-        noise_seed: seed of the noise, if the same sensors measure again.
-        part_id: name of the part.
-        touch: whisker of the first row (default: the default one for the height).
-        friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
-        soil: dirt on the part, whose top surface is the map (default: no dirt).
-
-    Raises:
-        MapError: the map cannot be scanned, or soil on another grid.
-    """
-    touch = touch if touch is not None else default_touch(height_mm)
-    n_whiskers = plan.array.n_whiskers * plan.array.kinds
-    rng, chain, stage = _bench(n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
-    drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
-    scan = trace_scan(
-        level(height_map),
-        touch=touch,
-        plan=plan,
-        fidelity=fidelity,
-        sensor=chain,
-        stage=stage,
-        rng=drawn if noise else None,
-        part_id=part_id,
-        friction=friction,
-        soil=soil,
-        others=(profiling_touch(height_mm),) if plan.array.kinds > 1 else (),
-    )
-    return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
-
-
-def _bench(
-    n_whiskers: int, touch: Touch, *, noise: bool, memory: bool, seed: int
-) -> tuple[np.random.Generator, SensorChain | None, StagePlay | None]:
-    """Draw the sensors and the stage of one bench; without memory the stage has no play either."""
-    rng = np.random.default_rng(seed)
-    if not noise:
-        return rng, None, None
-    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
-    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale, memory=memory)
-    return rng, chain, draw_stage_play(rng=rng.spawn(1)[0]) if memory else None
-
-
-def open_session(
-    height_map: HeightMap,
-    *,
-    height_mm: float,
-    fidelity: Fidelity = Fidelity.CONTACT,
-    noise: bool = True,
-    memory: bool = True,
-    sensor_seed: int = 0,
-    part_id: str = "",
-    friction: float | None = None,
-    soil: Soil | None = None,
-) -> SimulatedSession:
-    """Mount the part on the simulated stage, to be felt pass by pass; the comb is that of the default plan.
-
-    With noise, sensors and stage are drawn as in `feel`, and the gains are known as on a bench.
-
-    Args:
-        height_map: the part.
+    Attributes:
+        height_map: the part, as it is given; it is mounted level.
         height_mm: character height that the whiskers are built for.
         fidelity: how touch is simulated.
         noise: simulate gains, offsets, drift, vibration and a 16 bit converter; sensors are ideal otherwise.
@@ -130,27 +52,89 @@ def open_session(
         part_id: name of the part.
         friction: true friction of the part (default: that of the soil; without soil, the touch's nominal one).
         soil: dirt on the part, whose top surface is the map (default: no dirt).
-
-    Raises:
-        MapError: the map cannot be felt, or soil on another grid.
     """
-    touch = default_touch(height_mm)
-    usual = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm)
-    rng, chain, stage = _bench(usual.array.n_whiskers, touch, noise=noise, memory=memory, seed=sensor_seed)
-    rate = usual.sample_rate_hz
-    known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
-    return SimulatedSession(
-        level(height_map),
-        touch=touch,
-        array=usual.array,
-        height_mm=height_mm,
-        sample_pitch_mm=usual.sample_pitch_mm,
-        fidelity=fidelity,
-        friction=friction,
-        soil=soil,
-        sensor=chain,
-        stage=stage,
-        calibration=known,
-        rng=rng if noise else None,
-        part_id=part_id,
-    )
+
+    height_map: HeightMap
+    height_mm: float
+    fidelity: Fidelity = Fidelity.CONTACT
+    noise: bool = True
+    memory: bool = True
+    sensor_seed: int = 0
+    part_id: str = ""
+    friction: float | None = None
+    soil: Soil | None = None
+
+    @property
+    def whole(self) -> RasterPlan:
+        """The default plan of the whole part."""
+        return default_plan((0.0, 0.0, *self.height_map.size_mm), character_height_mm=self.height_mm)
+
+    def scan(
+        self, plan: RasterPlan | None = None, *, touch: Touch | None = None, noise_seed: int | None = None
+    ) -> Scan:
+        """Simulate a scan.
+
+        Args:
+            plan: the raster (default: the whole part); of two kinds of whiskers the second are profilers.
+            touch: whisker of the first row (default: the default one for the height).
+            noise_seed: seed of the noise, if the same sensors measure again.
+
+        Raises:
+            MapError: the map cannot be scanned, or soil on another grid.
+        """
+        plan, touch = plan or self.whole, touch or default_touch(self.height_mm)
+        rng, chain, stage = self._drawn(plan, touch)
+        drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
+        scan = trace_scan(
+            level(self.height_map),
+            touch=touch,
+            plan=plan,
+            fidelity=self.fidelity,
+            sensor=chain,
+            stage=stage,
+            rng=drawn if self.noise else None,
+            part_id=self.part_id,
+            friction=self.friction,
+            soil=self.soil,
+            others=(profiling_touch(self.height_mm),) if plan.array.kinds > 1 else (),
+        )
+        return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
+
+    def open_session(self) -> SimulatedSession:
+        """Open a session that feels pass by pass; the comb is that of the default plan, the gains are known.
+
+        Raises:
+            MapError: the map cannot be felt, or soil on another grid.
+        """
+        touch, usual = default_touch(self.height_mm), self.whole
+        rng, chain, stage = self._drawn(usual, touch)
+        rate = usual.sample_rate_hz
+        known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
+        return SimulatedSession(
+            level(self.height_map),
+            touch=touch,
+            array=usual.array,
+            height_mm=self.height_mm,
+            sample_pitch_mm=usual.sample_pitch_mm,
+            fidelity=self.fidelity,
+            friction=self.friction,
+            soil=self.soil,
+            sensor=chain,
+            stage=stage,
+            calibration=known,
+            rng=rng if self.noise else None,
+            part_id=self.part_id,
+        )
+
+    def _drawn(
+        self, plan: RasterPlan, touch: Touch
+    ) -> tuple[np.random.Generator, SensorChain | None, StagePlay | None]:
+        """Draw the sensors and the stage; without memory the stage has no play either."""
+        rng = np.random.default_rng(self.sensor_seed)
+        if not self.noise:
+            return rng, None, None
+        whiskers, range_n_mm = plan.array.n_whiskers * plan.array.kinds, abs(touch.land_moment_n_mm())
+        chain = draw_sensor_chain(
+            whiskers, rng=rng, full_scale_n_mm=_RANGE_LAND_MOMENTS * range_n_mm, memory=self.memory
+        )
+        return rng, chain, draw_stage_play(rng=rng.spawn(1)[0]) if self.memory else None

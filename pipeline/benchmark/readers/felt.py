@@ -45,18 +45,16 @@ def feel_part(specimen: Specimen) -> FeltMaps:
     Raises:
         MapError: a surface that cannot be scanned.
     """
-    from pipeline.reading.simulated_scan import feel
+    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.views.view import relief_of
     from whisker_array.estimation.edges import edge_map
-    from whisker_array.whisker.array import default_plan
 
     start = time.perf_counter()
     surface, height_mm = specimen.height_map, specimen.height_mm or USUAL_HEIGHT_MM
     if specimen.feel is not None:
         scan = specimen.feel(surface, height_mm)
     else:
-        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
-        scan = feel(surface, plan=plan, height_mm=height_mm, noise=False, soil=specimen.soil)
+        scan = VirtualBench(surface, height_mm, noise=False, soil=specimen.soil).scan()
     simulated_s = time.perf_counter() - start
     try:
         edges = edge_map(scan)

@@ -19,7 +19,7 @@ from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
 from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder
-from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
+from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
@@ -78,19 +78,19 @@ PLANS = (
 
 def plan_mode(plan: TouchPlan, reader: Reader) -> Mode:
     """Mode that reads by touch with one plan; the trial keeps the stage time and the reason for stopping."""
-    from pipeline.reading.simulated_scan import feel, open_session
+    from pipeline.reading.simulated_scan import VirtualBench
 
     touch = reader.touch
 
     def read(senses: PartReadings) -> tuple[Reading, dict[str, Any]]:
         part = senses.specimen
         height_mm = part.height_mm or USUAL_HEIGHT_MM
-        bench: Any = {"height_mm": height_mm, "soil": part.soil, "sensor_seed": BENCH_SEED}
+        bench = VirtualBench(
+            part.height_map, height_mm, sensor_seed=BENCH_SEED, part_id=part.part, soil=part.soil
+        )
         if plan.name == "whole":
-            raster = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
-            reading = touch.read_scan(feel(part.height_map, plan=raster, **bench))
-            return reading, {"scan_s": round(raster.scan_time_s, 3)}
-        session = open_session(part.height_map, part_id=part.part, **bench)
+            return touch.read_scan(bench.scan()), {"scan_s": round(bench.whole.scan_time_s, 3)}
+        session = bench.open_session()
         found = ActiveReader(touch, plan.settings(part.number)).read(session)
         session.close()
         return found.reading, {"scan_s": round(found.stage_s, 3), "flags": found.stop.value}

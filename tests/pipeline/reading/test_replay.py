@@ -12,7 +12,7 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.formats.synth import SynthSpec, make_part
-from pipeline.reading.simulated_scan import open_session
+from pipeline.reading.simulated_scan import VirtualBench
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.replay import read_kept, replay
 from recognition.reader import Reader
@@ -52,9 +52,9 @@ def reader() -> TactileReader:
 
 def session_of(dirt: float) -> StageSession:
     part = make_part(SynthSpec("AA99", seed=4, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt)), 0)
-    return open_session(
-        part.height_map, height_mm=HEIGHT_MM, soil=part.soil, sensor_seed=3, fidelity=Fidelity.POINTWISE
-    )
+    return VirtualBench(
+        part.height_map, HEIGHT_MM, Fidelity.POINTWISE, sensor_seed=3, soil=part.soil
+    ).open_session()
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,10 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.errors import MarksError
-from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
+from pipeline.reading.simulated_scan import VirtualBench, find_height_mm
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from whisker_array.scan.scan import Scan
-from whisker_array.whisker.array import default_plan
 
 
 def read_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,8 +36,7 @@ def test_a_map_without_characters_needs_a_height(monkeypatch: pytest.MonkeyPatch
 
 def felt(**options: bool) -> Scan:
     flat = HeightMap(np.zeros((60, 120), np.float32), 0.1)
-    plan = default_plan((0.0, 0.0, *flat.size_mm), character_height_mm=5.0)
-    return feel(flat, plan=plan, height_mm=5.0, **options)
+    return VirtualBench(flat, 5.0, **options).scan()
 
 
 def test_a_bench_creeps_and_has_play_unless_told_otherwise() -> None:
@@ -58,6 +56,6 @@ def test_a_bench_creeps_and_has_play_unless_told_otherwise() -> None:
 def test_the_bench_of_a_session_knows_its_creep() -> None:
     flat = HeightMap(np.zeros((60, 120), np.float32), 0.1)
     for memory in (True, False):
-        known = open_session(flat, height_mm=5.0, memory=memory).fitting.calibration
+        known = VirtualBench(flat, 5.0, memory=memory).open_session().fitting.calibration
         assert known is not None
         assert (known.memory is not None) == memory

@@ -158,12 +158,12 @@ def test_two_workers_say_what_one_says_and_the_scan_takes_its_time(tmp_path: Pat
 
 
 def test_a_scans_time_is_that_of_its_plan() -> None:
-    from pipeline.reading.simulated_scan import feel
+    from pipeline.reading.simulated_scan import VirtualBench
     from whisker_array.whisker.array import default_plan
 
     plate = HeightMap(np.zeros((60, 60), dtype=np.float32), 0.1)
     plan = default_plan((0.0, 0.0, 5.9, 5.9), character_height_mm=5.0)
-    scan = feel(plate, plan=plan, height_mm=5.0, fidelity=Fidelity.POINTWISE, noise=False)
+    scan = VirtualBench(plate, 5.0, Fidelity.POINTWISE, noise=False).scan(plan)
     assert scan_seconds(scan) == pytest.approx(plan.scan_time_s)
 
 
