@@ -75,8 +75,8 @@ def scan(
     format
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
     """
-    from pipeline.formats.npz import read_soil
-    from pipeline.formats.touch_file import read_height_map
+    from pipeline.formats.grid import PartMap
+    from pipeline.formats.touch_file import read_part_map
     from pipeline.formats.whisker_file import read_surface, read_whisker_file
     from pipeline.reading.identified import prediction_lines
     from pipeline.reading.predictions import predictions
@@ -94,8 +94,8 @@ def scan(
             "leave out --profilers, --two-way and --whisker",
         )
     piece = height_map.suffix.lower() == ".toml"
-    surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
-    soil = read_soil(height_map, maps)
+    top = PartMap(read_surface(height_map)) if piece else read_part_map(height_map, maps)
+    surface, soil = top.height_map, top.soil
     built = read_whisker_file(whisker) if whisker is not None else None
     height = height_mm or (built.character_height_mm if built else find_height_mm(surface, soil=soil))
     bench = VirtualBench(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import MapSettings
 from pipeline.errors import DataError
@@ -198,8 +199,23 @@ MOST_OFFSET_MM = 10.0
 MAX_PITCH_MM = 10.0
 
 
-def height_map(raw: RawMap, settings: MapSettings) -> HeightMap:
-    """The height map that a file holds.
+@dataclass(frozen=True, eq=False)
+class PartMap:
+    """Top of a part, and what lies on it.
+
+    Attributes:
+        height_map: in mm, row 0 at the top.
+        soil: dirt on the part, on the same grid; None where the file does not say.
+        rows_known: whether the order of the rows is known: stated by the file or given.
+    """
+
+    height_map: HeightMap
+    soil: Soil | None = None
+    rows_known: bool = True
+
+
+def part_map(raw: RawMap, settings: MapSettings) -> PartMap:
+    """The map that a file holds.
 
     Args:
         raw: its heights.
@@ -221,14 +237,16 @@ def height_map(raw: RawMap, settings: MapSettings) -> HeightMap:
     if abs(offset) > MOST_OFFSET_MM:
         z -= offset
     z[np.abs(z) > MAX_HEIGHT_MM] = np.nan
+    soil = raw.soil
     if settings.rows == "bottom-first" or (settings.rows is None and raw.bottom_first):
-        z = z[::-1]
+        z, soil = z[::-1], soil and soil.mirrored
     for pitch in (x_pitch * xy_mm, y_pitch * xy_mm):
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):
             what = f"has samples {pitch:.4g} mm apart"
             raise DataError(what, "give their distance in mm with --pitch-mm, at most 10")
     z, pitch_mm = _squared(z, x_pitch * xy_mm, y_pitch * xy_mm)
-    return HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
+    found = HeightMap(np.asarray(z, dtype=np.float32), pitch_mm)
+    return PartMap(found, soil, raw.rows_stated or settings.rows is not None)
 
 
 def _pitches(raw: RawMap, settings: MapSettings) -> tuple[float, float]:

@@ -24,10 +24,8 @@ from numpy.typing import NDArray
 from glyphs.atomic import replacing
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
-from pipeline.common.settings import MapSettings
-from pipeline.errors import DataError, reading
+from pipeline.errors import DataError
 from pipeline.formats.grid import MAX_HEIGHT_MM
-from pipeline.formats.kinds import MOST_BYTES
 from pipeline.formats.raw_map import RawMap, check_size
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
@@ -143,7 +141,10 @@ class _Archive(zipfile.ZipFile):
 
 
 def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
-    """The heights of an `.npz` file.
+    """The heights of an `.npz` file, and the dirt on the part.
+
+    A member of the dirt that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal
+    friction.
 
     Raises:
         DataError: the file cannot be used.
@@ -154,8 +155,12 @@ def read_npz(path: Path, most: int = MAX_PIXELS) -> RawMap:
                 held = ", ".join(sorted(archive.members)) or "nothing"
                 raise DataError(f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it")
         z = archive.load("z_mm", partial(_check_heights, most=most))
-        pitch, rows = float(archive.item("pitch_mm")), archive.rows()
-        return RawMap(*(z, pitch, pitch), bottom_first=rows == "bottom-first", rows_stated=rows is not None)
+        pitch, rows, soil = float(archive.item("pitch_mm")), archive.rows(), None
+        if not _SOIL.keys().isdisjoint(archive.members):
+            friction, soft, hardness = (archive.soil(name, z.shape) for name in _SOIL)
+            soil = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
+        stated = {"bottom_first": rows == "bottom-first", "rows_stated": rows is not None}
+        return RawMap(z, pitch, pitch, soil=soil, **stated)
 
 
 def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
@@ -180,35 +185,8 @@ def read_npy(path: Path, most: int = MAX_PIXELS) -> RawMap:
     return map_of_points(values, most=most)
 
 
-def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
-    """Read the dirt on the part of an `.npz` file, on the grid of its `z_mm`; None where the file does not say.
-
-    A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
-
-    Args:
-        path: the file; None is returned for one of another suffix.
-        settings: order of rows that is given.
-
-    Raises:
-        FileError: a member of another shape, not finite or out of range; or a file that cannot be read.
-    """
-    if path.suffix.lower() != ".npz":
-        return None
-    with reading(path, kind=".npz", most_bytes=MOST_BYTES["height_map"]), _Archive(path) as archive:
-        held = [name for name in _SOIL if name in archive.members]
-        if not held:
-            return None
-        if "z_mm" not in archive.members:
-            raise DataError(f"has {held[0]} and no z_mm", "save the height map with it")
-        shape = archive.load("z_mm", _check_heights).shape
-        friction, soft, hardness = (archive.soil(name, shape) for name in _SOIL)
-        found = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
-        rows = (settings.rows if settings is not None else None) or archive.rows()
-        return found.mirrored if rows == "bottom-first" else found
-
-
 def soil_members(soil: Soil) -> dict[str, object]:
-    """The arrays that `read_soil` looks for, to be written with `write_npz(more=)`."""
+    """The arrays that `read_npz` looks for, to be written with `write_npz(more=)`."""
     return {"friction": soil.friction, "soft_mm": soil.thickness_mm, "hardness_mpa": soil.hardness_mpa}
 
 

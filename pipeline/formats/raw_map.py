@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.errors import DataError
 
@@ -32,6 +33,7 @@ class RawMap:
         bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
         one_unit: heights and distances have one unit, as the coordinates of a mesh.
         rows_stated: the file states which row is first, or every writer of its format has the same one first.
+        soil: dirt on the part, on the grid of `z`; None where the file does not say.
     """
 
     z: NDArray[np.number]
@@ -42,6 +44,7 @@ class RawMap:
     bottom_first: bool = False
     rows_stated: bool = False
     one_unit: bool = False
+    soil: Soil | None = None
 
 
 def check_size(rows: int, cols: int, most: int = MAX_PIXELS) -> None:

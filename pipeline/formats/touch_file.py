@@ -15,6 +15,7 @@ from pipeline.formats.kinds import FORMATS_SUFFIXES, MESH_SUFFIXES, MOST_BYTES, 
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
+    from pipeline.formats.grid import PartMap
     from pipeline.formats.raw_map import RawMap
     from whisker_array.scan.scan import Scan
 
@@ -54,13 +55,13 @@ def read_height_map(path: str | Path, settings: MapSettings | None = None) -> He
     Raises:
         FileError: the file cannot be used.
     """
-    return read_map_and_rows(path, settings)[0]
+    return read_part_map(path, settings).height_map
 
 
-def read_map_and_rows(
+def read_part_map(
     path: str | Path, settings: MapSettings | None = None, *, most: int = MAX_PIXELS
-) -> tuple[HeightMap, bool]:
-    """The height map in a file, and whether the order of its rows is known: stated by the file or given.
+) -> PartMap:
+    """The height map in a file, with the dirt that it tells of.
 
     Args:
         path: as of `read_height_map`.
@@ -70,7 +71,7 @@ def read_map_and_rows(
     Raises:
         FileError: likewise.
     """
-    from pipeline.formats.grid import height_map
+    from pipeline.formats.grid import part_map
     from pipeline.formats.text_maps import is_number_table
 
     path, settings = Path(path), settings or MapSettings()
@@ -82,7 +83,7 @@ def read_map_and_rows(
         module, _, function = name.partition(".")
         raw: RawMap = getattr(import_module(f"pipeline.formats.{module}"), function)(path, most)
     with naming(path):
-        return height_map(raw, settings), raw.rows_stated or settings.rows is not None
+        return part_map(raw, settings)
 
 
 def read_scan(path: str | Path) -> Scan:

@@ -209,8 +209,7 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
 
 def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: PartFiles) -> _Cuts:
     """Cut the characters of a part with a known text; none if the part is already enrolled."""
-    from pipeline.formats.npz import read_soil
-    from pipeline.formats.touch_file import read_height_map, read_scan
+    from pipeline.formats.touch_file import read_part_map, read_scan
     from recognition.learning.exemplars import cut_height_map, cut_scan
 
     text, height_mm, path = (
@@ -230,8 +229,8 @@ def _cut(settings: ReadSettings, before: Collection[tuple[str, str]], part: Part
         if part.scan:
             cuts = cut_scan(read_scan(path), text, height_mm=height_mm)
         else:
-            soil = read_soil(path, settings)
-            cuts = cut_height_map(read_height_map(path, settings), text, soil=soil, height_mm=height_mm)
+            top = read_part_map(path, settings)
+            cuts = cut_height_map(top.height_map, text, soil=top.soil, height_mm=height_mm)
         if not cuts:
             raise ExemplarError("too little of its characters was scanned", hint="scan it again")
         return sha, tuple(cuts)

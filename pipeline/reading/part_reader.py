@@ -26,12 +26,13 @@ from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.settings import MapSettings
 from pipeline.errors import naming, problem_of
 from pipeline.formats.part_files import PartFiles
-from pipeline.formats.touch_file import Limits, check_scan, read_map_and_rows, read_scan
+from pipeline.formats.touch_file import Limits, check_scan, read_part_map, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
+    from pipeline.formats.grid import PartMap
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
     from recognition.active.moves import Region
@@ -126,7 +127,6 @@ class PartReader:
     def _read(
         self, part: PartFiles, expected: str, again: Retake | None, felt: ActiveReading | None
     ) -> Reading:
-        from pipeline.formats.npz import read_soil
         from pipeline.reading.scan_plan import seen_region
         from recognition.reader import centre_on
 
@@ -137,43 +137,34 @@ class PartReader:
         photo, notes = (
             self._photo(part, touches=touches) if sees else (None, [])
         )  # before touch takes its time
-        surface, soil, rows_known = None, None, True
+        top = None
         if touches and felt is None and not part.scan:
             path, most = Path(part.height_map), self.limits.max_map_samples if self.limits else MAX_PIXELS
             with naming(part.height_map):
-                surface, rows_known = read_map_and_rows(path, self.maps, most=most)
-                soil = read_soil(path, self.maps)
+                top = read_part_map(path, self.maps, most=most)
         if again is not None:
             photo = None if photo is None else again.photo(photo)
-            surface = None if surface is None else again.surface(surface)
+            top = None if top is None else replace(top, height_map=again.surface(top.height_map))
         vision, region_mm = None, None
         if photo is not None:
-            photo = photo if surface is None else centre_on(photo, surface)
+            photo = photo if top is None else centre_on(photo, top.height_map)
             with naming(part.photo):
                 vision = self.reader.vision.read_photo(photo)
-            if self.budget_s is not None and surface is not None and again is None:
+            if self.budget_s is not None and top is not None and again is None:
                 # touch feels where the camera sees the line
                 region_mm = seen_region(vision, photo, height_mm=self.reader.settings.height_mm)
         touch, feel = felt.reading if felt is not None and touches else None, None
         if touches and felt is None:
             with naming(part.scan or part.height_map):
-                if again is not None and surface is not None:
+                if again is not None and top is not None:
                     fidelity = self.reader.settings.fidelity
-                    feel = again.feel(fidelity=fidelity, soil=soil, part_id=part.name)
-                touch = (
-                    self._scan(part, again)
-                    if surface is None
-                    else read_surface(
-                        self.reader,
-                        surface,
-                        soil=soil,
-                        rows_known=rows_known,
-                        part_id=part.name,
-                        feel=feel,
-                        budget_s=self.budget_s,
-                        region_mm=region_mm,
+                    feel = again.feel(fidelity=fidelity, soil=top.soil, part_id=part.name)
+                if top is None:
+                    touch = self._scan(part, again)
+                else:
+                    touch = read_surface(
+                        *(self.reader, top, part.name), feel=feel, budget_s=self.budget_s, region_mm=region_mm
                     )
-                )
         reading = self.reader.fuse(touch, vision) if touch and vision else touch or vision
         assert reading is not None
         return replace(reading, notes=(*reading.notes, *notes))
@@ -232,11 +223,9 @@ def _reviewed_if_cut_short(reading: Reading) -> Reading:
 
 def read_surface(
     reader: Reader,
-    surface: HeightMap,
-    *,
-    soil: Soil | None = None,
-    rows_known: bool = True,
+    top: PartMap,
     part_id: str = "",
+    *,
     feel: Feel | None = None,
     budget_s: float | None = None,
     region_mm: Region | None = None,
@@ -245,10 +234,9 @@ def read_surface(
 
     Args:
         reader: of both senses.
-        surface: top of the part and of what lies on it.
-        soil: what lies on it, if known.
-        rows_known: whether the order of its rows is known; else a serial that reads otherwise mirrored goes to review,
-            and a part that is not read with certainty is read mirrored as well, unless its line says far less so.
+        top: the part and what lies on it. Where the order of its rows is not known, a serial that reads otherwise
+            mirrored goes to review, and a part that is not read with certainty is read mirrored as well, unless its
+            line says far less so.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.
@@ -264,8 +252,9 @@ def read_surface(
             reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id, region_mm=region_mm
         )
 
-    found = read(surface, soil, region_mm)
-    if rows_known:
+    soil = top.soil
+    found = read(top.height_map, soil, region_mm)
+    if top.rows_known:
         return found
     from recognition.decision.score import serial_is_sure
 
@@ -275,7 +264,7 @@ def read_surface(
         return found
     if not reader.touch.may_be_mirrored(found):
         return found
-    other = read(surface.mirrored, None if soil is None else soil.mirrored)
+    other = read(top.height_map.mirrored, None if soil is None else soil.mirrored)
     if other.nats_read <= found.nats_read:
         return found
     other = reader.touch.weigh_orientation(other, rows_known=False)

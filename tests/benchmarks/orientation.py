@@ -23,6 +23,7 @@ from glyphs.camera.photo import Photo
 from glyphs.fonts.serials import random_text
 from glyphs.part import Part, stamp
 from glyphs.surface.maps import HeightMap
+from pipeline.formats.grid import PartMap
 from pipeline.reading.part_reader import read_surface
 from recognition.decision.reading import Reading
 from recognition.experts import recogniser
@@ -66,7 +67,7 @@ def readings(
         mirrored = way in (Way.ROWS_REVERSED, Way.LEFT_RIGHT)
         if "touch" in senses and not (mirrored and rows_known):
             shown = HeightMap(np.ascontiguousarray(turned(surface.z_mm)), surface.pitch_mm)
-            yield "touch", way, read_surface(reader, shown, rows_known=rows_known)
+            yield "touch", way, read_surface(reader, PartMap(shown, rows_known=rows_known))
         if "photograph" in senses and not mirrored and rows_known:
             seen = replace(photo, pixels=np.ascontiguousarray(turned(photo.pixels)))
             yield "photograph", way, reader.vision.read_photo(seen)

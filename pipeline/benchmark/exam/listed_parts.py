@@ -90,9 +90,8 @@ class ListedParts:
 
     def make(self, item: Item) -> Specimen:
         """Load its height map; the photograph when it is asked for."""
-        from pipeline.formats.npz import read_soil
         from pipeline.formats.photos import read_photo
-        from pipeline.formats.touch_file import read_map_and_rows
+        from pipeline.formats.touch_file import read_part_map
 
         files = item.files
         if files is None:
@@ -104,15 +103,15 @@ class ListedParts:
         if not files.height_map:
             raise FileError(files.scan or item.part, "has no height map", "add one")
         photo = Path(files.photo) if files.photo else None
-        surface, rows_known = read_map_and_rows(files.height_map)
+        top = read_part_map(files.height_map)
         return Specimen(
             part=item.part,
             truth=item.truth,
-            height_map=surface,
-            soil=read_soil(Path(files.height_map)),
+            height_map=top.height_map,
+            soil=top.soil,
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
-            rows_known=rows_known,
+            rows_known=top.rows_known,
             number=item.number,
         )
 

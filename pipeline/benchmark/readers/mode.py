@@ -61,16 +61,12 @@ class PartReadings:
     @cached_property
     def touch(self) -> Reading:
         """Scanned and read by touch."""
+        from pipeline.formats.grid import PartMap
         from pipeline.reading.part_reader import read_surface
 
         part = self.specimen
-        known: Any = {
-            "soil": part.soil,
-            "rows_known": part.rows_known,
-            "part_id": part.part,
-            "feel": part.feel,
-        }
-        return self._timed("touch", lambda: read_surface(self._reader, part.height_map, **known))
+        top = PartMap(part.height_map, part.soil, part.rows_known)
+        return self._timed("touch", lambda: read_surface(self._reader, top, part.part, feel=part.feel))
 
     @cached_property
     def felt(self) -> FeltMaps:

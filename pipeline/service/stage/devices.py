@@ -156,14 +156,14 @@ class SimulatedStage:
         Raises:
             StageError: no such part, a map that cannot be scanned, or a region off the part.
         """
-        from pipeline.formats.npz import read_soil
-        from pipeline.formats.touch_file import read_height_map
+        from pipeline.formats.touch_file import read_part_map
         from pipeline.reading.framed_session import FramedSession
         from pipeline.reading.simulated_scan import VirtualBench
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
-            height_map = read_height_map(path)
+            top = read_part_map(path)
+            height_map = top.height_map
             x_mm, y_mm = _shift(order.plan, height_map)
             x0, y0, x1, y1 = _on_plate(order.plan, height_map, x_mm, y_mm)
             session = VirtualBench(
@@ -172,7 +172,7 @@ class SimulatedStage:
                 noise=self.noise,
                 sensor_seed=self.seed,
                 part_id=order.part_name,
-                soil=read_soil(path),
+                soil=top.soil,
             ).open_session()
         except FileError as problem:
             raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem

@@ -13,8 +13,9 @@ from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.whisker import scan
-from pipeline.formats.npz import DEFAULT_HARDNESS_MPA, read_npz, read_soil, soil_members, write_npz
-from pipeline.formats.touch_file import read_scan
+from pipeline.common.settings import MapSettings
+from pipeline.formats.npz import DEFAULT_HARDNESS_MPA, soil_members, write_npz
+from pipeline.formats.touch_file import read_part_map, read_scan
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 Z = np.zeros((4, 5), np.float32)
@@ -25,16 +26,30 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     soil = Soil(*(rng.uniform(0.01, 1.0, Z.shape).astype(np.float32) for _ in range(3)))
     write_npz(tmp_path / "a.npz", MAP, more=soil_members(soil))
-    read = read_soil(tmp_path / "a.npz")
-    assert read is not None
-    for name, values in soil_members(read).items():
+    read = read_part_map(tmp_path / "a.npz")
+    assert read.soil is not None
+    for name, values in soil_members(read.soil).items():
         np.testing.assert_array_equal(values, soil_members(soil)[name])
-    np.testing.assert_array_equal(read_npz(tmp_path / "a.npz").z, Z)
+    np.testing.assert_array_equal(read.height_map.z_mm, Z)
+
+
+def test_soil_turns_with_its_map(tmp_path: Path) -> None:
+    rising = np.add.outer(np.arange(4.0), np.zeros(5))
+    write_npz(
+        tmp_path / "a.npz",
+        HeightMap(0.01 * rising, 0.05),
+        more={"soft_mm": rising, "rows": np.str_("bottom-first")},
+    )
+    for settings, first in ((None, 3.0), (MapSettings(rows="top-first"), 0.0)):
+        read = read_part_map(tmp_path / "a.npz", settings)
+        assert read.soil is not None
+        assert read.soil.thickness_mm[0, 0] == first
+        assert read.height_map.z_mm[0, 0] == pytest.approx(0.01 * first)
 
 
 def test_a_map_alone_tells_of_no_soil(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", MAP)
-    assert read_soil(tmp_path / "a.npz") is None
+    assert read_part_map(tmp_path / "a.npz").soil is None
 
 
 @pytest.mark.parametrize("given", ["friction", "soft_mm", "hardness_mpa"])
@@ -43,7 +58,7 @@ def test_members_that_are_missing_are_filled_in(
     given: str, shape: tuple[int, ...], dtype: type, tmp_path: Path
 ) -> None:
     write_npz(tmp_path / "a.npz", MAP, more={given: np.full(shape, 0.5, dtype)})
-    read = read_soil(tmp_path / "a.npz")
+    read = read_part_map(tmp_path / "a.npz").soil
     assert read is not None
     missing = {"friction": NOMINAL_FRICTION, "soft_mm": 0.0, "hardness_mpa": DEFAULT_HARDNESS_MPA}
     expected = {**missing, given: 0.5}
@@ -74,11 +89,10 @@ def test_bad_soil_is_refused_by_name(case: str, tmp_path: Path) -> None:
     path = tmp_path / "part.npz"
     write_npz(path, MAP, more=more)
     with pytest.raises(FileError) as caught:
-        read_soil(path)
+        read_part_map(path)
     assert str(path) in str(caught.value)
     assert message in str(caught.value)
     assert caught.value.hint
-    read_npz(path)  # the map itself is sound
 
 
 def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
@@ -90,7 +104,7 @@ def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
         archive.writestr("friction.npy", header.getvalue())
     with pytest.raises(FileError, match="friction has shape"):
-        read_soil(tmp_path / "a.npz")
+        read_part_map(tmp_path / "a.npz")
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
@@ -98,7 +112,7 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "b.npz", friction=0.2)
     for name, message in (("none.npz", "is not there"), ("a.npz", "damaged"), ("b.npz", "no z_mm")):
         with pytest.raises(FileError, match=message):
-            read_soil(tmp_path / name)
+            read_part_map(tmp_path / name)
 
 
 def test_scan_feels_what_the_file_tells_of(tmp_path: Path) -> None:

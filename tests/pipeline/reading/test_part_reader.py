@@ -14,6 +14,7 @@ from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.formats.find_parts import discover
+from pipeline.formats.grid import PartMap
 from pipeline.formats.npz import soil_members, write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
@@ -273,7 +274,7 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
             may_be_mirrored=lambda one: True,
         )
         reader: Any = SimpleNamespace(touch=touch)
-        return read_surface(reader, surface, rows_known=False)
+        return read_surface(reader, PartMap(surface, rows_known=False))
 
     whole = doubtful("ONEDIME", 0.5, *[0.99] * 6)
     assert read(whole, doubtful("M", 0.85)).text == "ONEDIME"

@@ -17,7 +17,7 @@ from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.export.exported_part import polygon_px
 from pipeline.benchmark.export.folder import ExportError, check, export
-from pipeline.formats.npz import read_soil
+from pipeline.formats.touch_file import read_part_map
 from tests.factories import designed_parts
 from tests.support.counted import Counted
 
@@ -42,7 +42,7 @@ def test_a_part_is_written_as_it_is_made(exam: tuple[DesignedParts, Path]) -> No
     for item in parts.items():
         made, path = parts.make(item), folder / "parts" / f"{item.part}.npz"
         np.testing.assert_array_equal(read_height_map(path).z_mm, made.height_map.z_mm)
-        assert (read_soil(path) is None) == (made.soil is None) == (item.condition.severity == 0.0)
+        assert (read_part_map(path).soil is None) == (made.soil is None) == (item.condition.severity == 0.0)
         with Image.open(folder / "ideal" / f"{item.part}.png") as picture:
             step, zero = float(picture.text["step"]), int(picture.text["zero"])  # type: ignore[attr-defined]
             heights = (np.asarray(picture, dtype=np.float64) - zero) * step
