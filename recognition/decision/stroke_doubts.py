@@ -15,6 +15,7 @@ from recognition.decision.decide import Decision
 from recognition.decision.flags import BROKEN, EXPLANATIONS, Finding, ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reasons import places_text
+from recognition.language.confusions import CharacterState
 from recognition.marks.grade import Action
 from recognition.marks.strokes import LIVE, PlaceStrokes, RivalStrokes
 
@@ -37,11 +38,14 @@ def add_stroke_findings(reading: Reading, *, text_felt: float = 0.35) -> Reading
 
     Args:
         reading: with grades of its marks, and with strokes in its trace.
-        text_felt: share of strokes felt below which a mostly unreadable line is not text but dirt or land.
+        text_felt: share of strokes felt below which an unreadable line is not text but dirt or land.
     """
     reading = reading.without_flags(EXPLANATIONS | ReadingFlag.NOT_WHOLE | ReadingFlag.TOO_FEW_LINES)
     felt = [place.felt for place in reading.trace.strokes if place.felt is not None]
-    if reading.decision is Decision.REJECT and felt and fmean(felt) < text_felt:
+    readable = any(
+        c.state is None or c.state.state is not CharacterState.NOT_READ for c in reading.characters
+    )
+    if reading.decision is Decision.REJECT and not readable and felt and fmean(felt) < text_felt:
         return no_text(reading)
     return reading.with_findings(*_cut_characters(reading), *_missing(reading), *_undecided_strokes(reading))
 

@@ -238,6 +238,12 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
         openly = Lattice(("8", "B"), np.log([[belief, 0.05]]))
         made = add_stroke_findings(refused.with_trace(open_lattice=openly))
         assert (made.text, made.messages()) == ("", words)
+    # hardly felt, and yet some of it can be read: fill leaves traces
+    first, *rest = junk.characters
+    partly = replace(
+        junk, characters=(replace(first, state=PlaceState(CharacterState.READ, "K", 0.9)), *rest)
+    )
+    assert add_stroke_findings(partly).text == "K7B2"
     # felt, and yet not read: a person may
     felt = junk.with_trace(strokes=tuple(replace(p, felt=0.8) for p in bare))
     assert add_stroke_findings(felt).text == "K7B2"
