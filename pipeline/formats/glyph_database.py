@@ -58,6 +58,7 @@ class Exemplar(OneLine):
         rotation_deg: of its line in the plate frame.
         raised: whether the mark stands out.
         part: name of the part.
+        place: place of the character in the part's text, from 1; 0 where unknown.
         evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
 
     Raises:
@@ -73,6 +74,7 @@ class Exemplar(OneLine):
     rotation_deg: float = 0.0
     raised: bool = False
     part: str = ""
+    place: int = 0
     evidence: str = ""
 
     def __post_init__(self) -> None:

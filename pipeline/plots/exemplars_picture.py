@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.plots.pictures import styled
-from pipeline.reading.enrolment import SetAside, exemplar_places
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
@@ -21,7 +20,7 @@ _USED, _ASIDE, _SHAPE = "0.6", "#c62828", "#1b4e91"
 
 @styled
 def exemplars_figure(
-    font: Font, exemplars: Sequence[Exemplar], set_aside: Collection[SetAside], *, most_columns: int = 12
+    font: Font, exemplars: Sequence[Exemplar], set_aside: Collection[Exemplar], *, most_columns: int = 12
 ) -> Figure:
     """Draw the shape of each character and the exemplars behind it.
 
@@ -31,9 +30,10 @@ def exemplars_figure(
         set_aside: those of them that are not used; they are drawn first.
         most_columns: exemplars of a character that are drawn.
     """
-    rows: dict[str, list[tuple[Exemplar, SetAside]]] = {}
-    for one, place in zip(exemplars, exemplar_places(exemplars), strict=True):
-        rows.setdefault(one.char, []).append((one, SetAside(one.char, one.part, place)))
+    rows: dict[str, list[Exemplar]] = {}
+    for one in exemplars:
+        rows.setdefault(one.char, []).append(one)
+    aside = {(one.evidence, one.place) for one in set_aside}
     columns = 1 + min(most_columns, max(map(len, rows.values())))
     figure = Figure(figsize=(0.9 * columns + 0.6, 1.05 * len(rows) + 0.6), dpi=100)
     figure.suptitle(
@@ -45,11 +45,10 @@ def exemplars_figure(
     for line, (char, row) in zip(grid, sorted(rows.items()), strict=True):
         glyph = font.glyphs.get(char)
         shown = [(line[0], glyph.relief if glyph is not None else None, char, _SHAPE)]
-        row.sort(key=lambda pair: pair[1] not in set_aside)
-        for axes, (one, key) in zip(islice(line, 1, None), row, strict=False):
-            shown.append(
-                (axes, one.relief, f"{one.part}: {key.place}", _ASIDE if key in set_aside else _USED)
-            )
+        row.sort(key=lambda one: (one.evidence, one.place) not in aside)
+        for axes, one in zip(islice(line, 1, None), row, strict=False):
+            colour = _ASIDE if (one.evidence, one.place) in aside else _USED
+            shown.append((axes, one.relief, f"{one.part}: {one.place}", colour))
         for axes, relief, title, colour in shown:
             if relief is None:
                 continue

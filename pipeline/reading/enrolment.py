@@ -51,21 +51,6 @@ class Refused:
     why: str
 
 
-@dataclass(frozen=True)
-class SetAside:
-    """An exemplar that is kept but not used, since it disagrees with others of the same character.
-
-    Attributes:
-        char: the character.
-        part: name of the part.
-        place: its place in the part's text, from 1.
-    """
-
-    char: str
-    part: str
-    place: int
-
-
 _Cuts = tuple[str, tuple[Cut, ...]] | Refused
 """Hash of a part's file with the characters cut from it, or why there are none."""
 
@@ -79,7 +64,7 @@ class EnrolReport:
         enrolled: (part, characters taken) of each part that was new.
         known: parts that were enrolled before.
         refused: parts that could not be enrolled.
-        set_aside: exemplars kept but not used.
+        set_aside: exemplars kept but not used, since they disagree with others of the same character.
         exemplars: number of exemplars in the font now.
         felt: characters learned from touch.
         never_felt: letters and figures taken from the nearest known font.
@@ -93,7 +78,7 @@ class EnrolReport:
     enrolled: tuple[tuple[str, str], ...]
     known: tuple[str, ...]
     refused: tuple[Refused, ...]
-    set_aside: tuple[SetAside, ...]
+    set_aside: tuple[Exemplar, ...]
     exemplars: int
     felt: str
     never_felt: str
@@ -181,6 +166,7 @@ def enrol(
                 rotation_deg=c.rotation_deg,
                 raised=c.raised,
                 part=part.name,
+                place=c.place,
                 evidence=sha,
             )
             for c in cuts
@@ -268,14 +254,13 @@ def _report(
     from recognition.learning.lot import agreement
 
     aside = () if learned is None else learned.set_aside
-    places = exemplar_places(taught)
     used = {} if learned is None else learned.used
     return EnrolReport(
         font=font,
         enrolled=tuple(enrolled),
         known=tuple(known),
         refused=tuple(refused),
-        set_aside=tuple(SetAside(taught[k].char, taught[k].part, places[k]) for k in aside),
+        set_aside=tuple(taught[k] for k in aside),
         exemplars=sum(len(k) for k in used.values()),
         felt="".join(c for c in sorted(used) if used[c]),
         never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
@@ -286,19 +271,7 @@ def _report(
     )
 
 
-def exemplar_places(exemplars: Sequence[Exemplar]) -> list[int]:
-    """The place of each exemplar in its part's text, from 1; exemplars of a part come in the order of its text."""
-    reached: dict[tuple[str, str], int] = {}
-    places = []
-    for one in exemplars:
-        key = (one.evidence, one.note)
-        place = one.note.find(one.char, reached.get(key, 0)) + 1
-        reached[key] = place
-        places.append(place)
-    return places
-
-
-def _by_character(set_aside: Sequence[SetAside]) -> str:
+def _by_character(set_aside: Sequence[Exemplar]) -> str:
     """`C 1 (part-3 place 2), 8 2 (part-1 place 4, part-7 place 1)`."""
     where: dict[str, list[str]] = {}
     for one in sorted(set_aside, key=lambda one: (one.char, one.part, one.place)):

@@ -26,18 +26,15 @@ from typing import TYPE_CHECKING, TypeVar
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.job_file import files_of
-from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.errors import FaultError, OwnFileError, describe_fault, is_machine_error, shown_as
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.touch_file import Limits
-from pipeline.reading.triage import state_after, why_touch
+from pipeline.reading.triage import ReadPart, why_touch
 
 if TYPE_CHECKING:
-    from pipeline.reading.part_pictures import Picture
     from recognition.active.active_reading import ActiveReading
-    from recognition.decision.evidence import Measure
     from recognition.reader import Reader
     from whisker_array.scan.session import SessionStage
 
@@ -69,31 +66,9 @@ class PartOrder:
         return {file: self.names.get(file) or Path(file).name for file in self.part.files}
 
 
-@dataclass(frozen=True)
-class Done:
-    """Result of an order.
-
-    Attributes:
-        readings: readings in the order they were made; the last one counts.
-        pictures: pictures to keep.
-        plan: plan for touch; None if touch is not needed.
-        measures: measures of the last reading, if a certificate needs them.
-    """
-
-    readings: tuple[ReadingRecord, ...]
-    pictures: tuple[Picture, ...] = ()
-    plan: ScanPlanRecord | None = None
-    measures: Mapping[Measure, float] = field(default_factory=dict)
-
-    @property
-    def state(self) -> PartState:
-        """State of the part after its last reading."""
-        return state_after(self.readings[-1])
-
-
 def read_order(
     order: PartOrder, settings: ReadSettings, limits: Limits, *, felt: ActiveReading | None = None
-) -> Done:
+) -> ReadPart:
     """Read a part.
 
     Args:
@@ -133,7 +108,7 @@ def read_order(
             reading_record(r, settings, reader.grammar, part=part.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
-        done = Done(
+        done = ReadPart(
             records,
             pictures_of(readings[-1], photo=new_photo),
             measures=measures_of(readings[-1]) if settings.certificate is not None else {},
@@ -151,7 +126,7 @@ def read_on_stage(
     limits: Limits,
     stage: SessionStage[Order],
     scan_order: Order,
-) -> Done:
+) -> ReadPart:
     """Feel a part pass by pass until its serial is sure, keep a recording of it, and read the part with it.
 
     A stage that fails on the way does not cost what was felt before: the part is read from that, for a person to look

@@ -10,9 +10,46 @@ nothing is decided.
 
 from __future__ import annotations
 
-from pipeline.common.reading_records import ReadingRecord
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import Agreement, PartState, ShadowRecord
 from pipeline.common.texts import same_text
+
+if TYPE_CHECKING:
+    from pipeline.reading.part_pictures import Picture
+    from recognition.decision.evidence import Measure
+
+
+@dataclass(frozen=True)
+class ReadPart:
+    """A part as a worker has read it.
+
+    Attributes:
+        readings: readings in the order they were made, the last one counts; or why there is none.
+        pictures: pictures to keep, where they are wanted.
+        plan: plan for touch; None if touch is not needed.
+        measures: measures of the last reading, where they are wanted.
+        sha256: hash of what its files hold and what its list says of it, likewise.
+    """
+
+    readings: tuple[ReadingRecord, ...]
+    pictures: tuple[Picture, ...] = ()
+    plan: ScanPlanRecord | None = None
+    measures: Mapping[Measure, float] = field(default_factory=dict)
+    sha256: str = ""
+
+    @property
+    def record(self) -> ReadingRecord:
+        """The reading that counts."""
+        return self.readings[-1]
+
+    @property
+    def state(self) -> PartState:
+        """State of the part after it."""
+        return state_after(self.record)
 
 
 def state_after(reading: ReadingRecord) -> PartState:

@@ -24,11 +24,12 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import load_truth
 from pipeline.reading.certificate import Certificate, settings_described
 from pipeline.reading.readers import open_reader
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal, resumable
 from pipeline.runs.production import absolute, parts_for
 from pipeline.runs.progress import Progress
 from pipeline.runs.setting_files import files_to_send
-from pipeline.runs.task import ReadPart, RunOrder, lost_part, read_listed
+from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.workers.options import WorkerSettings
 from recognition.decision.accepted_risk import (
     THRESHOLDS,

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.version import key_of
 from pipeline.formats.part_files import PartFiles
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import resumable, set_aside
 from pipeline.runs.options import RunOptions
 from pipeline.runs.progress import Progress
@@ -28,7 +29,7 @@ from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass
 from pipeline.runs.store_target import RunStore
 from pipeline.runs.summary import Summary
-from pipeline.runs.task import ReadPart, RunOrder, lost_part, read_listed
+from pipeline.runs.task import RunOrder, lost_part, read_listed
 from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor
 
@@ -122,7 +123,7 @@ class Run:
         record = self._checked(read.record)
         if self.store is not None:
             try:
-                self.known += not self.store.add(part, replace(read, record=record))
+                self.known += not self.store.add(part, replace(read, readings=(record,)))
             # what no store holds may not end the run, now and whenever it goes on
             except UnfitError as error:
                 problem = f"{record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 from glyphs.errors import MissingExtraError
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceRecord, PartState
-from pipeline.reading.triage import state_after
 
 if TYPE_CHECKING:
     from pipeline.formats.part_files import PartFiles
     from pipeline.reading.part_pictures import Picture
-    from pipeline.runs.task import ReadPart
+    from pipeline.reading.triage import ReadPart
 
 _SCHEMES = ("sqlite:///", "postgresql://", "postgresql+")
 
@@ -70,7 +69,7 @@ class RunStore:
 
         if read.record.error:
             return True
-        accepted = state_after(read.record) is PartState.ACCEPTED
+        accepted = read.state is PartState.ACCEPTED
         text = cleaned(part.name)[:MAX_TEXT]
         try:
             self._store.add_part(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -17,12 +17,10 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import file_sha256, program_version
 from pipeline.errors import describe_fault
 from pipeline.formats.part_files import PartFiles, settings_of
-from pipeline.reading.triage import state_after
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.setting_files import settled
 
 if TYPE_CHECKING:
-    from pipeline.reading.part_pictures import Picture
-    from recognition.decision.evidence import Measure
     from recognition.reader import Reader
 
 
@@ -46,23 +44,6 @@ class RunOrder:
     digests: bool = False
     measures: bool = False
     sent: Mapping[str, bytes] | None = None
-
-
-@dataclass(frozen=True)
-class ReadPart:
-    """A part as it was read.
-
-    Attributes:
-        record: of its reading, or of why there is none.
-        pictures: where they are wanted.
-        measures: where they are wanted, and the part could be read.
-        sha256: of what its files hold and what its list says of it, likewise.
-    """
-
-    record: ReadingRecord
-    pictures: tuple[Picture, ...] = ()
-    measures: Mapping[Measure, float] = field(default_factory=dict)
-    sha256: str = ""
 
 
 def check_order(order: RunOrder, _: None) -> None:
@@ -89,13 +70,13 @@ def read_listed(order: RunOrder, listed: PartFiles) -> ReadPart:
     except Exception as fault:
         error = f"{_file_of(listed)}: {describe_fault(fault)}; please report it"
     failed = ReadingRecord.failed(listed.name, error, seconds=round(time.perf_counter() - started, 4))
-    return ReadPart(replace(failed, at=datetime.now(UTC), program=program_version()))
+    return ReadPart((replace(failed, at=datetime.now(UTC), program=program_version()),))
 
 
 def lost_part(listed: PartFiles, error: Exception) -> ReadPart:
     """A part that no worker has read, with the reason."""
     reason = " ".join(str(error).split()) or type(error).__name__
-    return ReadPart(ReadingRecord.failed(listed.name, f"{_file_of(listed)}: {reason}; try it alone"))
+    return ReadPart((ReadingRecord.failed(listed.name, f"{_file_of(listed)}: {reason}; try it alone"),))
 
 
 def _file_of(listed: PartFiles) -> str:
@@ -132,13 +113,10 @@ def _read(order: RunOrder, listed: PartFiles, started: float) -> ReadPart:
         part=listed.name,
         seconds=time.perf_counter() - started,
     )
-    shown = order.pictures and state_after(record) is not PartState.ACCEPTED
-    return ReadPart(
-        record,
-        pictures_of(reading) if shown else (),
-        measures_of(reading) if order.measures else {},
-        digest,
-    )
+    measures = measures_of(reading) if order.measures else {}
+    read = ReadPart((record,), measures=measures, sha256=digest)
+    shown = order.pictures and read.state is not PartState.ACCEPTED
+    return replace(read, pictures=pictures_of(reading)) if shown else read
 
 
 def _reader_for(order: RunOrder, listed: PartFiles) -> Reader:

@@ -31,8 +31,8 @@ from pipeline.common.serial_rules import SerialRules
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.truth import read_order
 from pipeline.reading.bench_watch import BenchWatch
-from pipeline.reading.part_orders import RECORDING, Done, PartOrder
-from pipeline.reading.triage import compared
+from pipeline.reading.part_orders import RECORDING, PartOrder
+from pipeline.reading.triage import ReadPart, compared
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.part_log import count_reading
 from pipeline.service.stage.devices import ScanOrder
@@ -232,7 +232,7 @@ class Intake:
         earlier_photos: tuple[Path, ...] = (),
         folder: Path | None = None,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
-    ) -> Done:
+    ) -> ReadPart:
         files = {upload.kind: str(upload.path) for upload in sent}
         photos = [str(upload.path) for upload in sent if upload.kind is EvidenceKind.PHOTO]
         photo, *more = photos or list(map(str, earlier_photos)) or [""]
@@ -293,10 +293,10 @@ class Intake:
 
     # ----------------------------------------------------------------------------------------------------- decide
 
-    def _decide(self, done: Done, part: NewPart | PartRecord) -> Added:
+    def _decide(self, done: ReadPart, part: NewPart | PartRecord) -> Added:
         """Decide the state of a part; only the store's serial rules may still send it to a person."""
         if self._in_shadow(part):
-            return {"state": PartState.SHADOW, "shadow": compared(done.readings[-1], part.expected)}
+            return {"state": PartState.SHADOW, "shadow": compared(done.record, part.expected)}
         if done.state is not PartState.TOUCH_NEEDED or isinstance(part, PartRecord):
             return {"state": done.state}
         if part.touch is not Touch.PLAN and not self.stage.there:
@@ -316,7 +316,11 @@ class Intake:
     # ------------------------------------------------------------------------------------------------------- keep
 
     async def _keep(
-        self, write: Callable[..., PartRecord], done: Done, sent: Sequence[Upload], part: NewPart | PartRecord
+        self,
+        write: Callable[..., PartRecord],
+        done: ReadPart,
+        sent: Sequence[Upload],
+        part: NewPart | PartRecord,
     ) -> PartRecord:
         """Keep the files, then write the part as it is decided in one transaction; count and log it.
 

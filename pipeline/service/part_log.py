@@ -12,14 +12,14 @@ from pipeline.common.serial_rules import SerialAlarm
 if TYPE_CHECKING:
     from pipeline.reading.bench_watch import BenchWatch
     from pipeline.reading.drift import DriftWatch
-    from pipeline.reading.part_orders import Done
+    from pipeline.reading.triage import ReadPart
     from pipeline.service.metrics import Metrics
 
 log = structlog.get_logger("tactile-marks")
 
 
 def count_reading(
-    part: PartRecord, done: Done, *, metrics: Metrics, bench: BenchWatch, watch: DriftWatch | None
+    part: PartRecord, done: ReadPart, *, metrics: Metrics, bench: BenchWatch, watch: DriftWatch | None
 ) -> None:
     """Count a part's new readings, and log them with what they show of serials, whiskers and drift.
 
@@ -34,7 +34,7 @@ def count_reading(
         if reason.code in set(SerialAlarm):
             metrics.serial_alarms.inc()
             log.warning("serial alarm", part=part.id, name=part.name, text=part.text, why=reason.code)
-    last = done.readings[-1]
+    last = done.record
     if last.source != "vision" and bench.add(last.faults):
         log.warning("whiskers or bench faulty", why=bench.message())
     if watch is not None and watch.add(last.source, done.measures):

@@ -17,7 +17,8 @@ from glyphs.errors import FileError
 from pipeline.common.job_file import files_of
 from pipeline.common.serial_format import outside_format
 from pipeline.errors import FaultError, OwnFileError
-from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
+from pipeline.reading.part_orders import PartOrder, check_settings, read_on_stage, read_order
+from pipeline.reading.triage import ReadPart
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.web.problem import OwnProblem, Problem, busy
 from pipeline.workers.executors import WorkerLostError
@@ -106,7 +107,7 @@ class WorkerCalls:
         job: str,
         database: str,
         felt_by: tuple[SessionStage[ScanOrder], ScanOrder] | None = None,
-    ) -> Done:
+    ) -> ReadPart:
         """Read a part in a worker.
 
         Args:

@@ -59,6 +59,7 @@ class Cut:
         rotation_deg: of its line.
         raised: whether the marks stand out.
         score: posterior of a character, mean of the text.
+        place: of the character in the text, from 1.
     """
 
     char: str
@@ -67,6 +68,7 @@ class Cut:
     rotation_deg: float
     raised: bool
     score: float
+    place: int
 
 
 def cut_height_map(
@@ -154,10 +156,11 @@ def cut_scan(
     along = ((found.belief.columns + 0.5) / HEIGHT_ROWS - MARGIN) * found.line.height_mm
     line, places = _fit_size(relief, found.line, np.column_stack([along, np.zeros(along.size)]), raised)
     made = []
-    for char, place, reach in zip(plain, places, _bounds(relief, line, places, raised), strict=True):
+    cells = zip(plain, places, _bounds(relief, line, places, raised), strict=True)
+    for number, (char, place, reach) in enumerate(cells, start=1):
         shape = _own_shape(felt_cell(relief, line, place, raised), line.height_mm, reach)
         if shape is not None:
-            made.append(Cut(char, shape, line.height_mm, line.turned_deg, raised, likely))
+            made.append(Cut(char, shape, line.height_mm, line.turned_deg, raised, likely, number))
     return tuple(made)
 
 

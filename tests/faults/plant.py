@@ -29,7 +29,7 @@ import httpx
 import numpy as np
 
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.part_orders import Done
+from pipeline.reading.triage import ReadPart
 from pipeline.service import app as service_module
 from pipeline.service import ports as ports_module
 from pipeline.service.app import Service
@@ -68,7 +68,7 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         set_up_logs(settings.log)  # else every traceback takes long to be drawn
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
-        service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
+        service.pool.instead = lambda *_: ReadPart((reading(),))  # type: ignore[attr-defined]
         uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()
 
 

@@ -26,11 +26,12 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, Pa
 from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.part_pictures import Picture
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import opened
 from pipeline.runs.run_journal import RunJournal
-from pipeline.runs.task import ReadPart, RunOrder
+from pipeline.runs.task import RunOrder
 from pipeline.service.inputs.watch_folder import WatchedFolder
 from pipeline.service.inputs.watched_files import WatchJournal
 from pipeline.service.job_folder import JobFolder
@@ -237,7 +238,7 @@ def _read(_: RunOrder, listed: PartFiles) -> ReadPart:
     picture = Picture(
         EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {}
     )
-    return ReadPart(_record(listed.name), (picture,))
+    return ReadPart((_record(listed.name),), (picture,))
 
 
 def _run_into_store(root: Path) -> None:

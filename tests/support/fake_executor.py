@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from pipeline.formats.part_files import PartFiles
-from pipeline.runs.task import ReadPart, RunOrder
+from pipeline.reading.triage import ReadPart
+from pipeline.runs.task import RunOrder
 from pipeline.workers.executors import Executor, Outcome
 
 

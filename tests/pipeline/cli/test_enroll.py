@@ -18,7 +18,7 @@ from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, make_part
 from pipeline.plots.exemplars_picture import exemplars_figure
-from pipeline.reading.enrolment import MOST_EXEMPLARS, SetAside, enrol, exemplar_places
+from pipeline.reading.enrolment import MOST_EXEMPLARS, enrol
 from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -90,7 +90,11 @@ def test_the_report_says_what_was_learned(taught, folder):
 
 def test_what_is_set_aside_is_named_by_character_part_and_place(taught):
     _, report = taught
-    aside = (SetAside("8", "part-7", 1), SetAside("C", "part-3", 2), SetAside("8", "part-1", 4))
+    (first, *_) = load_database(taught[0]).exemplars
+    aside = tuple(
+        replace(first, char=char, part=part, place=place)
+        for char, part, place in (("8", "part-7", 1), ("C", "part-3", 2), ("8", "part-1", 4))
+    )
     described = replace(report, set_aside=aside, exemplars=29).describe()
     assert "29 of 32 used" in described
     assert "8 2 (part-1 place 4, part-7 place 1), C 1 (part-3 place 2)" in described
@@ -98,14 +102,13 @@ def test_what_is_set_aside_is_named_by_character_part_and_place(taught):
 
 def test_places_follow_the_text_of_the_part(taught):
     kept = [e for e in load_database(taught[0]).exemplars if e.part == "part-0"]
-    assert exemplar_places(kept) == [1, 2, 3, 4]
+    assert [e.place for e in kept] == [1, 2, 3, 4]
 
 
 def test_the_exemplars_are_drawn_with_those_set_aside_in_red(taught):
     held = load_database(taught[0])
     first = held.exemplars[0]
-    aside = {SetAside(first.char, first.part, 1)}
-    figure = exemplars_figure(held.fonts["press-7"], held.exemplars, aside)
+    figure = exemplars_figure(held.fonts["press-7"], held.exemplars, [first])
     red = [ax.get_title() for ax in figure.axes if ax.title.get_color() == "#c62828"]
     assert red == [f"{first.part}: 1"]
 

@@ -18,9 +18,10 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import read_photo
 from pipeline.formats.synth import SynthSpec, make_part, write_part
 from pipeline.formats.touch_file import Limits
-from pipeline.reading.part_orders import Done, PartOrder, read_order
+from pipeline.reading.part_orders import PartOrder, read_order
 from pipeline.reading.readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
+from pipeline.reading.triage import ReadPart
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 
 LIMITS = Limits()
@@ -48,7 +49,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 
 
 @pytest.fixture(scope="module")
-def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> Done:
+def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> ReadPart:
     """What an order makes of a photograph that is not sure enough."""
     folder = tmp_path_factory.mktemp("unsure")
     return read_order(
@@ -63,7 +64,7 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
-def kinds(done: Done) -> list[EvidenceKind]:
+def kinds(done: ReadPart) -> list[EvidenceKind]:
     return [made.kind for made in done.pictures]
 
 
@@ -73,7 +74,7 @@ def middle(record: ReadingRecord) -> np.ndarray:
     return np.array([boxes[:, [0, 2]].mean(), boxes[:, [1, 3]].mean()])
 
 
-def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: Done) -> None:
+def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: ReadPart) -> None:
     done = unsure
     assert done.plan is not None
     x0, y0, x1, y1 = done.plan.region_mm
@@ -90,7 +91,7 @@ def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: 
 
 
 def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
-    parts: Parts, unsure: Done, folder: Path
+    parts: Parts, unsure: ReadPart, folder: Path
 ) -> None:
     done = unsure
     assert done.plan is not None

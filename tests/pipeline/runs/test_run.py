@@ -25,13 +25,14 @@ from pipeline.formats.manifest import read_manifest
 from pipeline.formats.npz import write_npz
 from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.lot_check import LotCheck
 from pipeline.runs.options import RunOptions
 from pipeline.runs.production import run_batch
 from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.setting_files import files_to_send, settled
-from pipeline.runs.task import ReadPart, RunOrder, read_listed
+from pipeline.runs.task import RunOrder, read_listed
 from pipeline.store.store import Store
 from pipeline.workers.executors import Executor
 from tests.support.fake_executor import FakeExecutor
@@ -64,7 +65,7 @@ def reading(
 
     def answer(part: PartFiles, _: RunOrder) -> ReadPart | Exception:
         lost = RuntimeError("its worker\nis lost")
-        return lost if part.name in bad else ReadPart(record(part, text(part)))
+        return lost if part.name in bad else ReadPart((record(part, text(part)),))
 
     return FakeExecutor(answer, backwards=True, **how)
 

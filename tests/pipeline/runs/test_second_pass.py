@@ -13,11 +13,12 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.enrolment import EnrolReport
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.options import RunOptions
 from pipeline.runs.run import Run, opened
 from pipeline.runs.run_journal import RunJournal
 from pipeline.runs.second_pass import SecondPass, learns
-from pipeline.runs.task import ReadPart, RunOrder
+from pipeline.runs.task import RunOrder
 from recognition.learning.exemplars import ExemplarError
 from tests.support.fake_executor import FakeExecutor
 from tests.support.run_tables import read_rows
@@ -60,7 +61,7 @@ class Reads(FakeExecutor):
 
     def reading(self, part: PartFiles, order: RunOrder) -> ReadPart:
         self.fonts.append(order.settings.font)
-        return ReadPart(SECOND[part.name] if order.settings.font else first_reading(part.name))
+        return ReadPart((SECOND[part.name] if order.settings.font else first_reading(part.name),))
 
     @property
     def again(self) -> list[str]:

@@ -14,7 +14,7 @@ from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.common.records import PartState, Scope
 from pipeline.common.settings import SettingsError
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.reading.part_orders import Done
+from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage, feel_plan
 from pipeline.service.stage.drivers import load_driver
@@ -232,7 +232,7 @@ def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
     tmp_path: Path, parts: Path, touch: str | None, state: str
 ) -> None:
     with inline_service(tmp_path, webhook=WEBHOOK) as (service, client):
-        unsure = Done((reading(source="vision", decision="review"),), plan=PLAN)
+        unsure = ReadPart((reading(source="vision", decision="review"),), plan=PLAN)
         service.pool.instead = lambda *_: unsure  # type: ignore[attr-defined]
         asked = {} if touch is None else {"touch": touch}
         part = client.post("/v1/parts", files=photo(parts, CLEAN), data=asked).json()

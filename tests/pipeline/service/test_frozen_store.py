@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from starlette.testclient import TestClient
 
 from pipeline.common.records import Scope
-from pipeline.reading.part_orders import Done
+from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.store.errors import StoreError
 from pipeline.store.store import Store
@@ -44,7 +44,7 @@ def url(server: PostgresServer, monkeypatch: pytest.MonkeyPatch) -> str:
 def served(url: str, tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
     with inline_service(tmp_path / "s", store=url, tokens="on") as (service, client):
         client.headers["authorization"] = f"Bearer {service.store.add_token('line', list(Scope))}"
-        service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
+        service.pool.instead = lambda *_: ReadPart((reading(),))  # type: ignore[attr-defined]
         yield service, client
 
 

@@ -19,7 +19,8 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.synth import SynthSpec, write_part
 from pipeline.formats.touch_file import Limits
 from pipeline.reading.drift import EVERY
-from pipeline.reading.part_orders import Done, PartOrder, read_order
+from pipeline.reading.part_orders import PartOrder, read_order
+from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.teaching import Taught, name_like, teach
@@ -45,9 +46,9 @@ def put(folder: Path, name: str, text: str, *, encoding: str = "utf-8") -> Path:
     return path
 
 
-def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> Done:
+def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> ReadPart:
     """A reading that says by which format it was made; only the camera is never sure."""
-    return Done((ReadingRecord("vision", settings.format[0], "accept", 0.999),))
+    return ReadPart((ReadingRecord("vision", settings.format[0], "accept", 0.999),))
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from starlette.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.formats.synth import SynthSpec, write_part
-from pipeline.reading.part_orders import Done
+from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.web.idempotency import IdempotentRequests
@@ -46,9 +46,9 @@ def plate(plate_file: Path) -> bytes:
     return plate_file.read_bytes()
 
 
-def read_at_once(*_: object) -> Done:
+def read_at_once(*_: object) -> ReadPart:
     """What a worker gives, without reading."""
-    return Done((reading("KX40", "tactile"),))
+    return ReadPart((reading("KX40", "tactile"),))
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_a_lost_worker_is_no_verdict_on_the_part(
     service, client = served
     left = list(losses)
 
-    def work(*_: object) -> Done:
+    def work(*_: object) -> ReadPart:
         if left:
             raise left.pop()
         return read_at_once()
@@ -149,7 +149,7 @@ def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_
     broken = threading.Event()
     broken.set()
 
-    def work(*_: object) -> Done:
+    def work(*_: object) -> ReadPart:
         if broken.is_set():
             raise WorkerLostError("the worker took longer than 60 s", timed_out=True)
         return read_at_once()

@@ -11,7 +11,8 @@ from starlette.testclient import TestClient
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartState
-from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.reading.part_orders import PartOrder
+from pipeline.reading.triage import ReadPart
 from pipeline.service.app import Service
 from pipeline.service.inputs.trigger import LineDecision, decision_of
 from tests.support.service_fixtures import InlinePool, inline_service, triggered
@@ -26,11 +27,11 @@ class Bench:
     def __init__(self) -> None:
         self.orders: list[PartOrder] = []
 
-    def read(self, order: PartOrder, *_: object) -> Done:
+    def read(self, order: PartOrder, *_: object) -> ReadPart:
         self.orders.append(order)
         text = order.part.name.removesuffix("?").removeprefix("nothing")
         decision = "accept" if text == order.part.name else "review" if text else "reject"
-        return Done((ReadingRecord("fused" if order.part.scan else "vision", text, decision, 0.9),))
+        return ReadPart((ReadingRecord("fused" if order.part.scan else "vision", text, decision, 0.9),))
 
 
 @pytest.fixture

@@ -17,7 +17,8 @@ import structlog
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
-from pipeline.reading.part_orders import Done, PartOrder
+from pipeline.reading.part_orders import PartOrder
+from pipeline.reading.triage import ReadPart
 from pipeline.runs.journal import Journal
 from pipeline.service.inputs.watch_folder import WatchedFolder, open_no_link
 from pipeline.service.new_part import NewPart, Touch
@@ -350,10 +351,10 @@ def test_a_service_watches(tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()
 
-    def read(order: PartOrder, *_: object) -> Done:
+    def read(order: PartOrder, *_: object) -> ReadPart:
         assert order.part.photo
         text = "AA999999" if order.part.name == "a" else ""
-        return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
+        return ReadPart((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
     def served(done: Callable[[Any], None]) -> None:
         with inline_service(tmp_path / "service", watch={"folder": folder, "every_s": 0.05}) as (service, _):
