@@ -130,20 +130,22 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[PartFiles]:
 def _of_store(
     opened: Store, folder: EvidenceFolder, links: Path, since_days: float | None
 ) -> tuple[list[PartFiles], int]:
-    """List the reviewed parts of a store, and count those left out.
+    """List the reviewed parts of a store, oldest first, and count those left out.
 
     Files of evidence are named by their hash; links to them, in a folder of their own, have the suffixes of their kind.
     """
-    from pipeline.common.records import EvidenceKind, ReviewAction
+    from pipeline.common.records import EvidenceKind, PartState, ReviewAction
     from pipeline.formats.part_files import PartFiles
 
     since = None if since_days is None else datetime.now(UTC) - timedelta(days=since_days)
     found: list[PartFiles] = []
-    left_out, after = 0, None
-    while page := opened.reviewed(since=since, after=after, limit=_PAGE):
-        after = page[-1].id
+    left_out, before = 0, None
+    while page := opened.parts(state=PartState.REVIEWED, before=before, limit=_PAGE):
+        before = page[-1].id
         for part in page:
             if part.review is None or part.review.action is ReviewAction.UNREADABLE or not part.text:
+                continue
+            if since is not None and part.review.at is not None and part.review.at < since:
                 continue
             files: dict[str, Any] = {}
             for record in opened.evidence(part.id):
@@ -158,4 +160,4 @@ def _of_store(
                 found.append(PartFiles(part.id, expected=part.text, **files))
             else:
                 left_out += 1
-    return found, left_out
+    return found[::-1], left_out

@@ -169,19 +169,6 @@ class Journal(Generic[Kept]):
             self.done.update(kept)
         return kept
 
-    def keep_only(self, names: Iterable[str]) -> None:
-        """Forget all other parts.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        gone = self.names.difference(names)
-        with self._faults():
-            self._db.executemany("delete from parts where name = ?", [(_blob(name),) for name in gone])
-        self.names -= gone
-        for name in gone:
-            self.done.pop(name, None)
-
     def entries(self, order: Iterable[str] = ()) -> Iterator[tuple[Kept, Kept | None]]:
         """Stream the stored result of every part, with that of its second time.
 
@@ -218,8 +205,7 @@ class Journal(Generic[Kept]):
         while True:
             self.path.touch()
             before = self.path.stat()
-            # the thread that looks at a watched folder is another one each time
-            db = sqlite3.connect(self.path, timeout=0.0, isolation_level=None, check_same_thread=False)
+            db = sqlite3.connect(self.path, timeout=0.0, isolation_level=None)
             try:
                 db.execute("pragma locking_mode = exclusive")
                 db.execute("pragma journal_mode = wal")

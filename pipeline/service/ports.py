@@ -60,7 +60,7 @@ class Ports:
         """Make what the settings ask for; nothing is opened or sent yet.
 
         Raises:
-            FileError: an unusable folder to watch or journal of its files.
+            FileError: an unusable folder to watch.
             MissingExtraError: a library of an extra is not installed.
             ValueError: an address or format that cannot be.
         """
@@ -81,11 +81,7 @@ class Ports:
             from pipeline.service.inputs.watch_folder import WatchedFolder
 
             self._inputs["watch"] = WatchedFolder(
-                settings.watch,
-                intake,
-                journal=settings.watch_journal,
-                most_bytes=settings.limits.upload_bytes,
-                at_once=settings.jobs,
+                settings.watch, intake, most_bytes=settings.limits.upload_bytes, at_once=settings.jobs
             )
 
     def connections(self) -> tuple[Connection, ...]:

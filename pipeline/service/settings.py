@@ -340,11 +340,6 @@ class ServiceSettings(Settings):
         return self.folder / "evidence"
 
     @property
-    def watch_journal(self) -> Path:
-        """Journal of the watched folder."""
-        return self.folder / "watched.db"
-
-    @property
     def databases_folder(self) -> Path:
         """Folder of glyph databases."""
         return self.databases if self.databases is not None else self.folder / "databases"

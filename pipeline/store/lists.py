@@ -1,4 +1,4 @@
-"""Lists of parts: searched, to be reviewed or audited, reviewed, compared with the line's own reader."""
+"""Lists of parts: searched, to be reviewed or audited, compared with the line's own reader."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pipeline.common.records import Agreement, PartRecord, PartState
 from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError, fit
 from pipeline.store.review import IS_AUDITED, claimed_by_another, has_opinion_of
-from pipeline.store.rows import REVIEWED, select_parts
-from pipeline.store.tables import events, parts
+from pipeline.store.rows import select_parts
+from pipeline.store.tables import parts
 
 _IDS = sa.select(parts.c.id)
 
@@ -96,26 +96,6 @@ def next_in_queue(
         )
     later = () if after is None else select_parts(tx, free.where(parts.c.id > _page_end(after)))
     return next(iter(later or select_parts(tx, free)), None)
-
-
-def reviewed(
-    tx: Transaction, *, since: datetime | None = None, after: str | None = None, limit: int = 1000
-) -> tuple[PartRecord, ...]:
-    """Parts that a person has looked at, by their ids, oldest first.
-
-    Args:
-        tx: the transaction.
-        since: earliest time of their last review.
-        after: id of the last part of the page before.
-        limit: most of them.
-    """
-    query = _IDS.where(parts.c.state == PartState.REVIEWED)
-    if since is not None:
-        of_part = (events.c.part_id == parts.c.id, events.c.kind == REVIEWED)
-        query = query.where(sa.exists().where(*of_part, events.c.at >= since))
-    if after is not None:
-        query = query.where(parts.c.id > _page_end(after))
-    return select_parts(tx, query.order_by(parts.c.id).limit(limit))
 
 
 def _page_end(part_id: str) -> str:

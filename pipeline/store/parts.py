@@ -9,13 +9,13 @@ Idempotency keys: a request that is sent again, or a run that is given again, is
 * Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
 * A key stands for one request: a fingerprint of the request is kept with it, and the caller compares.
 * Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of runs
-  are kept for ever.
+  and of watched files are kept for ever.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from hashlib import sha256
@@ -46,8 +46,8 @@ ANY_SERIAL = SerialRules()
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
 _WAITS = parts.c.state == PartState.TOUCH_NEEDED
-# begins the fingerprint of a run's part; those of requests are hexadecimal
-_RUN = "run "
+# begins the fingerprint of a key that is kept for ever; those of requests are hexadecimal
+_KEPT = "kept "
 
 
 class Added(TypedDict, total=False):
@@ -274,10 +274,12 @@ class IdempotencyKey:
     Attributes:
         key: key of the request, with its caller.
         fingerprint: hash of its content: another fingerprint under the same key is another request.
+        files: keys of its files, which stand for its part from then on; one that stands for another part stays with it.
     """
 
     key: str
     fingerprint: str
+    files: tuple[str, ...] = ()
 
     @classmethod
     def of_run(cls, run: str, part: str, digest: str) -> IdempotencyKey:
@@ -288,7 +290,13 @@ class IdempotencyKey:
             part: name of the part.
             digest: SHA-256 of what its files hold.
         """
-        return cls(f"run {run} {digest} {part}", f"{_RUN}{digest}")
+        return cls(f"run {run} {digest} {part}", f"{_KEPT}{digest}")
+
+    @classmethod
+    def of_files(cls, files: Iterable[str]) -> IdempotencyKey:
+        """The key of a part that is read from files, by the key of each, and never again from them."""
+        files = tuple(files)
+        return cls("|".join(files), f"{_KEPT}files", files)
 
 
 def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
@@ -298,9 +306,19 @@ def find_request(tx: Transaction, key: str) -> tuple[str, str] | None:
     return None if row is None else (row.fingerprint, row.part_id)
 
 
+def known_keys(tx: Transaction, asked: Iterable[str]) -> frozenset[str]:
+    """Those of the keys that stand for a part already."""
+    hashes = {_hash(key): key for key in asked}
+    wanted, found = list(hashes), list[str]()
+    for k in range(0, len(wanted), MAX_ROWS):
+        some = keys.c.key_hash.in_(wanted[k : k + MAX_ROWS])
+        found += tx.execute(sa.select(keys.c.key_hash).where(some)).scalars()
+    return frozenset(hashes[one] for one in found)
+
+
 def forget_keys(tx: Transaction, before: datetime) -> int:
     """Forget idempotency keys of requests of before a time, and say how many."""
-    of_request = keys.c.fingerprint.not_like(f"{_RUN}%")
+    of_request = keys.c.fingerprint.not_like(f"{_KEPT}%")
     return tx.execute(sa.delete(keys).where(keys.c.at < before, of_request)).rowcount
 
 
@@ -312,6 +330,8 @@ def _claim_key(tx: Transaction, asked: IdempotencyKey | None, part_id: str) -> N
     row = {"key_hash": _hash(asked.key), "fingerprint": fingerprint, "part_id": part_id, "at": tx.now}
     if not tx.insert_if_new(keys, row) and (done := find_request(tx, asked.key)) is not None:
         raise AlreadyDoneError(part_id=done[1], fingerprint=done[0])
+    for file in asked.files:
+        tx.insert_if_new(keys, row | {"key_hash": _hash(file)})
 
 
 def _hash(key: str) -> str:

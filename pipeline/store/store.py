@@ -77,6 +77,7 @@ class Store(Database):
 
     # requests that are sent again
     find_request = _reads(_parts.find_request)
+    known_keys = _reads(_parts.known_keys)
     forget_keys = _writes(_parts.forget_keys)
 
     # people: claims, reviews, audits of accepted parts
@@ -93,7 +94,6 @@ class Store(Database):
     queue = _reads(lists.queue)
     queue_length = _reads(lists.queue_length)
     next_in_queue = _reads(lists.next_in_queue)
-    reviewed = _reads(lists.reviewed)
     statistics = _reads(figures.statistics)
     agreement_by_day = _reads(figures.agreement_by_day)
 

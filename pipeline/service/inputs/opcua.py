@@ -28,7 +28,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.inputs.opcua_device import Users, bad, set_up_device, settings_fit, variant
 from pipeline.service.inputs.opcua_guard import GuardedServer
-from pipeline.service.inputs.opcua_model import load_model, ua
+from pipeline.service.inputs.opcua_model import ua
 from pipeline.service.inputs.opcua_result import (
     DEVICE_FAULT,
     DEVICE_NOT_READY,
@@ -122,8 +122,7 @@ class OpcUaPort:
             "TriggerPart": self._trigger_part,
             "TriggerJob": self._trigger_part,
         }
-        model = await load_model(server)
-        self._nodes, self._events = await set_up_device(server, model, methods)
+        self._nodes, self._events = await set_up_device(server, methods)
         await server.start()
         if server.bserver is not None:
             self.port = server.bserver.port

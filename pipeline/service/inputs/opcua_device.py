@@ -12,7 +12,7 @@ from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.user_managers import UserManager
 
 from pipeline.common.version import program_version
-from pipeline.service.inputs.opcua_model import Model, ua
+from pipeline.service.inputs.opcua_model import load_model, ua
 
 # texts that are empty at first, which the file of the model cannot say
 _EMPTY = (
@@ -21,20 +21,18 @@ _EMPTY = (
 )
 
 
-async def set_up_device(
-    server: Any, model: Model, methods: Mapping[str, Callable[..., Any]]
-) -> tuple[dict[str, Any], Any]:
-    """Make the device of the model ready to be called.
+async def set_up_device(server: Any, methods: Mapping[str, Callable[..., Any]]) -> tuple[dict[str, Any], Any]:
+    """Load the model, and make its device ready to be called.
 
     Args:
-        server: with the model loaded.
-        model: with the device.
+        server: that has been initialised.
         methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
 
     Returns:
         Its nodes by name, and the generator of its events.
     """
-    nodes = {(await node.read_browse_name()).Name: node for node in await model.device.get_children()}
+    device, ocr_event = await load_model(server)
+    nodes = {(await node.read_browse_name()).Name: node for node in await device.get_children()}
     words = {
         **dict.fromkeys(_EMPTY, ""),
         "SoftwareRevision": program_version(),
@@ -45,7 +43,7 @@ async def set_up_device(
         await nodes[name].write_value(value)
     for name, method in methods.items():
         server.link_method(nodes[name], method)
-    events = await server.get_event_generator(model.ocr_event, model.device)
+    events = await server.get_event_generator(ocr_event, device)
     events.event.DeviceName = await nodes["DeviceName"].read_value()
     # the node set has no values to take them from
     events.event.data_types |= {

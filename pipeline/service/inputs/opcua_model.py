@@ -13,7 +13,6 @@ Raises:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,22 +30,13 @@ READER_URI = "urn:tactile-marks:reader"
 NODE_SET = Path(__file__).with_name("opcua_autoid.xml")
 
 
-@dataclass(frozen=True)
-class Model:
-    """Nodes of the model in a server.
+async def load_model(server: Any) -> tuple[Any, Any]:
+    """Load the types and the device into a server that has been initialised.
 
-    Attributes:
-        device: the OCR reader.
-        ocr_event: type of its events.
+    Returns:
+        The OCR reader, and the type of its events.
     """
-
-    device: Any
-    ocr_event: Any
-
-
-async def load_model(server: Any) -> Model:
-    """Load the types and the device into a server that has been initialised."""
     _, autoid, reader = [await server.register_namespace(uri) for uri in (DI_URI, AUTOID_URI, READER_URI)]
     await server.import_xml(NODE_SET)
     await server.load_data_type_definitions()
-    return Model(server.get_node(ua.NodeId("reader", reader)), server.get_node(ua.NodeId(1005, autoid)))
+    return server.get_node(ua.NodeId("reader", reader)), server.get_node(ua.NodeId(1005, autoid))

@@ -1,14 +1,16 @@
 """A folder that is watched is a camera: every photograph that is put into it is read as a part, once.
 
-    look --> new or changed --> next look --> unchanged: complete --> submitted --> journal     (`resumable`)
+    look --> new or changed --> next look --> unchanged: complete --> read, the oldest part first
                                          \\-> changed: looked at again
 
 * A file is known by its name, length and time: one that is written over is another photograph.
 * It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
-* What was submitted stands in a journal, and in the store under an idempotency key: the first lasts for as long as the
-  file lies there, the second fills the moment between the part's transaction and the journal's line.
-* A file that cannot be used is named once, in the log, and left where it is; of a set, the others are read. Nothing in
-  the folder is ever changed.
+* Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
+  all its files are, and there are as many as expected, or none was added or changed for a while. One that is added
+  later makes it another set, which is read anew.
+* The store remembers what was read: in the transaction that writes a part, its files become idempotency keys, for ever.
+* A file that cannot be used is named in the log, and left until it changes or the service starts again; of a set, the
+  others are read. Nothing in the folder is ever changed.
 * Only what is wrong with the file itself is final. While the queue is full, or something of the service's own is of no
   use, files wait in the folder. One over which workers or the program fail is named, and tried again after a rest.
 """
@@ -17,12 +19,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
 import os
 import shutil
 import stat
 import time
-from concurrent.futures import CancelledError, Future
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -33,17 +35,15 @@ from glyphs.plain_text import visible
 from pipeline.common.records import EvidenceKind
 from pipeline.errors import describe_fault
 from pipeline.formats.kinds import HEAD_BYTES
-from pipeline.runs.journal import resumable
-from pipeline.service.inputs.watched_files import FileState, FolderLooks, Handled, WatchedPart, WatchJournal
+from pipeline.formats.part_files import set_of
 from pipeline.service.intake import Intake
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
-from pipeline.service.web.idempotency import Received
+from pipeline.service.tasks import end_tasks, repeat
 from pipeline.service.web.problem import OwnProblem, Problem
 from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.errors import StoreError, UnfitError
 from pipeline.store.parts import IdempotencyKey
-from pipeline.workers.executors import ThreadExecutor
 
 if TYPE_CHECKING:
     from pipeline.service.settings import WatchSettings
@@ -53,6 +53,37 @@ REST = 5.0
 """Times that a look or an attempt took, waited at least before the next, so that neither takes all of the machine."""
 LEAST_REST_S = 1.0
 """Least rest after an attempt that came to nothing."""
+
+
+@dataclass(frozen=True)
+class FileState:
+    """Size and modification time of a file, ns, at one look."""
+
+    n_bytes: int
+    mtime_ns: int
+
+    @classmethod
+    def of(cls, status: os.stat_result) -> FileState:
+        """Take it from the system's answer."""
+        return cls(status.st_size, status.st_mtime_ns)
+
+
+@dataclass(frozen=True)
+class WatchedPart:
+    """The photographs of one part.
+
+    Attributes:
+        name: of the part: the file's stem, or the set's.
+        files: size and time of each file, by path.
+    """
+
+    name: str
+    files: Mapping[str, FileState]
+
+    @property
+    def key(self) -> IdempotencyKey:
+        """The key of the part, with those of its files as they stand."""
+        return IdempotencyKey.of_files(_key(path, state) for path, state in self.files.items())
 
 
 def open_no_link(path: Path) -> BinaryIO:
@@ -66,20 +97,17 @@ class WatchedFolder:
 
     title = "watched folder"
 
-    def __init__(
-        self, settings: WatchSettings, intake: Intake, *, journal: Path, most_bytes: int, at_once: int
-    ) -> None:
-        """Open the journal; nothing is looked at yet.
+    def __init__(self, settings: WatchSettings, intake: Intake, *, most_bytes: int, at_once: int) -> None:
+        """Take the folder; nothing is looked at yet.
 
         Args:
             settings: folder to watch; folders in it are not looked into.
             intake: reads the parts.
-            journal: file that says what became of the photographs so far.
             most_bytes: of a photograph.
-            at_once: photographs that are read at a time.
+            at_once: parts that are read at a time.
 
         Raises:
-            FileError: no such folder, or an unusable journal.
+            FileError: no such folder.
         """
         if settings.folder is None or not settings.folder.is_dir():
             raise FileError(
@@ -90,112 +118,156 @@ class WatchedFolder:
         self.folder = settings.folder.absolute()
         self._settings, self._intake, self._most_bytes = settings, intake, most_bytes
         self._at_once = at_once
-        self.journal = WatchJournal(journal, {})
-        self._looks = FolderLooks(
-            self.folder, self.journal, a_set=settings.photos, settle_s=settings.settle_s
-        )
-        self._stopping = asyncio.Event()
+        self._looking, self._stopping, self._away = asyncio.Lock(), False, False
         self._task: asyncio.Task[None] | None = None
-        self._began_s: dict[str, float] = {}
-        # attempts that came to nothing: why, and when the next one is due by the monotonic clock
+        # each file or set as it stood at the last look, and since when it has stood so
+        self._seen: dict[str, tuple[dict[str, FileState], float]] = {}
+        # keys of files that are read, or of no use
+        self._known: set[str] = set()
+        # attempts that came to nothing, by the part's key: why, and when the next one is due by the monotonic clock
         self._failures: dict[str, tuple[str, float]] = {}
-        self._receiving: set[Future[Received]] = set()
 
     async def start(self) -> dict[str, object]:
         """Begin to look; returns where, and how often."""
-        self._task = asyncio.create_task(self._watch())
-        return {"folder": str(self.folder), "every_s": self._settings.every_s}
+        every_s = self._settings.every_s
+        self._task = asyncio.create_task(repeat("look at the watched folder", self._round, every_s=every_s))
+        return {"folder": str(self.folder), "every_s": every_s}
 
     async def stop(self, *, grace_s: float) -> None:
         """Stop taking files; files in work get `grace_s`, then they are read after the next start."""
-        self._stopping.set()
-        if (task := self._task) is not None:
-            await asyncio.wait([task], timeout=grace_s)
-            for future in tuple(self._receiving):
-                future.cancel()
-            await task
-        self.journal.close()
+        self._stopping = True
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._looking.acquire(), grace_s)
+        await end_tasks([] if self._task is None else [self._task])
 
-    async def look(self) -> None:
-        """Look once, and submit what is complete."""
-        await asyncio.to_thread(self._look, asyncio.get_running_loop())
+    async def look(self) -> float:
+        """Look once, and submit what is complete.
 
-    async def _watch(self) -> None:
-        while not self._stopping.is_set():
-            began = time.monotonic()
-            try:
-                await self.look()
-            except Exception:
-                log.exception("look at the watched folder failed")
-            rest_s = max(self._settings.every_s, REST * self._looks.took_s) - (time.monotonic() - began)
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
+        Returns:
+            Seconds that the look itself took.
 
-    def _look(self, loop: asyncio.AbstractEventLoop) -> None:
-        complete, self._began_s = self._looks.complete(), {}
-        self._failures = {p.key: kept for p in complete if (kept := self._failures.get(p.key)) is not None}
-        with ThreadExecutor(self._at_once) as threads:
-            for part, _ in resumable(
-                self.journal, complete, threads, self._take, loop, lost=self._failed, name="key"
-            ):
-                self._failures.pop(part.key, None)
+        Raises:
+            StoreError: the store does not answer.
+        """
+        limit = asyncio.Semaphore(self._at_once)
 
-    def _failed(self, part: WatchedPart, error: Exception) -> Handled | None:
-        """Give a part up if its files are what is wrong; else leave it for a later attempt."""
-        if isinstance(error, CancelledError):  # the service stops
+        async def take(part: WatchedPart) -> None:
+            async with limit:
+                await self._take(part)
+
+        async with self._looking:
+            began_s = time.monotonic()
+            complete = await asyncio.to_thread(self._complete)
+            took_s = time.monotonic() - began_s
+            keys = {part.key.key for part in complete}
+            self._failures = {key: failure for key, failure in self._failures.items() if key in keys}
+            await asyncio.gather(*map(take, complete))
+        return took_s
+
+    async def _round(self) -> None:
+        await asyncio.sleep(REST * await self.look())
+
+    def _complete(self) -> list[WatchedPart]:
+        """Parts whose files are new and stand as at the last look, the oldest first."""
+        began_s, groups = time.monotonic(), dict[str, dict[str, FileState]]()
+        if (now := self._files()) is None:
+            return []
+        for path, state in sorted(now.items()):
+            groups.setdefault(set_of(path) or path, {})[path] = state
+        before, self._seen, found = self._seen, {}, list[WatchedPart]()
+        for name, files in groups.items():
+            stood, since_s = before.get(name, ({}, began_s))
+            self._seen[name] = files, since_s if stood == files else began_s
+            still = stood == files and all(state.n_bytes for state in files.values())
+            whole = len(files) == self._settings.photos or began_s - since_s >= self._settings.settle_s
+            if still and (name in now or whole):
+                found.append(WatchedPart(Path(name).stem if name in now else name, files))
+        self._known &= {_key(path, state) for path, state in now.items()}
+        unknown = {key for part in found for key in part.key.files} - self._known
+        self._known |= self._intake.store.known_keys(unknown)
+        new = (part for part in found if not self._known.issuperset(part.key.files))
+        return sorted(new, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
+
+    def _files(self) -> dict[str, FileState] | None:
+        """The files that lie there; None if the folder is away.
+
+        Hidden ones, which programs write before they rename them, do not count.
+        """
+        found = {}
+        try:
+            with os.scandir(self.folder) as entries:
+                for entry in entries:
+                    # taken away meanwhile, or of a share that cannot tell now: it is looked at again
+                    with contextlib.suppress(OSError):
+                        if not entry.name.startswith(".") and not entry.is_dir(follow_symlinks=False):
+                            found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
+        except OSError as error:
+            if not self._away:
+                log.warning("watched folder cannot be looked at", folder=str(self.folder), why=error.strerror)
+            self._away = True
             return None
+        if self._away:
+            log.info("watched folder is back", folder=str(self.folder))
+        self._away = False
+        return found
+
+    async def _take(self, part: WatchedPart) -> None:
+        """Submit the files of a part, unless it has to wait for a later look."""
+        key, began_s = part.key, time.monotonic()
+        _, due_s = self._failures.get(key.key, ("", 0.0))
+        if self._stopping or began_s < due_s:
+            return
+        # a job whose file has changed is checked by a worker, for which `can_read` waits
+        if not await asyncio.to_thread(self._intake.can_read, self._settings.job):
+            return
+        try:
+            with self._intake.work_folder() as folder:
+                photos = await asyncio.to_thread(self._copies, part, folder)
+                if photos:
+                    new = NewPart(sent_name(part.name), job=self._settings.job, touch=Touch.STAGE)
+                    received = await self._intake.receive(new, photos, idempotency=key)
+                    read = {"photos": len(photos), "part": received.part.id}
+                    log.info("watched file read", file=visible(part.name), **read)
+        except Exception as error:
+            if not self._is_final(part, error, began_s):
+                return
+        self._known |= set(key.files)
+
+    def _is_final(self, part: WatchedPart, error: Exception, began_s: float) -> bool:
+        """Give a part up if its files are what is wrong; else leave it for a later attempt."""
+        why, key = str(error), part.key.key
         if error.is_final if isinstance(error, Problem) else isinstance(error, UnfitError):
-            log.warning("watched file left", file=visible(part.name), why=str(error))
-            return Handled(part.files, problem=str(error))
-        why = str(error)
+            log.warning("watched file left", file=visible(part.name), why=why)
+            return True
         if not isinstance(error, (Problem, OSError, FileError, StoreError)):
             why = describe_fault(error)
             log.error("fault of the program over a watched file", file=visible(part.name), exc_info=error)
-        now_s, (before, _) = time.monotonic(), self._failures.get(part.key, ("", 0.0))
-        rest_s = max(LEAST_REST_S, REST * (now_s - self._began_s[part.key]))
-        self._failures[part.key] = why, now_s + rest_s
+        now_s, (before, _) = time.monotonic(), self._failures.get(key, ("", 0.0))
+        self._failures[key] = why, now_s + max(LEAST_REST_S, REST * (now_s - began_s))
         if before != why:
             log.warning("watched file waits", file=visible(part.name), why=why)
-        return None
+        return False
 
-    def _take(self, loop: asyncio.AbstractEventLoop, part: WatchedPart) -> Handled | None:
-        """Submit the files of a part; None if the part waits for a later look.
+    def _copies(self, part: WatchedPart, folder: Path) -> list[Upload]:
+        """Copies of a part's photographs; one that is of no use is named in the log and left out.
 
         Raises:
-            Problem: the files cannot be used together, one was written to meanwhile, or the queue is full.
+            Problem: there are too many, or one was written to meanwhile.
             OSError: a file cannot be read.
-            StoreError: the store does not take the part.
         """
-        self._began_s[part.key] = began_s = time.monotonic()
-        _, due_s = self._failures.get(part.key, ("", 0.0))
-        # a job whose file has changed is checked by a worker, for which `can_read` waits
-        if self._stopping.is_set() or began_s < due_s or not self._intake.can_read(self._settings.job):
-            return None
         check_count(len(part.files))
-        photos, problems, part_id = [], [], ""
-        with self._intake.work_folder() as folder:
-            for number, (path, state) in enumerate(part.files.items(), start=1):
-                file = Path(path)
-                try:
-                    copy = self._copy(file, state, folder, number)
-                except Problem as problem:
-                    if not problem.is_final:
-                        raise
-                    log.warning("watched file left", file=visible(file.name), why=problem.detail)
-                    problems.append(problem.detail)
-                else:
-                    photos.append(Upload(copy, sent_name(file.name), EvidenceKind.PHOTO))
-            if photos:
-                new = NewPart(name=sent_name(part.name), job=self._settings.job, touch=Touch.STAGE)
-                digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
-                key = IdempotencyKey(f"watch:{digest}", digest)
-                received = self._intake.receive(new, photos, idempotency=key)
-                future = asyncio.run_coroutine_threadsafe(received, loop)
-                self._receiving.add(future)
-                future.add_done_callback(self._receiving.discard)
-                part_id = future.result().part.id
-                log.info("watched file read", file=visible(part.name), photos=len(photos), part=part_id)
-        return Handled(part.files, part_id, "\n".join(problems))
+        photos = []
+        for number, (path, state) in enumerate(part.files.items(), start=1):
+            file = Path(path)
+            try:
+                copy = self._copy(file, state, folder, number)
+            except Problem as problem:
+                if not problem.is_final:
+                    raise
+                log.warning("watched file left", file=visible(file.name), why=problem.detail)
+            else:
+                photos.append(Upload(copy, sent_name(file.name), EvidenceKind.PHOTO))
+        return photos
 
     def _copy(self, path: Path, state: FileState, folder: Path, number: int) -> Path:
         """A copy under a name that says what it holds.
@@ -223,3 +295,7 @@ class WatchedFolder:
             if FileState.of(os.fstat(source.fileno())) != state:
                 raise OwnProblem(f"{name} is still being written")
         return copy
+
+
+def _key(path: str, state: FileState) -> str:
+    return f"watch {state.n_bytes} {state.mtime_ns} {path}"

@@ -23,11 +23,9 @@ class BenchStage:
         Raises:
             StageError: the bench cannot be opened or homed, or the region is off its field.
         """
-        x_mm = y_mm = 0.0
-        if order.plan.middle_mm is not None:
-            x0, y0, x1, y1 = self._settings.plate.field_mm
-            x, y = self._settings.plate.camera_mm or (0.5 * (x0 + x1), 0.5 * (y0 + y1))
-            x_mm, y_mm = x - order.plan.middle_mm[0], y - order.plan.middle_mm[1]
+        x0, y0, x1, y1 = self._settings.plate.field_mm
+        camera_mm = self._settings.plate.camera_mm or (0.5 * (x0 + x1), 0.5 * (y0 + y1))
+        x_mm, y_mm = order.shift_mm(camera_mm)
         if self._bench is not None and self._bench.stage.lost:
             self._bench.close()  # a port that was pulled out opens anew
             self._bench = None

@@ -46,6 +46,11 @@ class ScanOrder:
     part_name: str
     plan: ScanPlanRecord
 
+    def shift_mm(self, camera_mm: tuple[float, float]) -> tuple[float, float]:
+        """Shift from the order's frame to the plate's, whose camera's axis meets it at `camera_mm`; (x, y)."""
+        middle = self.plan.middle_mm
+        return (0.0, 0.0) if middle is None else (camera_mm[0] - middle[0], camera_mm[1] - middle[1])
+
 
 class Stage(Protocol):
     """Moves the whiskers over a part."""
@@ -164,7 +169,8 @@ class SimulatedStage:
         try:
             top = read_part_map(path)
             height_map = top.height_map
-            x_mm, y_mm = _shift(order.plan, height_map)
+            width, height = height_map.size_mm
+            x_mm, y_mm = order.shift_mm((0.5 * width, 0.5 * height))
             x0, y0, x1, y1 = _on_plate(order.plan, height_map, x_mm, y_mm)
             session = VirtualBench(
                 height_map,
@@ -183,14 +189,6 @@ class SimulatedStage:
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
         field = (x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm)
         return FramedSession(session, x_mm=x_mm, y_mm=y_mm, field_mm=field)
-
-
-def _shift(plan: ScanPlanRecord, height_map: HeightMap) -> tuple[float, float]:
-    """Shift from the plan's frame to the plate's, mm; the camera's axis meets the middle of the plate."""
-    if plan.middle_mm is None:
-        return (0.0, 0.0)
-    width, height = height_map.size_mm
-    return (0.5 * width - plan.middle_mm[0], 0.5 * height - plan.middle_mm[1])
 
 
 def _on_plate(

@@ -91,12 +91,17 @@ def test_reviewed_parts_since_a_time(store: Store, clock: Clock) -> None:
     for part in (parts[2], parts[0], parts[1]):
         clock.go_on(hours=1)
         correct(store, part.id, "KX4")
-    by_id = [p.id for p in parts[:3]]
-    assert _ids(store.reviewed()) == by_id
-    assert _ids(store.reviewed(since=START + timedelta(hours=2))) == by_id[:2]
-    assert _ids(store.reviewed(limit=2)) == by_id[:2]
-    assert _ids(store.reviewed(after=by_id[1])) == by_id[2:]
+    newest = [p.id for p in parts[2::-1]]
+
+    def since(hours: float, **page: object) -> list[str]:
+        reviewed = store.parts(state=PartState.REVIEWED, **page)
+        return [p.id for p in reviewed if p.review.at >= START + timedelta(hours=hours)]
+
+    assert since(0.0) == newest
+    assert since(2.0) == newest[1:]
+    assert since(0.0, limit=2) == newest[:2]
+    assert since(0.0, before=newest[1]) == newest[2:]
     # noted later: that is no review
     clock.go_on(hours=5)
     store.note_event(parts[2].id, "enrolled", {})
-    assert _ids(store.reviewed(since=START + timedelta(hours=2))) == by_id[:2]
+    assert since(2.0) == newest[1:]

@@ -275,3 +275,18 @@ def test_a_store_that_has_gone_away(store_url: str) -> None:
     with pytest.raises(StoreError, match=damaged_or_gone):
         store.ping()
     store.close()
+
+
+def test_files_that_a_part_was_read_from_stand_for_it_for_ever(store: Store, clock: Clock) -> None:
+    first = received(store, idempotency=IdempotencyKey.of_files(["a"]))
+    both = IdempotencyKey.of_files(["a", "b"])
+    second = received(store, idempotency=both)
+    assert store.known_keys(["a", "b", "c"]) == {"a", "b"}
+    with pytest.raises(AlreadyDoneError) as done:
+        received(store, idempotency=IdempotencyKey.of_files(["a"]))
+    assert done.value.part_id == first.id
+    with pytest.raises(AlreadyDoneError) as done:
+        received(store, idempotency=both)
+    assert done.value.part_id == second.id
+    assert store.forget_keys(clock() + timedelta(days=1)) == 0
+    assert store.known_keys(map(str, range(25_000))) == frozenset()

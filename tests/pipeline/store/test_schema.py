@@ -184,7 +184,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.parts(since=START, until=START, job="left", before=new_part_id())
     store.parts(state=PartState.REVIEW, before=new_part_id())
     store.parts()
-    store.reviewed()
+    store.parts(state=PartState.REVIEWED)
     store.evidence_before(START)
     store.needed_hashes(("a" * 64,))
     store.token("x")

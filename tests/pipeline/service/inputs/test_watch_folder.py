@@ -7,7 +7,7 @@ import contextlib
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import PartOrder
 from pipeline.reading.triage import ReadPart
-from pipeline.runs.journal import Journal
 from pipeline.service.inputs.watch_folder import WatchedFolder, open_no_link
 from pipeline.service.new_part import NewPart, Touch
 from pipeline.service.settings import WatchSettings
@@ -46,6 +45,7 @@ class Parts:
         self.problem: Exception | None = None
         self.problems: dict[str, Exception] = {}
         self.tried: set[str] = set()
+        self.store = self  # of which the folder asks what was read
         self.meanwhile: Callable[[], object] = lambda: None
 
     def can_read(self, _: str) -> bool:
@@ -72,8 +72,11 @@ class Parts:
         self.received.append(
             (new, " ".join(p.name for p in photos), b"".join(p.path.read_bytes() for p in photos))
         )
-        self.by_key[idempotency.key] = part(new.name)
+        self.by_key |= dict.fromkeys((idempotency.key, *idempotency.files), part(new.name))
         return Received(self.by_key[idempotency.key])
+
+    def known_keys(self, asked: Iterable[str]) -> frozenset[str]:
+        return frozenset(asked) & self.by_key.keys()
 
     @property
     def names(self) -> list[str]:
@@ -81,22 +84,19 @@ class Parts:
 
 
 class Bench:
-    """A folder, what it submits to, and a journal; `anew` is a restart."""
+    """A folder and what it submits to; `anew` is a restart."""
 
     def __init__(self, folder: Path, *, a_set: int = 0, settle_s: float = 0.0) -> None:
-        self.folder, self.journal = folder / "in", folder / "watched.jsonl"
+        self.folder = folder / "in"
         self.folder.mkdir()
         self.parts, self.a_set, self.settle_s = Parts(folder / "work"), a_set, settle_s
-        self.watched: WatchedFolder | None = None
         self.anew()
 
     def anew(self) -> None:
-        if self.watched is not None:
-            self.watched.journal.close()
         settings = WatchSettings(
             folder=self.folder, job="housing-left", every_s=0.05, photos=self.a_set, settle_s=self.settle_s
         )
-        self.watched = WatchedFolder(settings, self.parts, journal=self.journal, most_bytes=1000, at_once=1)  # type: ignore[arg-type]
+        self.watched = WatchedFolder(settings, self.parts, most_bytes=1000, at_once=1)  # type: ignore[arg-type]
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
         path = self.folder / name
@@ -105,10 +105,15 @@ class Bench:
             os.utime(path, (at_s, at_s))
         return path
 
-    @property
-    def remembered(self) -> list[str]:
-        """Names of the files that the journal knows."""
-        return [Path(path).name for part in self.watched.journal.done.values() for path in part.files]
+    def left(self, times: int) -> dict[str, list[str]]:
+        """What is said of files that are left, by name, while it looks so often."""
+        with structlog.testing.capture_logs() as logs:
+            self.look(times)
+        said: dict[str, list[str]] = {}
+        for one in logs:
+            if one["event"] == "watched file left":
+                said.setdefault(one["file"], []).append(one["why"])
+        return said
 
     def look(self, times: int = 2) -> list[str]:
         """Look so often; names of all parts so far."""
@@ -147,7 +152,7 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
     assert (new.touch, new.expected, name, data) == (Touch.STAGE, "", "part-3.png", PNG)
     assert new.job == "housing-left"
     assert (bench.folder / "part-3.png").read_bytes() == PNG
-    assert not list((bench.journal.parent / "work").iterdir())
+    assert not list((bench.folder.parent / "work").iterdir())
 
 
 def test_one_that_is_being_written_waits(bench: Bench) -> None:
@@ -190,13 +195,13 @@ def test_a_restart_submits_nothing_twice(bench: Bench) -> None:
     assert bench.look(3) == ["a", "b"]
 
 
-def test_a_restart_between_part_and_journal_makes_no_second_part(bench: Bench) -> None:
-    bench.put("a.png")
-    bench.look()
-    bench.watched.journal.keep_only([])  # it was not written any more
+def test_a_photograph_taken_out_of_a_set_makes_no_other_part_after_a_restart(bench: Bench) -> None:
+    files = [bench.put(f"a.light-{number}.png") for number in (1, 2, 3)]
+    assert bench.look() == ["a"]
+    files[1].unlink()
+    assert bench.look(3) == ["a"]
     bench.anew()
     assert bench.look(3) == ["a"]
-    assert [one.part_id for one in bench.watched.journal.done.values()] == [part().id]
 
 
 def test_a_name_used_again_is_another_part(bench: Bench) -> None:
@@ -214,7 +219,7 @@ def test_the_eldest_goes_first(bench: Bench) -> None:
     assert bench.look() == ["c", "a", "b"]
 
 
-def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
+def test_what_is_no_picture_is_told_of_once_a_start_and_left(bench: Bench) -> None:
     bench.put("notes.txt", b"not a picture")
     bench.put("part.png", b"named as one")
     bench.put("large.png", PNG + bytes(1000))
@@ -222,16 +227,14 @@ def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
     bench.put(".part-7.png.tmp")
     (bench.folder / "deeper").mkdir()
     (bench.folder / "deeper" / "c.png").write_bytes(PNG)
-    with structlog.testing.capture_logs() as logs:
-        bench.look(4)
-        bench.anew()
-        bench.look(3)
-    left = {one["file"]: one["why"] for one in logs if one["event"] == "watched file left"}
-    assert sorted(left) == ["large.png", "link.png", "notes.txt", "part.png"]
-    assert len([one for one in logs if one["event"] == "watched file left"]) == 4
+    said = bench.left(4)
+    assert sorted(said) == ["large.png", "link.png", "notes.txt", "part.png"]
+    left = {name: why for name, (why,) in said.items()}
     assert "limits.upload_mb" in left["large.png"]
     assert left["link.png"] == "link.png is no regular file"
     assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
+    bench.anew()
+    assert bench.left(4) == said
     assert bench.parts.names == ["good"]
     assert len(list(bench.folder.iterdir())) == 7
 
@@ -291,35 +294,33 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
     assert bench.look(3) == ["a", "b"]
 
 
-def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 2)
+def test_what_has_left_is_forgotten_and_what_comes_back_is_not_read_again(
+    bench: Bench, tmp_path: Path
+) -> None:
     for k in range(8):
         bench.put(f"{k}.png")
     bench.look()
+    aside = tmp_path / "aside"
+    aside.mkdir()
     for k in range(7):
-        (bench.folder / f"{k}.png").unlink()
+        os.rename(bench.folder / f"{k}.png", aside / f"{k}.png")
     bench.look(1)
-    assert bench.remembered == ["7.png"]
-    bench.anew()
-    assert len(bench.look(2)) == 8
-    # an empty folder may be a drive that is away: nothing is forgotten
-    (bench.folder / "7.png").unlink()
-    monkeypatch.setattr("pipeline.service.inputs.watched_files._SPARE", 0)
-    bench.look(2)
-    assert bench.remembered == ["7.png"]
+    assert [key.rpartition("/")[2] for key in bench.watched._known] == ["7.png"]
+    for k in range(7):
+        os.rename(aside / f"{k}.png", bench.folder / f"{k}.png")
+    assert len(bench.look(3)) == 8
 
 
-def test_a_full_disk_under_the_journal_stops_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object, again: bool = False) -> None:
-        raise FileError(bench.journal, "cannot be written (No space left on device)", "make room")
+def test_a_store_that_does_not_answer_is_asked_again(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def away(_: object) -> frozenset[str]:
+        raise StoreError("away")
 
-    monkeypatch.setattr(Journal, "keep_all", full)
-    for name in ("a", "b"):
-        bench.put(f"{name}.png")
-    bench.put("no.png", b"no picture")
-    with structlog.testing.capture_logs() as logs:
-        assert bench.look(4) == ["a", "b"]
-    assert [one["event"] for one in logs].count("watched file left") == 1
+    bench.put("a.png")
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.parts, "known_keys", away)
+        with pytest.raises(StoreError):
+            bench.look(3)
+    assert bench.look(3) == ["a"]
 
 
 def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
@@ -342,8 +343,8 @@ def test_a_stop_does_not_wait_for_ever_and_what_it_cuts_short_is_read_later(
     with monkeypatch.context() as patch:
         patch.setattr(bench.parts, "receive", forever)
         asyncio.run(watched())
+    assert bench.parts.names == []
     bench.anew()
-    assert bench.remembered == []
     assert bench.look(3) == ["a", "b"]
 
 
@@ -421,16 +422,18 @@ def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path) -> None
 def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> None:
     bench.put("a.light-1.png")
     broken = bench.put("a.light-2.png", b"no picture at all")
-    assert bench.look(3) == ["a"]
+    ((why,),) = (said := bench.left(4)).values()
+    assert bench.parts.names == ["a"]
     assert bench.parts.received[0][1] == "a.light-1.png"
-    (told,) = bench.watched.journal.done.values()
-    assert broken.name in told.problem
-    assert "not a picture" in told.problem
+    assert list(said) == [broken.name]
+    assert "not a picture" in why
+    bench.anew()
+    assert bench.look(3) == ["a"]
 
 
 def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
     for number in range(13):
         bench.put(f"a.shot-{number}.png")
-    assert bench.look(3) == []
-    (told,) = bench.watched.journal.done.values()
-    assert "12 of a part" in told.problem
+    ((why,),) = bench.left(4).values()
+    assert "12 of a part" in why
+    assert bench.parts.names == []
