@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,6 +35,22 @@ FRAMES_AGREE_MM = 0.6
 """The part lies up to half a millimetre from where the camera's stage believes it."""
 
 
+def read(
+    folder: Path,
+    settings: ReadSettings = SETTINGS,
+    *,
+    earlier: bool = False,
+    names: Mapping[str, str] = MappingProxyType({}),
+    limits: Limits = LIMITS,
+    **files: Any,
+) -> Done:
+    """What an order makes of a part's files."""
+    given = {kind: str(one) if isinstance(one, Path) else one for kind, one in files.items()}
+    return read_order(
+        PartOrder(folder, PartFiles("part", **given), earlier=earlier, names=dict(names)), settings, limits
+    )
+
+
 class Parts:
     """A clean part on a plate, as files."""
 
@@ -51,10 +70,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 @pytest.fixture(scope="module")
 def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> ReadPart:
     """What an order makes of a photograph that is not sure enough."""
-    folder = tmp_path_factory.mktemp("unsure")
-    return read_order(
-        PartOrder(folder, PartFiles("part", photo=str(parts.photo), expected=parts.text)), UNSURE, LIMITS
-    )
+    return read(tmp_path_factory.mktemp("unsure"), UNSURE, photo=parts.photo, expected=parts.text)
 
 
 @pytest.fixture
@@ -96,15 +112,7 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
     done = unsure
     assert done.plan is not None
     scan = feel_plan(SimulatedStage(parts.folder), ScanOrder("part", done.plan), folder)
-    later = read_order(
-        PartOrder(
-            folder,
-            PartFiles("part", scan=str(scan), photo=str(parts.photo), expected=parts.text),
-            earlier=True,
-        ),
-        SETTINGS,
-        LIMITS,
-    )
+    later = read(folder, scan=scan, photo=parts.photo, expected=parts.text, earlier=True)
     (reading,) = later.readings
     assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
     assert reading.verdict == "confirmed"
@@ -115,22 +123,14 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
 
 
 def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts, folder: Path) -> None:
-    later = read_order(
-        PartOrder(folder, PartFiles("part", height_map=str(parts.map), photo=str(parts.photo)), earlier=True),
-        SETTINGS,
-        LIMITS,
-    )
+    later = read(folder, height_map=parts.map, photo=parts.photo, earlier=True)
     assert len(later.readings) == 1
     assert later.readings[0].source == "fused"
     assert later.readings[0].text == parts.text
 
 
 def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts, folder: Path) -> None:
-    done = read_order(
-        PartOrder(folder, PartFiles("part", height_map=str(parts.map), photo=str(parts.photo))),
-        SETTINGS,
-        LIMITS,
-    )
+    done = read(folder, height_map=parts.map, photo=parts.photo)
     seen, both = done.readings
     assert (seen.source, both.source) == ("vision", "fused")
     assert seen.text == both.text == parts.text
@@ -144,12 +144,8 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
 ) -> None:
     broken = tmp_path / "photo-2.png"
     broken.write_bytes(b"no picture")
-    order = PartOrder(
-        folder,
-        PartFiles("part", photo=str(parts.photo), more_photos=(str(broken),)),
-        names={str(broken): "left lamp.png"},
-    )
-    (reading,) = read_order(order, SETTINGS, LIMITS).readings
+    sent = {"photo": parts.photo, "more_photos": (str(broken),)}
+    (reading,) = read(folder, **sent, names={str(broken): "left lamp.png"}).readings
     assert (reading.text, reading.photos) == (parts.text, 1)
     (note,) = [message for message in reading.messages if "read without one of its photographs" in message]
     assert "left lamp.png: is not a picture" in note
@@ -161,11 +157,7 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
     path = tmp_path / "upload-7"
     path.write_bytes(b"no picture")
     with pytest.raises(FileError) as caught:
-        read_order(
-            PartOrder(tmp_path, PartFiles("part", photo=str(path)), names={str(path): given}),
-            SETTINGS,
-            LIMITS,
-        )
+        read(tmp_path, photo=path, names={str(path): given})
     assert str(caught.value).startswith(f"{shown}: is not a picture")
     assert str(tmp_path) not in str(caught.value)
 
@@ -174,28 +166,24 @@ def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path:
     rows, cols = read_photo(parts.photo).shape
     narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
     with pytest.raises(FileError, match="over the limit"):
-        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), SETTINGS, narrow)
+        read(folder, photo=parts.photo, limits=narrow)
     with pytest.raises(FileError, match="over the limit"):
-        read_order(PartOrder(folder, PartFiles("part", height_map=str(parts.map))), SETTINGS, narrow)
+        read(folder, height_map=parts.map, limits=narrow)
     with pytest.raises(FileError, match="is not there"):
-        read_order(PartOrder(folder, PartFiles("part", photo=str(tmp_path / "none.png"))), SETTINGS, LIMITS)
+        read(folder, photo=tmp_path / "none.png")
 
 
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
     with pytest.raises(FileError, match=r"^expected: is '12'"):
-        read_order(
-            PartOrder(folder, PartFiles("part", photo=str(parts.photo), expected="12")), settings, LIMITS
-        )
+        read(folder, settings, photo=parts.photo, expected="12")
 
 
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="an order has"):
-        read_order(PartOrder(tmp_path, PartFiles("part")), SETTINGS, LIMITS)
+        read(tmp_path)
     with pytest.raises(ValueError, match="an earlier photo goes with"):
-        read_order(
-            PartOrder(tmp_path, PartFiles("part", photo=str(tmp_path / "b")), earlier=True), SETTINGS, LIMITS
-        )
+        read(tmp_path, photo=tmp_path / "b", earlier=True)
 
 
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
@@ -203,7 +191,7 @@ def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: 
     path.write_bytes(b"no database")
     settings = SETTINGS.model_copy(update={"database": path})
     with pytest.raises(OwnFileError) as caught:
-        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), settings, LIMITS)
+        read(folder, settings, photo=parts.photo)
     assert str(caught.value).startswith("dies.npz: ")
     assert str(tmp_path) not in str(caught.value)
 
@@ -226,7 +214,7 @@ def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
 
     monkeypatch.setattr("pipeline.reading.part_reader.PartReader.unverified", failing)
     with pytest.raises(FileError) as caught:
-        read_order(PartOrder(folder, PartFiles("part", photo=str(parts.photo))), SETTINGS, LIMITS)
+        read(folder, photo=parts.photo)
     assert isinstance(caught.value, OwnFileError) == own
 
 
@@ -264,7 +252,7 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "soiled.npz"
     write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
     with pytest.raises(FileError, match="friction runs"):
-        read_order(PartOrder(folder, PartFiles("part", height_map=str(path))), SETTINGS, LIMITS)
+        read(folder, height_map=path)
 
 
 def test_a_fault_of_the_program_is_not_put_down_to_the_file(
@@ -276,6 +264,4 @@ def test_a_fault_of_the_program_is_not_put_down_to_the_file(
     monkeypatch.setattr("pipeline.reading.readers.reader_of", broken)
     says = r"fault of the program \(ZeroDivisionError: no marks\); please report it"
     with pytest.raises(FaultError, match=says):
-        read_order(
-            PartOrder(folder, PartFiles("part", photo=str(folder / "photo.png"))), ReadSettings(), Limits()
-        )
+        read(folder, photo=folder / "photo.png")

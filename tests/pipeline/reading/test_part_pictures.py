@@ -18,11 +18,10 @@ def decoded(made: Picture) -> np.ndarray:
     return np.asarray(image)
 
 
-def brightest_mm(made: Picture, weigh: np.ndarray | None = None) -> tuple[float, float]:
-    """Plate frame of the middle of the spot, from the picture and its meta alone."""
-    image = decoded(made).astype(np.float64)
-    assert image.shape[:2] == (made.meta["height"], made.meta["width"])
-    value = image @ (np.array([1.0, 1.0, 1.0]) / 3.0 if weigh is None else weigh)
+def brightest_mm(made: Picture, value: np.ndarray | None = None) -> tuple[float, float]:
+    """Plate frame of the middle of the spot, from the picture, or values of its pixels, and its meta alone."""
+    value = decoded(made).mean(axis=2) if value is None else value
+    assert value.shape == (made.meta["height"], made.meta["width"])
     value = np.where(value > 0.5 * value.max(), value, 0.0)
     rows, cols = np.mgrid[0 : value.shape[0], 0 : value.shape[1]]
     x, y = (float((value * k).sum() / value.sum()) for k in (cols, rows))
@@ -70,11 +69,7 @@ def test_edges_picture_is_blue_below_and_red_above_the_land() -> None:
     red_less_blue = np.clip(image[..., 2] - image[..., 0], 0, None)
     blue_less_red = np.clip(image[..., 0] - image[..., 2], 0, None)
     for value, (row, col) in ((red_less_blue, (20, 50)), (blue_less_red, (40, 150))):
-        value = np.where(value > 0.5 * value.max(), value, 0)
-        rows, cols = np.mgrid[0 : value.shape[0], 0 : value.shape[1]]
-        x, y = (float((value * k).sum() / value.sum()) for k in (cols, rows))
-        size = made.meta["mm_per_pixel"]
-        found = (made.meta["x0_mm"] + size * x, made.meta["y0_mm"] + size * y)
+        found = brightest_mm(made, value)
         assert found == pytest.approx((3.0 + 0.1 * col, 4.0 + 0.1 * row), abs=0.05)
     far_right = image[:, -10:].mean(axis=(0, 1))
     assert np.ptp(far_right) < 6.0, "grey where nothing was measured"

@@ -20,20 +20,14 @@ from pipeline.formats.part_files import PartFiles
 from pipeline.formats.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, read_surface, senses_of
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decision.reading import Reading
 from recognition.decision.verify import Verdict, VerifyError
-from recognition.language.box import Box
 from recognition.language.lattice import Lattice
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
+from tests.support.readings import reading_of
 
 SHAPE = (20, 30)
-
-
-def reading(text: str, source: str) -> Reading:
-    box = Box(0.0, 0.0, 1.0, 1.0)
-    characters = tuple(CharacterReading((Candidate(c, 0.9, 0.99),), box) for c in text)
-    return Reading(characters, 0.95, source=source)
 
 
 def lattice(text: str, chars: str = "AB12") -> Lattice:
@@ -60,7 +54,7 @@ class FakeReader(Reader):
             height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "", feel: object = None
         ) -> Reading:
             self.given.append((height_map, soil, part_id))
-            return reading("A1", "tactile").with_trace(
+            return reading_of("A1", source="tactile").with_trace(
                 lattice=lattice("A1"), open_lattice=lattice("A1"), height_map=height_map
             )
 
@@ -72,7 +66,7 @@ class FakeReader(Reader):
 
         def read_photo(photo: Photo) -> Reading:
             self.given.append(photo)
-            return reading("B1", "vision").with_trace(
+            return reading_of("B1", source="vision").with_trace(
                 lattice=lattice("B1"), open_lattice=lattice(self.openly), photo=photo
             )
 
@@ -90,7 +84,7 @@ def fused_as(
 
     def fuse(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
         seen.append((touch.text, vision.text, settings.format))
-        return reading("A1", "fused").with_trace(touch=touch, vision=vision)
+        return reading_of("A1", source="fused").with_trace(touch=touch, vision=vision)
 
     def fused_lattice(touch: Reading, vision: Reading, *, before_format: bool = False) -> Any:
         seen.append((touch.text, vision.text, before_format))
@@ -260,11 +254,9 @@ def test_one_surer_stroke_in_the_mirrored_map_does_not_take_the_place_of_a_whole
     surface = HeightMap(np.zeros((8, 8)), pitch_mm=0.1)
 
     def doubtful(text: str, *beliefs: float) -> Reading:
-        box = Box(0.0, 0.0, 1.0, 1.0)
-        characters = tuple(
-            CharacterReading((Candidate(c, 0.9, p),), box) for c, p in zip(text, beliefs, strict=True)
+        return reading_of(
+            text, min(beliefs), beliefs=beliefs, flags=ReadingFlag.LOW_CONFIDENCE, threshold=0.98
         )
-        return Reading(characters, min(beliefs), flags=ReadingFlag.LOW_CONFIDENCE, threshold=0.98)
 
     def read(whole: Reading, mirrored: Reading) -> Reading:
         found = iter((whole, mirrored))

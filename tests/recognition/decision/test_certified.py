@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from recognition.decision.contracts import CertifiedAcceptance, as_certified
 from recognition.decision.decide import Decision
-from recognition.decision.reading import Candidate, CharacterReading, Reading, ReadingFlag
-from recognition.language.box import Box
+from recognition.decision.reading import ReadingFlag
+from tests.support.readings import reading_of
 
-READ = Reading((CharacterReading((Candidate("A", 1.0, 0.995),), Box(0.0, 0.0, 1.0, 1.0)),), 0.995)
+READ = reading_of("A", 0.995)
 ALLOWED = CertifiedAcceptance(0.995, ("tactile",))
 
 

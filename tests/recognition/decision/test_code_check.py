@@ -10,19 +10,13 @@ from glyphs.camera.photo import Photo
 from recognition.decision.contracts import checked_by_codes
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.language.box import Box
 from recognition.reader import Reader
 from recognition.views.codes import Code
 from tests.support.codes import ENVELOPE, stamped_photo, with_code
+from tests.support.readings import reading_of
 
 TEXT = "KB740215"
-BOX = Box(0.0, 0.0, 1.0, 1.0)
-
-
-def reading(text: str = TEXT) -> Reading:
-    places = tuple(CharacterReading((Candidate(c, 1.0, 0.999),), BOX) for c in text)
-    return Reading(places, 0.99, source="vision")
+READ = reading_of(TEXT, source="vision")
 
 
 def code(text: str) -> Code:
@@ -68,18 +62,18 @@ def test_a_code_that_cannot_be_decoded_changes_no_word(reader: Reader, photo: Ph
 
 def test_one_code_of_several_is_enough() -> None:
     other, own = code("(01)09501101530003"), code("SER KB740215")
-    assert checked_by_codes(reading(), (other, own)).decision is Decision.ACCEPT
-    assert checked_by_codes(reading(), (code("4711"), own)).decision is Decision.ACCEPT
-    assert checked_by_codes(reading(), (code("4711"), other)).decision is Decision.REVIEW
+    assert checked_by_codes(READ, (other, own)).decision is Decision.ACCEPT
+    assert checked_by_codes(READ, (code("4711"), own)).decision is Decision.ACCEPT
+    assert checked_by_codes(READ, (code("4711"), other)).decision is Decision.REVIEW
 
 
 def test_a_code_that_speaks_of_no_serial_is_kept_and_says_nothing() -> None:
-    found = checked_by_codes(reading(), (code("MFR 0AB12/PNR 7"),))
+    found = checked_by_codes(READ, (code("MFR 0AB12/PNR 7"),))
     assert (found.decision, found.messages(), len(found.codes)) == (Decision.ACCEPT, (), 1)
 
 
 def test_nothing_read_is_compared_with_nothing() -> None:
-    nothing = replace(reading(""), flags=ReadingFlag.NO_CHARACTERS)
+    nothing = replace(READ, characters=(), flags=ReadingFlag.NO_CHARACTERS)
     found = checked_by_codes(nothing, (code("SER KB740216"),))
     assert (found.decision, found.flags, found.codes[0].text) == (
         Decision.REJECT,
@@ -89,7 +83,7 @@ def test_nothing_read_is_compared_with_nothing() -> None:
 
 
 def test_asked_anew_the_last_answer_counts() -> None:
-    wrong = checked_by_codes(reading(), (code("4711"),))
+    wrong = checked_by_codes(READ, (code("4711"),))
     assert checked_by_codes(wrong, (code(TEXT),)).decision is Decision.ACCEPT
     assert checked_by_codes(wrong, ()).findings == ()
     assert len(checked_by_codes(wrong, (code("4711"),)).findings) == 1

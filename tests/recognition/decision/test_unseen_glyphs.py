@@ -6,12 +6,10 @@ from glyphs.stamping.faces import Face
 from recognition.decision.contracts import doubted_guesses
 from recognition.decision.decide import Decision
 from recognition.decision.flags import ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
+from tests.support.readings import reading_of
 
 CHARS = ("E", "F", "Q", "O")
-BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
 def font(guessed):
@@ -20,12 +18,8 @@ def font(guessed):
 
 
 def doubted(text, scores, *, guessed, places=None, state=None):
-    reading = Reading(
-        characters=tuple(CharacterReading((Candidate(c, 0.9, 0.99),), BOX, state=state) for c in text),
-        confidence=0.99,
-        flags=ReadingFlag.NONE,
-        font="press-7",
-    )
+    reading = reading_of(text, font="press-7")
+    reading = replace(reading, characters=tuple(replace(c, state=state) for c in reading.characters))
     fits = [{c: SimpleNamespace(fit=fit) for c, fit in zip(CHARS, row, strict=True)} for row in scores]
     laid = SimpleNamespace(
         font=font(guessed),

@@ -14,10 +14,9 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.decide import Decision
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Reading
+from recognition.decision.reading import Reading
 from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, add_stroke_findings
 from recognition.glyph_match.felt_line import FeltLine, felt_line
-from recognition.language.box import Box
 from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
@@ -26,6 +25,7 @@ from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.strokes import LIVE, MOST_ABSENT, PlaceStrokes, RivalStrokes, strokes_of
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from tests.support.felt import view_of
+from tests.support.readings import reading_of
 from whisker_array.estimation.relief import Relief, Route
 
 TEXT = "RJ3E8"
@@ -173,9 +173,7 @@ def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
 
 
 def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
-    box = Box(0.0, 0.0, 1.0, 1.0)
-    places = tuple(CharacterReading((Candidate(c, 0.99, 0.99),), box) for c in text)
-    return Reading(places, 0.98).with_trace(strokes=strokes)
+    return reading_of(text, 0.98).with_trace(strokes=strokes)
 
 
 def stands(**changed: float) -> RivalStrokes:

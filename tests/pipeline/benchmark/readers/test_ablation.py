@@ -13,17 +13,11 @@ from pipeline.common.settings import SettingsError
 from recognition.decision.decide import Decision
 from recognition.decision.evidence import Measure
 from recognition.decision.flags import BROKEN, MEASURE_FLAGS, ReadingFlag
-from recognition.decision.reading import Candidate, CharacterReading, Reading
 from recognition.decision.score import SOURCES, score_of, with_score
-from recognition.language.box import Box
 from recognition.reader import Reader
+from tests.support.readings import reading_of
 
-SURE = Reading(
-    tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1)) for c in "AB"),
-    0.99,
-    source="tactile",
-    threshold=0.97,
-)
+SURE = reading_of("AB", source="tactile", threshold=0.97)
 
 
 def test_every_contract_and_term_has_a_name() -> None:

@@ -17,20 +17,11 @@ from pipeline.common.settings import ReadSettings
 from pipeline.formats.part_files import PartFiles
 from pipeline.reading.perturbation import Retake
 from pipeline.workers.executors import Executor
-from recognition.decision.reading import Candidate, CharacterReading, Reading
-from recognition.language.box import Box
-from recognition.marks.depth import MarkDepth
+from recognition.decision.reading import Reading
+from tests.support.readings import reading_of
 
 MAP, RECORDED = PartFiles("m", height_map="m.npz"), PartFiles("r.1", scan="r.1.h5")
 SECOND = PartFiles("r.2", scan="r.2.h5")
-
-
-def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
-    depth = None if depth_mm is None else MarkDepth(depth_mm, depth_mm, depth_mm)
-    return Reading(
-        tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1), depth) for c in text),
-        0.99,
-    )  # fmt: skip
 
 
 def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Trial]:
@@ -50,7 +41,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
             raise MarksError("is broken")
         if listed.name == "faulty":
             raise ZeroDivisionError("a fault")
-        return reading("A 1")
+        return reading_of("A 1")
 
     monkeypatch.setattr(repeats, "_read", read)
     return given
