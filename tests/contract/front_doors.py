@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import os
 import re
 import subprocess
@@ -19,6 +18,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from glyphs import stamp
+from tests.support.csv_table import csv_rows
 from tests.support.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -79,8 +79,7 @@ def synth(folder: Path, format: str, *options: str, parts: int = 1) -> Path:
 
 def truth_of(folder: Path) -> dict[str, str]:
     """The stamped text of each part in a folder that `synth` made."""
-    with (folder / "truth.csv").open(newline="", encoding="utf-8") as stream:
-        return {row["part"]: row["text"] for row in csv.DictReader(stream)}
+    return {row["part"]: row["text"] for row in csv_rows(folder / "truth.csv")}
 
 
 def environment(**changes: str) -> dict[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import json
 import re
 import shutil
@@ -14,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import main, start_process
+from tests.support.csv_table import csv_rows
 from tests.support.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
@@ -71,8 +71,7 @@ def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
     assert "roughness" in json.loads(Path("clean.json").read_text(encoding="utf-8"))["drift"]
     assert main(["read", str(workshop), *vouched, "--out", "again.csv"]) == 0
     assert "unlike" not in capsys.readouterr().err
-    with Path("again.csv").open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = csv_rows("again.csv")
     made = json.loads(certificate.read_text(encoding="utf-8"))
     # exactly the parts that the certificate counts are accepted again
     assert sum(row["decision"] == "accept" for row in rows) == made["accepted"]
@@ -147,8 +146,7 @@ def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
     made_so = ("--dirt", "0", "--parts", "1", *MADE_SO[:4])
     read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
     assert main(["benchmark", "run", "--out", "b", *made_so, *read_so]) == 0
-    with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:
-        decisions = {row["mode"]: (row["decision"], row["flags"]) for row in csv.DictReader(stream)}
+    decisions = {row["mode"]: (row["decision"], row["flags"]) for row in csv_rows("b/benchmark.csv")}
     assert decisions["tactile"][0] == "accept"
     assert decisions["vision"][0] == "review"
     assert "the certificate says nothing of what is read so (vision)" in decisions["vision"][1]

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import save_height_map
+from tests.support.csv_table import csv_rows
 
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment
@@ -74,8 +75,7 @@ def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) 
     (text,) = {row["text"] for row in rows[:-1]}
     assert len(text) == 2
     assert f"{PARTS + 1} parts" in told
-    with (tmp_path / "rows.quarantine.csv").open(newline="") as stream:
-        assert [bad["part"] for bad in csv.DictReader(stream)] == ["gone"]
+    assert [bad["part"] for bad in csv_rows(tmp_path / "rows.quarantine.csv")] == ["gone"]
 
 
 def test_no_scheduler_is_one_line(nowhere: subprocess.Popen[str]) -> None:

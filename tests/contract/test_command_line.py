@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import subprocess
 import sys
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.contract.front_doors import main
+from tests.support.csv_table import csv_rows
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
@@ -154,8 +154,7 @@ def test_bad_files_are_rows_and_the_rest_is_read(capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr()
     assert "Traceback" not in shown.out + shown.err
     assert "6 parts, 1 reject, 5 with an error" in shown.out
-    with Path("t.csv").open(newline="") as stream:
-        rows = {r["part"]: r for r in csv.DictReader(stream)}
+    rows = {row["part"]: row for row in csv_rows("t.csv")}
     assert rows["bare"]["decision"] == "reject"
     assert rows["bare"]["text"] == ""
     assert "no characters" in rows["bare"]["flags"]

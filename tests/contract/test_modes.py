@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.contract.front_doors import main
+from tests.contract.front_doors import main, truth_of
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
@@ -33,9 +32,7 @@ def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:
 
 
 def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with (parts / "truth.csv").open(newline="", encoding="utf-8") as stream:
-        (stamped,) = csv.DictReader(stream)
-    truth = stamped["text"]
+    (truth,) = truth_of(parts).values()
     status, row = read(parts, "--mode", "auto", "--truth", str(parts / "truth.csv"))
     assert (status, row["text"], row["source"]) == (0, truth, "fused")
     assert "serials 100.00% (1 of 1)" in capsys.readouterr().out
@@ -60,11 +57,9 @@ def test_a_part_under_several_lights(tmp_path: Path) -> None:
     (lit / "part-001.light-2.png").write_bytes(b"no picture")
     told = f"--mode vision --format {FORMAT} --font gothic --truth lit/truth.csv --jobs 1".split()
     assert main(["read", "lit", *told, "--out", "t.jsonl"]) == 0
-    with (lit / "truth.csv").open(newline="", encoding="utf-8") as stream:
-        truth = {row["part"]: row["text"] for row in csv.DictReader(stream)}
     lines = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
     rows = {row["part"]: row for row in map(json.loads, lines)}
-    assert {part: row["text"] for part, row in rows.items()} == truth
+    assert {part: row["text"] for part, row in rows.items()} == truth_of(lit)
     assert [rows[part]["photos"] for part in ("part-000", "part-001")] == [3, 2]
     assert not any("photograph" in said for said in rows["part-000"]["messages"])
     assert any("light-2.png: is not a picture" in said for said in rows["part-001"]["messages"])

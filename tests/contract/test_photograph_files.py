@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 import struct
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.contract.front_doors import ROOT, Command
+from tests.support.csv_table import csv_rows
 
 TEXT, FORMAT = "1X2100H", "9A9999A"
 
@@ -41,8 +41,7 @@ def test_every_kind_is_read_and_what_was_done_is_noted(lot: Path, command: Comma
     _heic(lot / "phone.HEIC")
     ended = command("read", lot, "--format", FORMAT, "--jobs", "1", "--out", tmp_path / "out.csv")
     assert (tmp_path / "out.csv").exists(), ended.out + ended.err
-    with (tmp_path / "out.csv").open(encoding="utf-8-sig") as stream:
-        texts = {row["part"]: row["text"] for row in csv.DictReader(stream)}
+    texts = {row["part"]: row["text"] for row in csv_rows(tmp_path / "out.csv")}
     assert ended.status in (0, 1), ended.out + ended.err
     assert texts == dict.fromkeys(("clear", "deep", "gif", "jfif", "pages", "webp"), TEXT)
     assert "page 2 of the file's 2 was read" in ended.out

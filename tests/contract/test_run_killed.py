@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.front_doors import main, save_height_map, start_process
+from tests.support.csv_table import csv_rows
 from tests.support.waiting import PATIENCE_S, children, is_alive, wait_until
 
 PARTS = 8
@@ -96,8 +97,7 @@ def test_a_run_that_is_broken_off_killed_and_loses_a_worker_reads_every_part_onc
     # not one was read again: the time it took is that of the first reading
     seconds = {str(row["part"]): float(str(row["seconds"])) for row in rows_of}
     assert {part: seconds[part] for part in before} == before
-    with (tmp_path / "rows.quarantine.csv").open(newline="") as stream:
-        (bad,) = csv.DictReader(stream)
+    (bad,) = csv_rows(tmp_path / "rows.quarantine.csv")
     assert bad["part"] == BAD
     assert Path(bad["height_map"]).name == f"{BAD}.npz"
     assert not [p.name for p in tmp_path.iterdir() if p.name.endswith((".unfinished", ".rows.jsonl"))]

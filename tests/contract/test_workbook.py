@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from datetime import datetime
 from pathlib import Path
@@ -12,6 +11,7 @@ import openpyxl
 import pytest
 
 from tests.contract.front_doors import Command, save_height_map
+from tests.support.csv_table import csv_rows
 
 AS_GIVEN = ("--orientation", "upright", "--rows", "top-first")
 READ = ("--format", "9999", "--font", "gothic", "--height-mm", "4", "--jobs", "1", *AS_GIVEN)
@@ -80,8 +80,7 @@ def test_a_workbook_opens_on_what_a_person_wants(lot: Path, tmp_path: Path, comm
 def test_a_table_says_when_by_what_and_how_it_was_read(lot: Path, tmp_path: Path, command: Command) -> None:
     out = tmp_path / "lot.csv"
     command("read", lot, *READ, "--out", out)
-    with out.open(encoding="utf-8", newline="") as stream:
-        bad, good = csv.DictReader(stream)
+    bad, good = csv_rows(out)
     assert good["text"] == "1997"
     assert datetime.fromisoformat(good["at"]).tzinfo is not None
     assert datetime.fromisoformat(bad["at"]).tzinfo is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ import pyarrow.parquet
 from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord, from_json
 from pipeline.runs.tables import check_output, write_table
+from tests.support.csv_table import csv_rows
 
 _WORD = re.compile(r"\\u(0000|005c|d[89a-f][0-9a-f]{2})")
 
@@ -51,8 +51,7 @@ def read_rows(path: Path) -> list[TableRow]:
         elif path.suffix == ".jsonl":
             found = [json.loads(line) for line in path.read_bytes().splitlines()]
         else:
-            with path.open(encoding="utf-8", newline="") as stream:
-                found = list(csv.DictReader(stream))
+            found = csv_rows(path)
         return [
             TableRow(*(plain(r[name]) for name in ("part", "text", "decision", "error")), r) for r in found
         ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from glyphs import stamp
 from pipeline.cli.main import main
 from pipeline.formats.npz import write_npz
+from tests.support.csv_table import csv_rows
 from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -27,7 +27,7 @@ def test_read_tells_what_the_serial_cost(
 ) -> None:
     out = tmp_path / "read.csv"
     assert main(["read", str(part), "--format", "AA99", "--active", "--out", str(out)]) == 0
-    (row,) = csv.DictReader(out.open(encoding="utf-8"))
+    (row,) = csv_rows(out)
     assert (row["text"], row["decision"]) == ("KX40", "accept")
     assert "s of stage time: the serial is sure" in row["flags"]
 
@@ -53,12 +53,12 @@ def test_the_benchmark_compares_plans(
     monkeypatch.setattr(modes, "PLANS", plans)
     asked = f"benchmark run --mode plans --out {tmp_path} --dirt 0 --parts 1 --format AA99".split()
     assert main(asked) == 0
-    rows = list(csv.DictReader((tmp_path / "benchmark.csv").open(encoding="utf-8")))
+    rows = csv_rows(tmp_path / "benchmark.csv")
     assert [row["mode"] for row in rows] == [plan.mode for plan in plans]
     assert all(row["text"] == row["truth"] and float(row["scan_s"]) > 0.0 for row in rows)
     assert "mean scan by a stage" in capsys.readouterr().out
     # what is kept is not felt again
     monkeypatch.setattr(run, "try_part", None)
     assert main(asked) == 0
-    assert list(csv.DictReader((tmp_path / "benchmark.csv").open(encoding="utf-8"))) == rows
+    assert csv_rows(tmp_path / "benchmark.csv") == rows
     assert main([*asked, "--seed", "5"]) == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from glyphs import stamp
 from glyphs.stamping.variation import StampingVariation
 from pipeline.cli.main import main
 from pipeline.formats.npz import write_npz
+from tests.support.csv_table import csv_rows
 
 pytestmark = pytest.mark.usefixtures("inline")
 KNOWN = ("--font", "gothic", "--height-mm", "5", "--format", "A9A9", "--experts", "network")
@@ -33,8 +33,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rules = ("--depth-rule", "27CFR478.92", "--min-depth-mm", "0.2")
     assert main(["read", str(part), *KNOWN, "--out", "t.csv", *rules]) == 0
-    with Path("t.csv").open(newline="", encoding="utf-8") as stream:
-        (row,) = csv.DictReader(stream)
+    (row,) = csv_rows("t.csv")
     assert row["text"] == "K7B1"
     # read for sure, but not as deep as was asked for
     assert row["decision"] == "review"

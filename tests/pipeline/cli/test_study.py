@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 
 from pipeline.cli.main import main
 from tests.pipeline.benchmark.report.test_report import Page
+from tests.support.csv_table import csv_rows
 
 pytestmark = pytest.mark.usefixtures("inline")
 
@@ -23,14 +23,9 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
 def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, reviews = tmp_path / "out", tmp_path / "reviews.csv"
-    truth = {row["part"]: row["text"] for row in rows(parts / "truth.csv")}
+    truth = {row["part"]: row["text"] for row in csv_rows(parts / "truth.csv")}
     first, second = truth
     reviews.write_text(
         f"part,reviewer,text\n{first},Ada,{truth[first]}\n{second},Ada,??\nx,Ada,A1\n", encoding="utf-8"
@@ -41,7 +36,7 @@ def test_two_parts_twice(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     ]  # fmt: skip
     assert main(arguments) == 0
     said = capsys.readouterr().out
-    read = rows(out / "readings.csv")
+    read = csv_rows(out / "readings.csv")
     assert [(r["appraiser"], r["trial"]) for r in read if r["part"] == first] == [
         *((f"array {a}", str(k)) for a in (1, 2) for k in (1, 2)), ("Ada", "1"),
     ]  # fmt: skip
@@ -82,7 +77,7 @@ def test_a_photograph_has_one_array_and_no_depth(
     said = capsys.readouterr().out
     assert "have one array" in said
     assert "no gauge study" in said
-    assert {r["appraiser"] for r in rows(tmp_path / "readings.csv")} == {"the reader"}
+    assert {r["appraiser"] for r in csv_rows(tmp_path / "readings.csv")} == {"the reader"}
     assert json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))["depth"] is None
     assert not (tmp_path / "study.unfinished").exists()
 
@@ -114,7 +109,7 @@ def test_a_part_that_cannot_be_read_is_named_and_fails(
 ) -> None:
     (tmp_path / "bad.npz").write_bytes(b"no archive")
     assert main(["study", str(tmp_path / "bad.npz"), "--repeats", "2", "--out", str(tmp_path / "out")]) == 1
-    read = rows(tmp_path / "out" / "readings.csv")
+    read = csv_rows(tmp_path / "out" / "readings.csv")
     assert len(read) == 4
     assert all(r["error"] for r in read)
     assert "1 parts could not be read each time" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import io
 import math
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from pipeline.cli.whisker import figures
 from pipeline.plots import paper_figures
 from pipeline.plots.paper_figures import factor_figure, pieces_figure, whiskers_figure
 from pipeline.plots.steps import PRELOAD_MM, StepError, Wedge, feel_step, paper_whisker, read_step
+from tests.support.csv_table import csv_rows
 from tests.support.stress import preload_stress_mpa
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.enhancement import enhancement_factor
@@ -140,8 +140,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         assert figures(out=folder, mu=0.1) == 0
-    with (folder / "figures.csv").open(encoding="utf-8", newline="") as stream:
-        return Made(folder, printed.getvalue(), tuple(csv.DictReader(stream)))
+    return Made(folder, printed.getvalue(), tuple(csv_rows(folder / "figures.csv")))
 
 
 def test_every_picture_is_written_and_named(made: Made) -> None:

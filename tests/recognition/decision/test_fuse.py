@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -58,15 +59,17 @@ def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tup
     return lattice(out, where, tuple(LETTERS))
 
 
-def as_reading(
-    beliefs: Lattice,
-    settings: ReaderSettings,
+def vision(
+    beliefs: Lattice | None,
+    settings: ReaderSettings = SETTINGS,
     *,
     grammar: Grammar | None = None,
     flags: ReadingFlag = ReadingFlag.NONE,
     source: str = "vision",
 ) -> Reading:
     """The reading that these beliefs make."""
+    if beliefs is None:
+        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS, source=source)
     placed = beliefs if beliefs.boxes else replace(beliefs, boxes=boxes(beliefs.n_places))
     choice = choose(placed, grammar)
     made = Reading(
@@ -77,16 +80,7 @@ def as_reading(
     return contracts_of_choice(made, choice, grammar)
 
 
-def touch(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
-    if beliefs is None:
-        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS)
-    return as_reading(beliefs, SETTINGS, flags=flags, source="tactile")
-
-
-def vision(beliefs: Lattice | None) -> Reading:
-    if beliefs is None:
-        return Reading((), 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
-    return as_reading(beliefs, SETTINGS)
+touch = partial(vision, source="tactile")
 
 
 @st.composite
@@ -203,7 +197,7 @@ def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
 
 
 def test_doubts_of_touch_that_vision_cannot_lift_stay() -> None:
-    doubtful = touch(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
+    doubtful = touch(of_text("AB1234", 0.9999), flags=ReadingFlag.UNREAD_MARKS)
     read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
     assert read.decision is Decision.REVIEW
     assert ReadingFlag.UNREAD_MARKS in read.flags
@@ -267,7 +261,7 @@ VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
 @pytest.mark.parametrize("path", ["vision", "fused", "touch failed", "camera failed"])
 def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: str) -> None:
     beliefs = of_text(VIN, [0.9999, 0.9999, 0.8, *[0.9999] * 14], rival=RIVAL)
-    by_vision = as_reading(beliefs, BLIND, grammar=BLIND.grammar)
+    by_vision = vision(beliefs, BLIND, grammar=BLIND.grammar)
     by_touch = replace(by_vision, source="tactile")
     read = {
         "vision": by_vision,

@@ -1,6 +1,5 @@
 """What a change did: flips by hand, refusals, parts made again, and the command."""
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
+from tests.support.csv_table import csv_rows
 
 PARTS = designed_parts(parts=3, severities=(0.3, 0.6), given=("format", "font,format"))
 BENCHMARK = Benchmark(PARTS, ("tactile",), ReaderSettings())
@@ -121,8 +121,7 @@ def test_the_command_shows_what_flipped(
     assert main(["benchmark", "compare", str(before), str(after)]) == 0
     said = capsys.readouterr().out
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("wrote"))
-    with (after / "compare.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = csv_rows(after / "compare.csv")
     assert [r["flip"] for r in rows] == [
         Flip.ACCEPTED_WRONG.value, Flip.LOST.value, Flip.LOST.value, Flip.GAINED.value, Flip.GAINED.value,
     ]  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from pipeline.cli.main import main
 from pipeline.reading.perturbation import PERTURBATIONS
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
+from tests.support.csv_table import csv_rows
 from whisker_array.simulation.traces import Fidelity
 
 
@@ -131,7 +131,7 @@ def test_an_accepted_serial_that_becomes_another_fails_the_run(
     assert "Accepted, and accepted as another" in page
     stability = json.loads((tmp_path / "bad" / "benchmark.json").read_text())["stability"]
     assert [s["perturbation"] for s in stability] == ["", *(p.name for p in PERTURBATIONS)]
-    with (tmp_path / "bad" / "benchmark.csv").open(encoding="utf-8") as stream:
-        assert [row["perturbed"] for row in csv.DictReader(stream)] == ["", *(p.name for p in PERTURBATIONS)]
+    rows = csv_rows(tmp_path / "bad" / "benchmark.csv")
+    assert [row["perturbed"] for row in rows] == ["", *(p.name for p in PERTURBATIONS)]
     assert main([*arguments, "--mode", good, "--out", str(tmp_path / "good")]) == 0
     assert "FAULT" not in capsys.readouterr().out

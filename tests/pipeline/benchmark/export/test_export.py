@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from pipeline.benchmark.export.folder import ExportError, check, export
 from pipeline.formats.touch_file import read_part_map
 from tests.factories import designed_parts
 from tests.support.counted import Counted
+from tests.support.csv_table import csv_rows
 
 EMPTY_MM = 0.06
 """A two-tone test of places: a mark is deeper than half of its 0.2 mm where the land is not."""
@@ -53,8 +53,7 @@ def test_a_part_is_written_as_it_is_made(exam: tuple[DesignedParts, Path]) -> No
 def test_truth_in_all_layouts(exam: tuple[DesignedParts, Path]) -> None:
     parts, folder = exam
     texts = {item.part: parts.truth_of(item) for item in parts.items()}
-    with (folder / "truth.csv").open(newline="") as stream:
-        table = list(csv.DictReader(stream))
+    table = csv_rows(folder / "truth.csv")
     assert {row["part"]: row["text"] for row in table} == texts
     assert [row["severity"] for row in table] == ["0.0", "0.4"]
     lines = [line.split("\t") for line in (folder / "rec_gt.txt").read_text().splitlines()]

@@ -1,6 +1,5 @@
 """The report: whole, self-contained, and true to the trials."""
 
-import csv
 import json
 import re
 from dataclasses import replace
@@ -20,6 +19,7 @@ from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 from tests.support.certificates import a_certificate, measured
+from tests.support.csv_table import csv_rows
 
 SECTIONS = (
     "wrong", "summary", "accuracy", "decisions",
@@ -106,8 +106,7 @@ def test_the_page_is_whole_and_needs_nothing_beside_it(written: report.Written) 
 
 
 def test_the_table_has_a_line_a_trial(written: report.Written) -> None:
-    with (written.folder / report.TABLE).open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = csv_rows(written.folder / report.TABLE)
     assert len(rows) == len(TRIALS)
     assert [r["characters_right"] for r in rows[:5]] == ["2", "1", "1", "1", "0"]
     assert [r["right"] for r in rows[:5]] == ["1", "0", "0", "0", "0"]
@@ -224,8 +223,7 @@ def test_two_parts_from_the_command_line(
     assert f"wrote {out / 'report.html'}" in said
     row, *_ = (line.split() for line in said.splitlines() if line.startswith(" tactile"))
     assert row[:3] == ["tactile", "2", "0.0"]
-    with (out / "benchmark.csv").open(encoding="utf-8") as stream:
-        times = [(float(r["reading_s"]), float(r["compute_s"])) for r in csv.DictReader(stream)]
+    times = [(float(r["reading_s"]), float(r["compute_s"])) for r in csv_rows(out / "benchmark.csv")]
     assert all(0.0 < reading < compute for reading, compute in times)  # the scan is simulated
     page = Page((out / "report.html").read_text(encoding="utf-8"))
     assert sum(r.startswith("data:image/jpeg") for r in page.refers) == 2
@@ -256,19 +254,8 @@ def test_two_parts_from_the_command_line(
 def test_bad_usage_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], complaint: str
 ) -> None:
-    assert (
-        main(
-            [
-                "benchmark",
-                "run",
-                "--out",
-                str(tmp_path / "o"),
-                *([] if "--parts" in more else ["--parts", "1"]),
-                *more,
-            ]
-        )
-        == 2
-    )
+    parts = [] if "--parts" in more else ["--parts", "1"]
+    assert main(["benchmark", "run", "--out", str(tmp_path / "o"), *parts, *more]) == 2
     assert complaint in capsys.readouterr().err
 
 
