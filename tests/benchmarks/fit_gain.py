@@ -56,7 +56,7 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
     """
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.benchmark.exam.editions import design_named
-    from pipeline.reading.simulated_scan import open_session
+    from pipeline.reading.simulated_scan import VirtualBench
     from recognition.active.active_reader import ActiveReader, ActiveSettings
     from recognition.active.policy import Drawn
     from recognition.language.orientation import Orientation
@@ -81,9 +81,9 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
         policy = Drawn(seed * 1000 + item.number)
         active = ActiveReader(reader, ActiveSettings(budget_s=budget_s, policy=policy))
         try:
-            session = open_session(
-                made.height_map, height_mm=made.height_mm, soil=made.soil, part_id=item.part
-            )
+            session = VirtualBench(
+                made.height_map, made.height_mm, soil=made.soil, part_id=item.part
+            ).open_session()
             found = active.read(session)
         except MarksError:
             continue

@@ -24,13 +24,12 @@ from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.formats.touch_file import read_height_map
-from pipeline.reading.simulated_scan import feel
+from pipeline.reading.simulated_scan import VirtualBench
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan
-from whisker_array.whisker.array import default_plan
 
 TEXT = "KR804217"
 HEIGHT_MM = 5.0
@@ -83,8 +82,7 @@ def exam_parts(**levels: object) -> DesignedParts:
 
 def felt(surface: HeightMap, *, noise: bool = False, soil: Soil | None = None) -> Scan:
     """In four directions, on a bench without memory."""
-    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=HEIGHT_MM)
-    return feel(surface, plan=plan, height_mm=HEIGHT_MM, noise=noise, memory=False, soil=soil)
+    return VirtualBench(surface, HEIGHT_MM, noise=noise, memory=False, soil=soil).scan()
 
 
 def exam_part(soil: str, numbers: Iterator[int]) -> str:

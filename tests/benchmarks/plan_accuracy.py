@@ -25,7 +25,7 @@ from glyphs.surface.maps import TraceDirection
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.benchmark.exam.editions import design_named
-from pipeline.reading.simulated_scan import feel
+from pipeline.reading.simulated_scan import VirtualBench
 from recognition import Orientation, Reader
 from recognition.decision.decide import Decision
 from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, ways_words
@@ -98,10 +98,8 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
                     directions=tuple(TraceDirection(d) for d in ways),
                 )
                 noise = int(np.random.SeedSequence((seed, number, lines, *ways)).generate_state(1)[0])
-                scan = feel(
-                    part.height_map, plan=plan, height_mm=part.height_mm, sensor_seed=noise, soil=part.soil
-                )
-                right, accepted = read_right(scan, part.truth, item.condition.format)
+                bench = VirtualBench(part.height_map, part.height_mm, sensor_seed=noise, soil=part.soil)
+                right, accepted = read_right(bench.scan(plan), part.truth, item.condition.format)
                 yield PlanCounts(
                     lines=lines,
                     directions=ways,

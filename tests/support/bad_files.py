@@ -60,7 +60,7 @@ def picture(suffix: str) -> bytes:
 def scan() -> bytes:
     """A recording of the small map, with few samples: of each file of the corpus one is written."""
     from glyphs.surface.maps import HeightMap
-    from pipeline.reading.simulated_scan import feel
+    from pipeline.reading.simulated_scan import VirtualBench
     from whisker_array.scan.recording import save_scan
     from whisker_array.whisker.array import default_plan
 
@@ -69,7 +69,7 @@ def scan() -> bytes:
     plan = replace(plan, sample_pitch_mm=4.0 * plan.sample_pitch_mm)
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "a.h5"
-        save_scan(feel(height_map, plan=plan, height_mm=5.0), path)
+        save_scan(VirtualBench(height_map, 5.0).scan(plan), path)
         return path.read_bytes()
 
 

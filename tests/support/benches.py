@@ -9,7 +9,7 @@ import numpy as np
 
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
-from pipeline.reading.simulated_scan import feel
+from pipeline.reading.simulated_scan import VirtualBench
 from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, nominal_bench, of_screw, prior_sd
 from whisker_array.identification.knowledge import Knowledge
 from whisker_array.identification.piece_map import Heights
@@ -55,16 +55,10 @@ def recorded(
     plan = RasterPlan(
         comb, (0.0, 0.0, *piece.size_mm), comb.pitch_mm / 4, 0.03125, speed_mm_s=50.0, lead_mm=1.5
     )
-    scan = feel(
-        piece.height_map(FINE_MM),
-        plan=plan,
-        height_mm=HEIGHT_MM,
-        touch=touch or drawn,
-        friction=friction,
-        sensor_seed=1,
-        noise_seed=seed,
-        memory=memory,
+    bench = VirtualBench(
+        piece.height_map(FINE_MM), HEIGHT_MM, memory=memory, sensor_seed=1, friction=friction
     )
+    scan = bench.scan(plan, touch=touch or drawn, noise_seed=seed)
     return replace(scan, touch=drawn)
 
 

@@ -43,7 +43,7 @@ def read(
     names: Mapping[str, str] = MappingProxyType({}),
     limits: Limits = LIMITS,
     **files: Any,
-) -> Done:
+) -> ReadPart:
     """What an order makes of a part's files."""
     given = {kind: str(one) if isinstance(one, Path) else one for kind, one in files.items()}
     return read_order(
