@@ -21,10 +21,9 @@ import contextlib
 import json
 import logging
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from random import Random
 from typing import TYPE_CHECKING, Protocol
 
@@ -66,11 +65,11 @@ class DeliveryError(MarksError):
 class Sender(Protocol):
     """Brings deliveries to one target."""
 
-    def start(self, report: Callable[[str], object]) -> None:
-        """Begin, in the running loop.
+    async def ping(self) -> bool:
+        """Whether the target is known to be there while there is nothing to send.
 
-        Args:
-            report: to be called with why the target cannot be reached, or with an empty string when it can.
+        Raises:
+            DeliveryError: it is away.
         """
 
     async def send(self, delivery: Delivery) -> None:
@@ -137,7 +136,6 @@ class Dispatcher:
     def start(self) -> None:
         """Begin, in tasks of the running loop."""
         for target, sender in self._senders.items():
-            sender.start(partial(self._report, target))
             self._tasks.append(asyncio.create_task(self._run(target, sender), name=f"dispatcher {target}"))
         self._tasks.append(asyncio.create_task(self._warn_of_unknown_targets()))
 
@@ -176,6 +174,8 @@ class Dispatcher:
                 )
                 if loop.time() + pace.send_s > until_s:
                     leased = ()  # it has stalled; they are given to it again
+                if not leased:
+                    await self._ping(target, sender)
                 sendings = (self._send(sender, delivery, rests + 1) for delivery in leased)
                 done = await asyncio.gather(*sendings, return_exceptions=True)
                 for error in done:
@@ -200,6 +200,13 @@ class Dispatcher:
         waiting = await asyncio.to_thread(self._outbox.waiting_results)
         for target in sorted(set(waiting) - set(self._senders)):
             _log.warning("results wait to be sent to %s, which is not set up here", target)
+
+    async def _ping(self, target: str, sender: Sender) -> None:
+        try:
+            if await sender.ping():
+                self._report(target, "")
+        except DeliveryError as error:
+            self._report(target, str(error))
 
     async def _send(self, sender: Sender, delivery: Delivery, failures: int) -> float:
         """Send one delivery; seconds to rest if the target is away."""

@@ -8,7 +8,7 @@
   large) stays in the outbox. With MQTT 3.1.1 a broker cannot refuse: it acknowledges what it drops.
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
-* There is one connection at a time, made anew when it is next needed, and every few seconds once `start` was called.
+* There is one connection at a time, made anew when it is next needed: for a result, or the next `ping`.
 * Services with one prefix share the status. A running service says "online" every few seconds, so that it stands again
   after another one has said "offline".
 """
@@ -18,21 +18,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+import time
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.service.outputs.dispatch import DeliveryError, body_of
 from pipeline.service.outputs.mqtt_connection import LEAVE_S, MqttConnection
-from pipeline.service.tasks import end_tasks
 
 if TYPE_CHECKING:
     from pipeline.service.settings import MqttSettings
 
 ONLINE, OFFLINE = b"online", b"offline"
-# seconds between two attempts to connect
-RETRY_S = 2.0
 # seconds after which a running service says again that it is online
 ONLINE_EVERY_S = 5.0
 _NO_TOPIC = frozenset("+#\0")
@@ -66,36 +63,21 @@ class MqttSender:
         self._prefix, self._status = settings.prefix, f"{settings.prefix}/status"
         self._connecting = asyncio.Lock()
         self._connection: MqttConnection | None = None
-        self._closed = False
-        self._keeping: asyncio.Task[None] | None = None
-
-    def start(self, report: Callable[[str], object]) -> None:
-        """Connect and stay so, that the status says online though there is nothing to publish."""
-        if self._settings.version != "5":
+        self._closed, self._online_s = False, 0.0
+        if settings.version != "5":
             _log.warning(
                 "MQTT %s: the broker cannot say that it refuses a result, and one that it refuses is lost",
-                self._settings.version,
+                settings.version,
             )
-        self._keeping = asyncio.create_task(self._keep_connected(report), name="mqtt")
 
-    async def _keep_connected(self, report: Callable[[str], object]) -> None:
-        while not self._closed:
-            try:
-                connection = await self._connected()
-            except DeliveryError as error:
-                report(str(error))
-                await asyncio.sleep(RETRY_S)
-                continue
-            report("")
-            await asyncio.wait({connection.lost}, timeout=ONLINE_EVERY_S)
-            if not connection.lost.done():
-                with contextlib.suppress(
-                    DeliveryError
-                ):  # it may be forbidden, or is noticed by the next look
-                    await connection.publish(self._status, ONLINE, retain=True)
-            elif not connection.over_a_message:  # else the message is refused, and the broker is there
-                report(f"the broker has gone: {connection.lost.result()}")
-                await asyncio.sleep(RETRY_S)
+    async def ping(self) -> bool:
+        """Connect and stay so, that the status says online though there is nothing to publish.
+
+        Raises:
+            DeliveryError: no broker.
+        """
+        await self._connected()
+        return True
 
     async def send(self, delivery: Delivery) -> None:
         """Publish a delivery and wait until the broker has accepted it.
@@ -118,8 +100,6 @@ class MqttSender:
     async def close(self) -> None:
         """Say goodbye, so that the status is offline at once, and disconnect."""
         self._closed = True
-        if self._keeping is not None:
-            await end_tasks([self._keeping])
         async with self._connecting:
             connection, self._connection = self._connection, None
             if connection is not None:
@@ -136,15 +116,16 @@ class MqttSender:
         async with self._connecting:
             if self._closed:
                 raise DeliveryError("closed", away=True)
-            if self._connection is not None and not self._connection.lost.done():
-                return self._connection
-            if self._connection is not None:
-                await self._connection.end()
-                self._connection = None
-            connection = MqttConnection(
-                self._settings, will=(self._status, OFFLINE), timeout_s=self._timeout_s
-            )
-            await connection.open()
+            connection = self._connection
+            if connection is not None and connection.lost.done():
+                await connection.end()
+                connection = self._connection = None
+            if connection is None:
+                will = (self._status, OFFLINE)
+                connection = MqttConnection(self._settings, will=will, timeout_s=self._timeout_s)
+                await connection.open()
+            elif time.monotonic() - self._online_s < ONLINE_EVERY_S:
+                return connection
             try:
                 await connection.publish(self._status, ONLINE, retain=True)
             except BaseException as error:
@@ -152,6 +133,7 @@ class MqttSender:
                     await self._say_goodbye(connection)  # others may have seen it online
                     raise
                 # a broker that refuses this alone may take results all the same
-                _log.warning("the MQTT status is not set: %s", error)
-            self._connection = connection
+                if self._connection is None:
+                    _log.warning("the MQTT status is not set: %s", error)
+            self._connection, self._online_s = connection, time.monotonic()
             return connection

@@ -164,11 +164,6 @@ class MqttConnection:
         self._drop()
         await asyncio.to_thread(self._client.loop_stop)
 
-    @property
-    def over_a_message(self) -> bool:
-        """Whether the broker has ended it because of a message, and not because it is going away."""
-        return self._blamed >= 0
-
     async def _first(self, answer: asyncio.Future[Any]) -> None:
         """Wait for an answer, the loss of the connection, or the end of patience."""
         await asyncio.wait({answer, self.lost}, timeout=self._timeout_s, return_when=asyncio.FIRST_COMPLETED)

@@ -83,8 +83,9 @@ class WebhookSender:
         # proxies and the like of the environment are ignored: only the settings count
         self._http = httpx.AsyncClient(follow_redirects=False, timeout=timeout_s, trust_env=False)
 
-    def start(self, report: Callable[[str], object]) -> None:
-        """Nothing to begin: a connection is made when there is something to post."""
+    async def ping(self) -> bool:
+        """Nothing is known without something to post."""
+        return False
 
     async def send(self, delivery: Delivery) -> None:
         """Post a delivery.

@@ -26,14 +26,13 @@ class Recorder:
     def __init__(self, trouble: Callable[[Delivery], Awaitable[None]] | None = None) -> None:
         self.arrived: list[Delivery] = []
         self.attempts: Counter[int] = Counter()
-        self.started = self.closed = False
+        self.closed = False
         self._trouble = trouble
 
-    def start(self, report: Callable[[str], object]) -> None:
-        self.started = True
+    async def ping(self) -> bool:
+        return False
 
     async def send(self, delivery: Delivery) -> None:
-        assert self.started
         self.attempts[delivery.id] += 1
         if self._trouble is not None:
             await self._trouble(delivery)
@@ -217,6 +216,24 @@ async def test_waking_is_quicker_than_looking() -> None:
     dispatcher.wake()
     await until(lambda: len(sender.arrived) == 1)
     await dispatcher.stop()
+
+
+async def test_a_target_that_is_away_is_known_though_there_is_nothing_to_send() -> None:
+    class Pinged(Recorder):
+        away = ""
+
+        async def ping(self) -> bool:
+            if self.away:
+                raise DeliveryError(self.away, away=True)
+            return True
+
+    sender = Pinged()
+    dispatcher = dispatcher_of(MemoryOutbox(), mqtt=sender)
+    dispatcher.start()
+    for sender.away in ("the broker has gone", ""):
+        await until(lambda: dispatcher.states["mqtt"].error == sender.away)
+    await dispatcher.stop()
+    assert sender.closed
 
 
 async def test_stopping_lets_what_is_being_sent_arrive_and_keeps_the_rest() -> None:

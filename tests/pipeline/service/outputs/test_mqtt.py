@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from random import Random
 
@@ -16,6 +16,7 @@ from pipeline.common.records import Delivery
 from pipeline.service.outputs.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.outputs.mqtt import MqttSender
 from pipeline.service.settings import MqttSettings
+from pipeline.service.tasks import end_tasks
 from tests.support.line_broker import Broker, GuardedBroker, Listener
 from tests.support.line_fakes import LONG_S, MemoryOutbox, part, until
 from tests.support.self_signed import certificates
@@ -51,6 +52,23 @@ def sender_to(url: str, timeout_s: float = 10.0, **settings: str) -> MqttSender:
 
 def one_delivery(part_id: str = "PART1", number: int = 1) -> Delivery:
     return Delivery(number, "mqtt", part_id, {"id": part_id, "text": f"TEXT{number}"})
+
+
+@contextlib.asynccontextmanager
+async def looked_after(sender: MqttSender) -> AsyncIterator[None]:
+    """A sender that has nothing to send, as a dispatcher looks after it."""
+
+    async def ping() -> None:
+        while True:
+            with contextlib.suppress(DeliveryError):
+                await sender.ping()
+            await asyncio.sleep(0.02)
+
+    pinging = asyncio.create_task(ping())
+    try:
+        yield
+    finally:
+        await end_tasks([pinging])
 
 
 async def test_a_result_is_published_and_the_status_follows(
@@ -94,17 +112,16 @@ async def test_another_sender_by_mqtt_3_1_1_says_that_it_may_lose_results_and_le
     broker = make_broker()
     listener, url = listen(broker.port), f"mqtt://127.0.0.1:{broker.port}"
     stays = sender_to(url)
-    stays.start(lambda _: None)
-    await until(lambda: listener.statuses()[-1:] == ["online"])
-    with caplog.at_level(logging.WARNING):
-        old = sender_to(url, version="3.1.1")
-        old.start(lambda _: None)
-        await old.send(one_delivery())
-    assert caplog.text.count("MQTT 3.1.1: the broker cannot say that it refuses") == 1
-    await until(lambda: len(listener.results()) == 1)
-    await old.close()
-    late = listen(broker.port)  # finds what is retained
-    await until(lambda: late.statuses()[-1:] == ["online"])
+    async with looked_after(stays):
+        await until(lambda: listener.statuses()[-1:] == ["online"])
+        with caplog.at_level(logging.WARNING):
+            old = sender_to(url, version="3.1.1")
+            await old.send(one_delivery())
+        assert caplog.text.count("MQTT 3.1.1: the broker cannot say that it refuses") == 1
+        await until(lambda: len(listener.results()) == 1)
+        await old.close()
+        late = listen(broker.port)  # finds what is retained
+        await until(lambda: late.statuses()[-1:] == ["online"])
     await stays.close()
 
 
@@ -134,12 +151,12 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
     broker = make_broker()
     listener = listen(broker.port)
     sender = sender_to(f"mqtt://127.0.0.1:{broker.port}")
-    sender.start(lambda _: None)
-    await until(lambda: listener.statuses()[-1:] == ["online"])
-    broker.kill()
-    listener.messages.clear()
-    await asyncio.to_thread(broker.start)
-    await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
+    async with looked_after(sender):
+        await until(lambda: listener.statuses()[-1:] == ["online"])
+        broker.kill()
+        listener.messages.clear()
+        await asyncio.to_thread(broker.start)
+        await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
     await sender.close()
     await until(lambda: listener.statuses()[-1:] == ["offline"], why="for the goodbye")
 
@@ -157,8 +174,8 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
         def __init__(self, sender: MqttSender) -> None:
             self._sender = sender
 
-        def start(self, report: Callable[[str], object]) -> None:
-            self._sender.start(report)
+        async def ping(self) -> bool:
+            return await self._sender.ping()
 
         async def send(self, delivery: Delivery) -> None:
             if not listener.subscribed.is_set():
