@@ -99,16 +99,17 @@ def laid_text(
         return None
     least = dict.fromkeys(fonts, 0.0) | dict.fromkeys(stand_ins, clearly)
 
-    def best(face: Face) -> tuple[float, LaidText] | None:
+    def best(*faces: Face) -> list[tuple[float, LaidText]]:
         tried = [
             (felt.suits(text, font, face) - less, LaidText(felt, tuple(text), font, face))
             for font, less in least.items()
+            for face in faces
+            # outlines have their own width: a flat die cuts them as a sharp one does
             if set(text) & set(font.glyphs) and (face is Face.FLAT or font.stroke_ratio > 0.0)
         ]
-        return max(tried, key=lambda one: one[0], default=None)
+        return sorted(tried, key=lambda one: -one[0])[:1]
 
-    flat = best(Face.FLAT)
-    if flat is not None and flat[0] >= STRUCK_FIT:
-        return flat[1]
-    either = [one for one in (flat, best(Face.DOTTED)) if one is not None]
-    return max(either, key=lambda one: one[0])[1] if either else None
+    found = best(Face.FLAT, Face.SHARP)
+    if not found or found[0][0] < STRUCK_FIT or found[0][1].face is Face.SHARP:
+        found = sorted([*found, *best(Face.DOTTED)], key=lambda one: -one[0])
+    return found[0][1] if found else None

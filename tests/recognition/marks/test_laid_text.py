@@ -103,7 +103,7 @@ def test_whether_marks_stand_out_is_found(raised: bool, make_part: Make, lay: La
     assert laid.fit > 0.9
 
 
-@pytest.mark.parametrize("face", [Face.FLAT, Face.DOTTED])
+@pytest.mark.parametrize("face", [Face.FLAT, Face.SHARP, Face.DOTTED])
 def test_the_kind_of_die_is_found(face: Face, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True, face=face)
     laid = lay(part)
