@@ -17,7 +17,7 @@ from urllib.parse import urljoin
 import httpx
 import numpy as np
 import pytest
-from asyncua import Client, ua
+from asyncua import Client, Node, ua
 from PIL import Image
 
 from tests.contract.front_doors import status_of
@@ -325,13 +325,19 @@ def test_a_result_that_is_too_large_for_the_broker_waits(plant: Plant, limit: st
 # ------------------------------------------------------------------------------------------- OPC UA
 
 
+async def reader_at(client: Client) -> tuple[Node, int, int]:
+    """The reader's node, and the indices of its own namespace and of AutoID's."""
+    own, autoid = [
+        await client.get_namespace_index(uri) for uri in (SPACE, "http://opcfoundation.org/UA/AutoID/")
+    ]
+    return client.get_node(ua.NodeId("reader", own)), own, autoid
+
+
 async def test_the_same_session_is_answered_while_a_method_runs(plant: Plant) -> None:
     noise = np.random.default_rng(5).integers(90, 160, (300, 400), dtype=np.uint8)
     Image.fromarray(noise).save(plant.parts / "P1.png")
     async with plant.opcua_client() as client:
-        space = await client.get_namespace_index(SPACE)
-        reader = client.get_node(ua.NodeId("reader", space))
-        autoid = await client.get_namespace_index("http://opcfoundation.org/UA/AutoID/")
+        reader, space, autoid = await reader_at(client)
         status = await reader.get_child([f"{autoid}:DeviceStatus"])
         called = asyncio.create_task(reader.call_method(f"{space}:TriggerPart", "P1"))
         seen = []
@@ -348,9 +354,7 @@ async def test_a_part_that_came_over_http_is_shown(plant: Plant) -> None:
     part = await asyncio.to_thread(plant.send_part)
     assert part["text"] == plant.truth["clean"]
     async with plant.opcua_client() as client:
-        space = await client.get_namespace_index(SPACE)
-        reader = client.get_node(ua.NodeId("reader", space))
-        autoid = await client.get_namespace_index("http://opcfoundation.org/UA/AutoID/")
+        reader, _, autoid = await reader_at(client)
         shown = await (await reader.get_child([f"{autoid}:LastScanData"])).read_value()
         assert getattr(shown, "String", shown) == plant.truth["clean"]
 

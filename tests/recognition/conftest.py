@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
@@ -18,8 +17,6 @@ from glyphs.surface.maps import EdgeMap
 from recognition.glyph_match.predicted import TemplateSet, predict_templates, template_key
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
-from recognition.views.curves import straight_through
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View, felt_view
 from tests.support.felt import felt
 from whisker_array.estimation.edges import edge_map
@@ -87,21 +84,6 @@ def calm_edges(calm_part: StampedPart, touch: Touch) -> EdgeMap:
 def calm_view(calm_edges: EdgeMap, touch: Touch) -> View:
     """The faultless line as it was felt."""
     return felt_view(calm_edges, relief_from_edges(calm_edges, touch), touch)
-
-
-@pytest.fixture(scope="session")
-def stamped_line() -> Callable[[StampedPart], tuple[TextLine, NDArray[np.float64]]]:
-    """The straight line through the characters of a part, and the columns of its strip where they stand."""
-
-    def line(part: StampedPart) -> tuple[TextLine, NDArray[np.float64]]:
-        boxes = np.array(part.boxes_mm)
-        middles = 0.5 * (boxes[:, :2] + boxes[:, 2:])
-        half = 0.5 * part.height_mm
-        along = np.linalg.norm(middles - middles[0], axis=1) + half
-        made = TextLine(straight_through(middles, before=half, after=half), part.height_mm)
-        return made, (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5
-
-    return line
 
 
 @pytest.fixture(scope="session")

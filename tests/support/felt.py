@@ -5,8 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
+from recognition.views.curves import straight_through
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import HEIGHTS, KNOWN, LAYERS, View, ViewKind
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan, trace_scan
@@ -33,3 +37,13 @@ def view_of(relief: Relief) -> View:
     layers[KNOWN] = np.isfinite(relief.height_mm)
     layers[HEIGHTS] = np.nan_to_num(relief.height_mm)
     return View(ViewKind.FELT, layers, relief.pitch_mm, relief.origin_mm)
+
+
+def stamped_line(part: StampedPart) -> tuple[TextLine, NDArray[np.float64]]:
+    """The straight line through the characters of a part, and the columns of its strip where they stand."""
+    boxes = np.array(part.boxes_mm)
+    middles = 0.5 * (boxes[:, :2] + boxes[:, 2:])
+    half = 0.5 * part.height_mm
+    along = np.linalg.norm(middles - middles[0], axis=1) + half
+    line = TextLine(straight_through(middles, before=half, after=half), part.height_mm)
+    return line, (along / part.height_mm + MARGIN) * HEIGHT_ROWS - 0.5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import TextLine
 from recognition.views.view import HEIGHTS, felt_view, relief_of
-from tests.support.felt import felt
+from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch
 
@@ -111,7 +110,7 @@ def doubt(text: str, place: int, rival: str, *, belief: float = 0.7) -> Lattice:
 
 
 @pytest.fixture(scope="module")
-def dirty(touch: Touch, stamped_line: Callable) -> FeltLine:
+def dirty(touch: Touch) -> FeltLine:
     part = stamp(TEXT, font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=3, dirt=0.3)
     edges = edge_map(scan := felt(part.height_map, touch=touch, soil=part.soil))
     return FeltLine(felt_view(edges, relief_of(scan, edges), touch), *stamped_line(part.stamped))

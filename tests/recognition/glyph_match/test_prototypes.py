@@ -36,7 +36,7 @@ from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN
 from recognition.views.view import View, felt_view, photo_view, relief_of
-from tests.support.felt import felt
+from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch
 
@@ -138,7 +138,7 @@ def touched(part: Part, touch: Touch) -> View:
 
 @pytest.mark.parametrize("dirt", [0.0, 0.3, 0.6])
 def test_a_dirty_line_is_read_in_the_font_that_is_named(
-    dirt: float, touch: Touch, sets: Callable[[str], TemplateSet], stamped_line: Callable
+    dirt: float, touch: Touch, sets: Callable[[str], TemplateSet]
 ) -> None:
     part = part_of(dirt)
     view, where = touched(part, touch), stamped_line(part.stamped)
@@ -160,7 +160,7 @@ def test_a_dirty_line_is_read_in_the_font_that_is_named(
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 100.0, 225.0])
 def test_a_photograph_is_read_wherever_the_lamp_stands(
-    azimuth_deg: float, lamps: tuple[Prototypes, ...], stamped_line: Callable
+    azimuth_deg: float, lamps: tuple[Prototypes, ...]
 ) -> None:
     part = part_of(0.0)
     width, high = part.height_map.size_mm

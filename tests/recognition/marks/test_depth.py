@@ -48,17 +48,18 @@ def stamped(
     height_mm: float = 5.0,
     face: Face = Face.FLAT,
     raised: bool = False,
-    burr_mm: float = 0.0,
     depth_fraction: float = 0.12,
+    samples: int = 80,
+    **of_die: float,
 ) -> StampedPart:
     """A part whose characters differ in depth and in nothing else, each of one depth all along."""
-    die = replace(default_die(height_mm, font=font, face=face), burr_height_mm=burr_mm)
+    die = replace(default_die(height_mm, font=font, face=face), **{"burr_height_mm": 0.0, **of_die})
     return stamp_line(
         text,
         font,
         die,
         height_mm=height_mm,
-        pitch_mm=height_mm / 80,
+        pitch_mm=height_mm / samples,
         variation=replace(StampingVariation.none(), depth_fraction=depth_fraction),
         raised=raised,
         rng=np.random.default_rng(7),
@@ -180,7 +181,7 @@ def test_a_character_read_a_little_beside_its_place(
 
 
 def test_a_burr_is_no_land(gothic: Font) -> None:
-    part = stamped("K7B1", font=gothic, burr_mm=0.04)
+    part = stamped("K7B1", font=gothic, burr_height_mm=0.04)
     found = known(depths_of(exact(part.height_map, 5.0), part, gothic))
     np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
 
@@ -192,17 +193,7 @@ BURR_FELT = {0.225: (0.3, 0.5), 0.4: (0.55, 0.75), 0.8: (0.7, 0.9)}
 @pytest.mark.parametrize("width_mm", BURR_FELT)
 def test_a_burr_is_measured_beside_the_strokes(width_mm: float, gothic: Font) -> None:
     burr_mm = 0.06
-    die = replace(default_die(5.0, font=gothic), burr_height_mm=burr_mm, burr_width_mm=width_mm)
-    calm = replace(StampingVariation.none(), depth_fraction=0.12)
-    part = stamp_line(
-        "K804217",
-        gothic,
-        die,
-        height_mm=5.0,
-        pitch_mm=5.0 / 160,
-        variation=calm,
-        rng=np.random.default_rng(7),
-    )
+    part = stamped("K804217", font=gothic, samples=160, burr_height_mm=burr_mm, burr_width_mm=width_mm)
     found = [d.burr_mm for d in depths_of(relief_felt(part.height_map), part, gothic) if d is not None]
     low, high = BURR_FELT[width_mm]
     assert low * burr_mm < np.mean([b for b in found if b is not None]) < high * burr_mm
@@ -291,20 +282,21 @@ def test_what_was_not_felt_is_not_known(kept: str, flat: tuple[StampedPart, Reli
     assert found[-1] is not None
 
 
+@pytest.fixture(scope="module")
+def two(gothic: Font) -> StampedPart:
+    return stamped("K7", font=gothic)
+
+
 @given(
     offset=st.floats(-0.5, 0.5), gain=st.floats(0.2, 3.0), slope=st.floats(-0.02, 0.02), raised=st.booleans()
 )
 @settings(max_examples=15, deadline=None)
 def test_depth_is_linear_in_height_and_free_of_level_and_slope(
-    offset: float, gain: float, slope: float, raised: bool
+    offset: float, gain: float, slope: float, raised: bool, two: StampedPart, gothic: Font
 ) -> None:
-    from glyphs.fonts.outlines import load_font
-
-    font = load_font("gothic")
-    part = stamped("K7", font=font)
-    plain = exact(part.height_map, 5.0)
+    plain = exact(two.height_map, 5.0)
     x = np.arange(plain.height_mm.shape[1]) * plain.pitch_mm
     z = (gain * plain.height_mm + offset + slope * x[None, :]) * (-1.0 if raised else 1.0)
-    found = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), part, font, raised=raised))
+    found = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), two, gothic, raised=raised))
     # where the middle of a stroke is looked for the slope of the plate may choose another place of the same floor
-    np.testing.assert_allclose(found, gain * known(depths_of(plain, part, font)), atol=2e-3 * gain + 5e-4)
+    np.testing.assert_allclose(found, gain * known(depths_of(plain, two, gothic)), atol=2e-3 * gain + 5e-4)

@@ -16,6 +16,7 @@ from recognition.marks.grade import Action, MarkGrade, edge_fit, edges_of, grade
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.views.text_line import HEIGHT_ROWS
 from recognition.views.view import EDGES, KNOWN, Layers, View
+from tests.support.felt import stamped_line
 from whisker_array.whisker.touch import Touch
 
 TEXT = "K71B"
@@ -26,7 +27,7 @@ MOST_WIDE = 0.7
 
 
 @pytest.fixture(scope="module")
-def laid(calm_part: StampedPart, calm_view: View, gothic: Font, stamped_line: Callable) -> LaidText:
+def laid(calm_part: StampedPart, calm_view: View, gothic: Font) -> LaidText:
     """A faultless line in the templates."""
     made = laid_text(felt_line(calm_view, *stamped_line(calm_part), TEXT, (gothic,)), TEXT, (gothic,))
     assert made is not None

@@ -19,7 +19,7 @@ from recognition.marks.laid_text import STRUCK_FIT, LaidText, laid_text
 from recognition.views.curves import arc_through
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import felt_view, relief_of
-from tests.support.felt import felt
+from tests.support.felt import felt, stamped_line
 from whisker_array.estimation.edges import edge_map
 from whisker_array.whisker.touch import Touch
 
@@ -37,7 +37,7 @@ def middles_of(part: StampedPart) -> NDArray[np.float64]:
 
 
 @pytest.fixture(scope="module")
-def lay(gothic: Font, touch: Touch, stamped_line: Callable) -> Lay:
+def lay(gothic: Font, touch: Touch) -> Lay:
     """Texts laid on parts, from where they were stamped unless another line is given."""
 
     def laid(
@@ -81,9 +81,7 @@ def test_a_text_is_laid_where_it_was_stamped(
 
 
 @pytest.mark.parametrize("share", [0.9, 1.16])
-def test_a_line_found_too_high_or_too_low_is_sized(
-    share: float, make_part: Make, lay: Lay, stamped_line: Callable
-) -> None:
+def test_a_line_found_too_high_or_too_low_is_sized(share: float, make_part: Make, lay: Lay) -> None:
     part = make_part(CHARS, calm=True)
     line, columns = stamped_line(part)
     found = TextLine(line.centre_mm, share * part.height_mm)

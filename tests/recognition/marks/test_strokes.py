@@ -23,8 +23,7 @@ from recognition.lines.places import places_mm
 from recognition.marks.grade import Action, MarkGrade, Parameter
 from recognition.marks.laid_text import LaidText, laid_text
 from recognition.marks.strokes import LIVE, MOST_ABSENT, PlaceStrokes, RivalStrokes, strokes_of
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
-from tests.support.felt import view_of
+from tests.support.felt import stamped_line, view_of
 from tests.support.readings import reading_of
 from whisker_array.estimation.relief import Relief, Route
 
@@ -48,12 +47,7 @@ def relief_of(part: StampedPart) -> Relief:
 
 def felt(part: StampedPart, relief: Relief, *, raised: bool = False) -> FeltLine:
     """The line where it was stamped."""
-    boxes = np.array(part.boxes_mm)
-    start, middle = boxes[0, 0], 0.5 * (boxes[:, 1] + boxes[:, 3]).mean()
-    line = TextLine.straight(start, middle, length_mm=boxes[-1, 2] - start, height_mm=part.height_mm)
-    at = (0.5 * (boxes[:, 0] + boxes[:, 2]) - start) / part.height_mm
-    columns = (at + MARGIN) * HEIGHT_ROWS - 0.5
-    return FeltLine(view_of(relief), line, columns, raised)
+    return FeltLine(view_of(relief), *stamped_line(part), raised)
 
 
 def strokes(

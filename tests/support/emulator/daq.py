@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import threading
 
 import numpy as np
 
 from pipeline.bench.line_daq import crc16
-from tests.support.emulator.firmware import Terminal
+from tests.support.emulator.firmware import Device
 from tests.support.emulator.world import Volts, World
 
 
-class EmulatedDaq:
+class EmulatedDaq(Device):
     """The converter.
 
     Attributes:
-        terminal: to be opened by a driver.
         lose: the next so many samples are lost on the way.
     """
 
@@ -30,32 +28,21 @@ class EmulatedDaq:
         range_v: float = 10.0,
         seed: int = 0,
     ) -> None:
-        self.terminal, self.lose = Terminal(), 0
+        super().__init__("emulated converter")
+        self.lose = 0
         self._world, self._whiskers, self._noise_v = world, whiskers, noise_v
         self._bits, self._range_v, self._rng = bits, range_v, np.random.default_rng(seed)
         self._rate_hz, self._sent, self._begun_s, self._on = 1000.0, 0, 0.0, False
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="emulated converter", daemon=True)
         world.sampler = self._sample
-
-    def start(self) -> None:
-        """Switch it on."""
-        self._hello()
-        self._thread.start()
-
-    def close(self) -> None:
-        """Switch it off."""
-        self._ended.set()
-        self._thread.join(5.0)
-        self.terminal.close()
 
     def reset_button(self) -> None:
         """It forgets what it was at."""
         with self._world.lock:
             self._on = False
-            self._hello()
+            self.boot()
 
-    def _hello(self) -> None:
+    def boot(self) -> None:
+        """What it is, in a line."""
         self.terminal.say(f"tactile-daq 1 {self._whiskers} {self._bits} {self._range_v:g} emulated")
 
     def _sample(self, begin_s: float, end_s: float, touching: bool, volts: Volts) -> None:
@@ -80,9 +67,9 @@ class EmulatedDaq:
                 lines.append(f"{body} {crc16(body):04X}\n")
         self.terminal.write("".join(lines).encode())
 
-    def _work(self) -> None:
+    def work(self) -> None:
         received = b""
-        while not self._ended.is_set():
+        while not self.ended.is_set():
             *lines, received = (received + self.terminal.read(wait_s=0.05)).split(b"\n")
             for line in lines:
                 with self._world.lock:
@@ -91,7 +78,7 @@ class EmulatedDaq:
     def _answer(self, line: str) -> None:
         word, _, value = line.partition(" ")
         if word == "id":
-            self._hello()
+            self.boot()
         elif word == "rate":
             self._rate_hz = float(value)
             self.terminal.say(f"ok {self._rate_hz:.2f}")

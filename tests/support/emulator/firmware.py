@@ -74,6 +74,37 @@ class Terminal:
                 os.close(fd)
 
 
+class Device(ABC):
+    """A board at a pseudo-terminal, at work in a thread of its own.
+
+    Attributes:
+        terminal: to be opened by a driver.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.terminal, self.ended = Terminal(), threading.Event()
+        self._thread = threading.Thread(target=self.work, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Switch it on."""
+        self.boot()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Switch it off."""
+        self.ended.set()
+        self._thread.join(5.0)
+        self.terminal.close()
+
+    @abstractmethod
+    def boot(self) -> None:
+        """All forgotten; the greeting."""
+
+    @abstractmethod
+    def work(self) -> None:
+        """Answer until it is switched off."""
+
+
 @dataclass(frozen=True)
 class Block:
     """A move, or something else that waits its turn.
@@ -91,11 +122,10 @@ class Block:
     done: Callable[[], None] | None = None
 
 
-class Firmware(ABC):
+class Firmware(Device):
     """An emulated controller.
 
     Attributes:
-        terminal: to be opened by a driver.
         world: that it moves in.
         holding: a feed hold.
         taken: lines taken in so far.
@@ -105,7 +135,8 @@ class Firmware(ABC):
     """Unit of G4."""
 
     def __init__(self, world: World, stage: StageSettings) -> None:
-        self.world, self.terminal, self.stage = world, Terminal(), stage
+        super().__init__("emulated controller")
+        self.world, self.stage = world, stage
         self._acceleration = stage.acceleration_mm_s2
         self.planner: deque[Block] = deque()
         self._moving: tuple[Block, float, float, Volts, Place] | None = None
@@ -113,19 +144,6 @@ class Firmware(ABC):
         self.holding, self.taken = False, 0
         self.relative, self.feed_mm_s = False, 10.0
         self._reset_asked = threading.Event()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="emulated controller", daemon=True)
-
-    def start(self) -> None:
-        """Switch it on."""
-        self.boot()
-        self._thread.start()
-
-    def close(self) -> None:
-        """Switch it off."""
-        self._ended.set()
-        self._thread.join(5.0)
-        self.terminal.close()
 
     def reset_button(self) -> None:
         """Somebody presses reset, or the supply drops; may be called by any thread."""
@@ -135,10 +153,6 @@ class Firmware(ABC):
     def busy(self) -> bool:
         """Whether it moves, or is about to."""
         return self._moving is not None or bool(self.planner)
-
-    @abstractmethod
-    def boot(self) -> None:
-        """All forgotten; the greeting."""
 
     @abstractmethod
     def at_once(self, data: bytes) -> bytes:
@@ -205,8 +219,8 @@ class Firmware(ABC):
         """Whether a move beyond the travel is refused; else it ends there, and nothing is said of it."""
         return False
 
-    def _work(self) -> None:
-        while not self._ended.is_set():
+    def work(self) -> None:
+        while not self.ended.is_set():
             if self._reset_asked.is_set():
                 self._reset_asked.clear()
                 self.boot()
