@@ -7,16 +7,18 @@ r"""Depth of each character, by touch: along its strokes' centre lines, from the
                      ^ centre line of the character as it is laid, looked for sideways by a little
 
 Depth is what the ball of the tip reaches, averaged over a sample (a fortieth of the height). Less the truth of
-stamped parts, gothic, 32 characters each, default whisker and ball; micrometres, mean +- standard deviation:
+stamped parts, gothic, 32 characters each, default whisker and ball; micrometres, mean +- standard deviation
+(`python tests/benchmarks/depth_accuracy.py`):
 
-    height, mm      3.2            5.0            7.0            12.7        depth there: 0.14 0.19 0.27 0.40 mm
-    FLAT         +4.5 +- 0.8    +5.9 +- 1.1    +7.9 +- 1.3    +11.2 +- 2.2
-    ROUND        +2.2 +- 0.5    +1.9 +- 0.5    +2.4 +- 0.7     +2.3 +- 0.7
-    SHARP       -10.3 +- 2.2   -18.6 +- 3.4   -27.1 +- 4.7    -58.4 +- 9.8
+    height, mm      3.2            5.0            7.0            12.7        depth there: 0.15 0.21 0.28 0.43 mm
+    FLAT         +4.3 +- 0.5    +6.0 +- 1.1    +7.3 +- 0.7    +12.2 +- 2.0
+    ROUND        +1.8 +- 0.3    +1.5 +- 0.4    +1.5 +- 0.4     +1.2 +- 1.0
+    SHARP       -16.1 +- 2.1   -29.1 +- 4.4   -40.8 +- 4.2   -88.2 +- 11.1
+    FLAT, under dirt of 0.3, 0.6 and 0.9 at 5.0 mm: +8.9 +- 6.8, +6.4 +- 17.5, -28.1 +- 42.5
 
 Nothing of this is corrected. A place that stands above the land, filled over or heaped with dirt, has no depth: it
 counts as 0, never as less. In a V of 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom,
-13, 21, 29 and 54 micrometres here: that is the bias, but whether a groove is a V is not known from a reading.
+13, 21, 29 and 54 micrometres here, and the truth is the deepest point, where strokes of a V meet.
 Such a mark is measured too shallow, never too deep. Of a raised SHARP mark the crest is averaged away, a third of it.
 
 The burr is the rim beside the strokes, averaged over a few points along them. Touch rounds it off: of a rim 0.04 mm
