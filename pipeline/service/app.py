@@ -203,13 +203,13 @@ class Service:
         latest = self.store.parts(limit=1)
         if not self.sweeps.may_sweep(latest[0].created_at if latest else None):
             return
-        n, expired, now = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S), 0, datetime.now(UTC)
-        if self.settings.retention_days:
-            before = now - timedelta(days=self.settings.retention_days)
-            expired = self.evidence.expire(self.store, before=before)
+        days, now, expired = self.settings.retention_days, datetime.now(UTC), 0
+        if days:
+            expired = self.store.expire_evidence(now - timedelta(days=days))
+        n_removed = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
         self.store.forget_keys(now - timedelta(days=KEYS_KEPT_DAYS))
-        if n or expired:
-            log.info("evidence swept", orphans=n, expired=expired)
+        if n_removed or expired:
+            log.info("evidence swept", expired=expired, removed=n_removed)
 
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:

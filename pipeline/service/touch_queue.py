@@ -75,7 +75,7 @@ class TouchQueue:
         """
         attempt = self._attempts.get(part.id)
         if attempt is None:
-            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
+            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part.id))
         # a cancelled caller does not stop the attempt
         return await asyncio.shield(attempt)
 
@@ -90,30 +90,29 @@ class TouchQueue:
         for (part_id, _), deadline in self._deadlines.items():
             if deadline <= now and part_id not in self._attempts:
                 await self._given_up(part_id)
-        under_way = set(self._attempts)  # those that end while the store is asked may still be in its answer
-        for part in await asyncio.to_thread(self.store.waiting_for_stage, self.line):
-            if len(self._attempts) >= AT_ONCE:
-                break
-            busy = part.id in under_way or part.id in self._attempts
-            if not busy and self._rest_until.get(part.id, 0.0) <= now:
-                attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
+        for one in waiting.values():
+            due = one.part_id not in self._attempts and self._rest_until.get(one.part_id, 0.0) <= now
+            if one.by_stage and one.line == self.line and due and len(self._attempts) < AT_ONCE:
+                attempt = self._attempts[one.part_id] = asyncio.create_task(self._attempt(one.part_id))
                 attempt.add_done_callback(_looked_at)
 
     async def stop(self) -> None:
         """End the attempts; what was not felt waits in the store for the next start."""
         await end_tasks(self._attempts.values())
 
-    async def _attempt(self, part: PartRecord) -> PartRecord:
+    async def _attempt(self, part_id: str) -> PartRecord:
         try:
-            felt = await self.feel(part)
+            part = await asyncio.to_thread(self.store.part, part_id)
+            if part.touch is not None:  # else it was felt, reviewed or given up meanwhile
+                part = await self.feel(part)
         except BaseException:
-            self._rest_until[part.id] = time.monotonic() + self.retry_s
+            self._rest_until[part_id] = time.monotonic() + self.retry_s
             raise
         else:
-            self._rest_until.pop(part.id, None)
-            return felt
+            self._rest_until.pop(part_id, None)
+            return part
         finally:
-            del self._attempts[part.id]
+            del self._attempts[part_id]
 
     def _left_s(self, one: Waiting) -> float:
         """Seconds that a part may still wait; never more than it was given, whatever the clock says."""

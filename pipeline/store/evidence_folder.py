@@ -21,7 +21,6 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,8 +40,6 @@ _BATCH = 200
 _PROBE_BYTES = 4096
 LEAST_ROOM_BYTES = 64 << 20
 """Minimum free space on the disk, bytes: with less a service is not ready, because the next upload may not fit."""
-_SETTLED_S = 3600.0
-"""Age below which a kept file is not swept, seconds: the store may be about to name it."""
 
 
 class FileState(StrEnum):
@@ -234,25 +231,6 @@ class EvidenceFolder:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
                 names = [e.name for e in entries if _HASH.fullmatch(e.name) and _kept_before(e, before_s)]
             yield from (names[k : k + _BATCH] for k in range(0, len(names), _BATCH))
-
-    def expire(self, store: Store, *, before: datetime) -> int:
-        """Remove evidence from before a time, of every part, whatever its state.
-
-        A file that was sent again within the last hour stays until the next `sweep` or for the part that needs it.
-
-        Returns:
-            How many files were removed.
-
-        Raises:
-            StoreError: the store does not answer.
-        """
-        n_removed = 0
-        while batch := store.evidence_before(before, limit=_BATCH):
-            for part_id, file in batch:
-                if store.evidence_gone(part_id, file.sha256):
-                    with exclusively(self._lock):
-                        n_removed += _remove_if_older(self.path(file.sha256), time.time() - _SETTLED_S)
-        return n_removed
 
 
 def _settle(path: Path, sha256: str) -> tuple[str, int]:

@@ -37,7 +37,7 @@ from pipeline.store.errors import (
     cleaned,
     fit,
 )
-from pipeline.store.rows import READ, Event, add_events, part_by_id, select_parts, write_part
+from pipeline.store.rows import READ, Event, add_events, part_by_id, write_part
 from pipeline.store.serials import ask_alone, objections
 from pipeline.store.tables import idempotency as keys
 from pipeline.store.tables import parts
@@ -45,7 +45,6 @@ from pipeline.store.tables import parts
 ANY_SERIAL = SerialRules()
 AUDIT_WAITS = "waiting"
 _SHA256 = re.compile("[0-9a-f]{64}")
-_WAITS = parts.c.state == PartState.TOUCH_NEEDED
 # begins the fingerprint of a key that is kept for ever; those of requests are hexadecimal
 _KEPT = "kept "
 
@@ -215,23 +214,22 @@ class Waiting(NamedTuple):
         part_id: of the part.
         changed_at: when anything last happened to it.
         until: when its time is up; None where no time was set.
+        by_stage: whether the stage of its line is to feel it.
+        line: that it comes from.
     """
 
     part_id: str
     changed_at: datetime
     until: datetime | None
+    by_stage: bool | None
+    line: str
 
 
 def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
     """All parts that wait for touch by the stage or the sender, oldest first."""
-    asked = sa.select(parts.c.id, parts.c.changed_at, parts.c.touch_until).where(_WAITS)
+    columns = (parts.c.id, parts.c.changed_at, parts.c.touch_until, parts.c.touch_by_stage, parts.c.line)
+    asked = sa.select(*columns).where(parts.c.state == PartState.TOUCH_NEEDED)
     return tuple(Waiting(*row) for row in tx.execute(asked.order_by(parts.c.id).limit(limit)))
-
-
-def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[PartRecord, ...]:
-    """Parts of a line that its stage is to feel, oldest first."""
-    ids = sa.select(parts.c.id).where(_WAITS, parts.c.touch_by_stage.is_(True), parts.c.line == line)
-    return select_parts(tx, ids.order_by(parts.c.id).limit(limit))
 
 
 def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:

@@ -152,23 +152,20 @@ def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
     return tuple(record_of(EvidenceRecord, row) for row in rows)
 
 
-def evidence_before(
-    tx: Transaction, when: datetime, limit: int = 200
-) -> tuple[tuple[str, EvidenceRecord], ...]:
-    """(part id, file) of files from before a time that are still kept, oldest first."""
-    kept = sa.select(evidence).where(evidence.c.gone.is_(False), evidence.c.at < when)
-    rows = tx.execute(kept.order_by(evidence.c.at, evidence.c.id).limit(limit))
-    return tuple((row.part_id, record_of(EvidenceRecord, row)) for row in rows)
+def evidence_before(tx: Transaction, when: datetime, limit: int = 200) -> tuple[tuple[str, str], ...]:
+    """(part id, hash) of files from before a time that are still kept, oldest first."""
+    kept = sa.select(evidence.c.part_id, evidence.c.sha256).where(evidence.c.gone.is_(False))
+    rows = tx.execute(kept.where(evidence.c.at < when).order_by(evidence.c.at, evidence.c.id).limit(limit))
+    return tuple((row.part_id, row.sha256) for row in rows)
 
 
-def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> bool:
-    """Note that a part's file is no longer kept; True if no part needs that file any more."""
+def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> None:
+    """Note that a part's file is no longer kept; nothing happens where it was noted before."""
     part = part_by_id(tx, part_id, lock=True)
     mine = sa.and_(evidence.c.part_id == part_id, evidence.c.sha256 == sha256, evidence.c.gone.is_(False))
     if kinds := sorted(set(tx.execute(sa.select(evidence.c.kind).where(mine)).scalars())):
         tx.execute(sa.update(evidence).where(mine).values(gone=True))
         write_part(tx, part, [("evidence_expired", {"sha256": sha256, "kinds": kinds})])
-    return not needed_hashes(tx, (sha256,))
 
 
 def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:

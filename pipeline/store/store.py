@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from datetime import datetime
 from typing import Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
@@ -70,7 +71,6 @@ class Store(Database):
     story = _reads(_review.story)
 
     # parts that wait for touch
-    waiting_for_stage = _reads(_parts.waiting_for_stage)
     waiting_for_touch = _reads(_parts.waiting_for_touch)
     ask_for_touch = _writes(_parts.ask_for_touch)
     give_up_touch = _writes(_parts.give_up_touch)
@@ -117,6 +117,18 @@ class Store(Database):
     evidence_gone = _writes(rows.evidence_gone)
     needed_hashes = _reads(rows.needed_hashes)
     needed_after = _reads(rows.needed_after)
+
+    def expire_evidence(self, before: datetime) -> int:
+        """Note that files from before a time are no longer kept, of every part, whatever its state; how many.
+
+        The next `EvidenceFolder.sweep` removes those that no part needs.
+        """
+        n = 0
+        while batch := self.evidence_before(before):
+            for part_id, sha256 in batch:
+                self.evidence_gone(part_id, sha256)
+            n += len(batch)
+        return n
 
     def every_needed_hash(self) -> Iterator[str]:
         """Hashes of all files that are still needed, in order, some hundreds at a time."""

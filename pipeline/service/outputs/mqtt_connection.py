@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 QOS = 1
+KEEPALIVE_S = 30
+"""Seconds between signs of life; a silent broker is noticed after one and a half of it."""
 LEAVE_S = 2.0
 """Seconds for an orderly end of a connection."""
 _UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95
@@ -41,21 +43,13 @@ class MqttConnection:
         lost: done once the broker is gone, with the reason in words.
     """
 
-    def __init__(
-        self,
-        settings: MqttSettings,
-        *,
-        will: tuple[str, bytes],
-        timeout_s: float,
-        keepalive_s: int = 30,
-    ) -> None:
+    def __init__(self, settings: MqttSettings, *, will: tuple[str, bytes], timeout_s: float) -> None:
         """Make the connection; nothing is connected yet.
 
         Args:
             settings: of the broker; mqtts checks its certificate.
             will: topic and payload that the broker publishes, retained, if this connection breaks.
             timeout_s: for connecting, and for one acknowledgement.
-            keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
         """
         from paho.mqtt import client as paho
         from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
@@ -63,7 +57,7 @@ class MqttConnection:
         parts, self._new = urlsplit(settings.url), settings.version == "5"
         self._host, self._port = parts.hostname or "", parts.port or PORTS[parts.scheme]
         self._user = unquote(parts.username) if parts.username else None
-        self._timeout_s, self._keepalive_s = timeout_s, keepalive_s
+        self._timeout_s = timeout_s
         self._loop = asyncio.get_running_loop()
         self._client = client = paho.Client(
             CallbackAPIVersion.VERSION2,
@@ -96,7 +90,7 @@ class MqttConnection:
         """
         where = f"{self._host}:{self._port}"
         try:
-            await asyncio.to_thread(self._client.connect, self._host, self._port, self._keepalive_s)
+            await asyncio.to_thread(self._client.connect, self._host, self._port, KEEPALIVE_S)
         except (OSError, ValueError) as error:
             raise DeliveryError(f"the broker {where} cannot be reached: {error}", away=True) from error
         self._client.loop_start()

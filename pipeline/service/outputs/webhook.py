@@ -21,7 +21,6 @@ import binascii
 import hashlib
 import hmac
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import Delivery
@@ -61,23 +60,19 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
 class WebhookSender:
     """Posts deliveries to a web address."""
 
-    def __init__(
-        self, settings: WebhookSettings, *, timeout_s: float = 10.0, clock: Callable[[], float] = time.time
-    ) -> None:
+    def __init__(self, settings: WebhookSettings, *, timeout_s: float = 10.0) -> None:
         """Make ready; nothing is sent yet.
 
         Args:
             settings: http:// or https://, with a user and password as basic authentication; secret of the signature.
             timeout_s: for one delivery, from connecting to the answer's end.
-            clock: seconds since 1970.
 
         Raises:
             SettingsError: a whsec_ secret that is no base64.
         """
         import httpx
 
-        self._url, self._timeout_s, self._clock = settings.url, timeout_s, clock
-        self._secret = settings.secret
+        self._url, self._secret, self._timeout_s = settings.url, settings.secret, timeout_s
         if self._secret:
             _key(self._secret)
         # proxies and the like of the environment are ignored: only the settings count
@@ -95,7 +90,7 @@ class WebhookSender:
         """
         import httpx
 
-        body, stamp = body_of(delivery), int(self._clock())
+        body, stamp = body_of(delivery), int(time.time())
         webhook_id = f"{delivery.part_id}-{delivery.id}"
         headers = {
             "content-type": "application/json",

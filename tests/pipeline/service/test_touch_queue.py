@@ -15,6 +15,7 @@ from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.service.tasks import repeat
 from pipeline.service.touch_queue import NOBODY, TouchQueue
 from pipeline.service.web.problem import Problem
+from pipeline.store.parts import Waiting
 from pipeline.store.store import Store
 from tests.support.store_samples import PLAN, due, reading, received
 
@@ -104,14 +105,14 @@ def test_a_part_felt_while_the_store_is_asked_is_not_felt_again(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     part, bench = waiting(store), Bench(store)
-    ended, ask = threading.Event(), store.waiting_for_stage
+    ended, ask = threading.Event(), store.waiting_for_touch
 
-    def answer_late(line: str) -> tuple[PartRecord, ...]:
-        found = ask(line)
+    def answer_late() -> tuple[Waiting, ...]:
+        found = ask()
         assert ended.wait(20.0)
         return found
 
-    monkeypatch.setattr(store, "waiting_for_stage", answer_late)
+    monkeypatch.setattr(store, "waiting_for_touch", answer_late)
 
     async def both() -> None:
         attempt = asyncio.create_task(bench.queue.attempt(part))
