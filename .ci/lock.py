@@ -1,5 +1,5 @@
-"""Makes requirements.lock anew: brings CI's environment up to the newest there is, and writes down what of it a service
-takes, by version and hash. What is locked is then tested by `.ci/run`, which installs it.
+"""Makes docs/deploy/requirements.lock anew: brings CI's environment up to the newest there is, and writes down what of
+it a service takes, by version and hash. What is locked is then tested by `.ci/run`, which installs it.
 
     .ci/venv/bin/python .ci/lock.py && .ci/run
 """
@@ -41,7 +41,8 @@ def main() -> None:
         for one in found
         if one["metadata"]["name"] != "tactile-marks"
     ]
-    Path(ROOT, "requirements.lock").write_text(HEAD + "".join(sorted(lines, key=str.lower)), encoding="utf-8")
+    text = HEAD + "".join(sorted(lines, key=str.lower))
+    Path(ROOT, "docs", "deploy", "requirements.lock").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

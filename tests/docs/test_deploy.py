@@ -89,7 +89,11 @@ def test_the_containerfile_has_no_fault_and_takes_what_there_is() -> None:
     ]
     assert all((ROOT / source).exists() for source in sources)
     packages = {name.rstrip("*") for name in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]}
-    assert packages | {"pyproject.toml", "requirements.lock", PROJECT["project"]["readme"]} <= set(sources)
+    assert packages | {
+        "pyproject.toml",
+        "docs/deploy/requirements.lock",
+        PROJECT["project"]["readme"],
+    } <= set(sources)
     port = ServiceSettings().port
     assert f"EXPOSE {port}\n" in text
     assert f"http://127.0.0.1:{port}/healthz" in text
@@ -156,14 +160,14 @@ def test_the_broker_asks_for_a_password(tmp_path: Path) -> None:
 LOCKED = dict(
     re.findall(
         r"^(\S+)==(\S+) --hash=sha256:[0-9a-f]{64}$",
-        (ROOT / "requirements.lock").read_text(encoding="utf-8"),
+        (DEPLOY / "requirements.lock").read_text(encoding="utf-8"),
         re.MULTILINE,
     )
 )
 
 
 def test_what_a_service_takes_is_locked() -> None:
-    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    text = (DEPLOY / "requirements.lock").read_text(encoding="utf-8")
     assert len(LOCKED) == sum(not line.startswith("#") for line in text.splitlines())
     assert "://" not in text
     (extras,) = re.findall(r"^DEPLOYED = \"(.*)\"$", (ROOT / ".ci" / "lock.py").read_text(), re.MULTILINE)
